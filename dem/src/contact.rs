@@ -1,0 +1,251 @@
+//! Contact forces: linear springs, dashpot and Coulomb friction, and the sums that stress needs.
+
+use nalgebra::Matrix2;
+
+use crate::neighbours::Image2;
+use crate::packing::{Disc, Packing, Pair};
+use crate::parameters::RveParameters;
+use crate::real::Real;
+
+/// The contact law and the step, in working precision.
+#[derive(Clone, Copy, Debug)]
+pub struct ContactLaw<R: Real> {
+    pub normal_stiffness: R,
+    pub tangential_stiffness: R,
+    pub friction: R,
+    pub damping_ratio: R,
+    /// Cundall local damping, applied in the integration.
+    pub local_damping: R,
+    /// DEM step (s).
+    pub dt: R,
+}
+
+impl<R: Real> ContactLaw<R> {
+    /// The law of flow at a DEM step of `dt` (s).
+    pub fn new(p: &RveParameters, dt: f64) -> Self {
+        Self {
+            normal_stiffness: R::from_f64(p.normal_stiffness),
+            tangential_stiffness: R::from_f64(p.tangential_stiffness),
+            friction: R::from_f64(p.friction),
+            damping_ratio: R::from_f64(p.damping_ratio),
+            local_damping: R::from_f64(p.local_damping),
+            dt: R::from_f64(dt),
+        }
+    }
+
+    /// Normal dashpot of a pair (kg/s): `2 zeta sqrt(m_eff kn)`, `m_eff = m_i m_j / (m_i + m_j)`.
+    pub fn dashpot(&self, a: &Disc<R>, b: &Disc<R>) -> R {
+        let two = R::from_f64(2.0);
+        two * self.damping_ratio * (self.normal_stiffness / (a.inv_mass + b.inv_mass)).sqrt()
+    }
+}
+
+/// Sums over the contacts of one force evaluation.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ContactSums {
+    /// `sum f (x) l` (N m), row-major: force of `i` on `j` times branch from `i` to `j`, so
+    /// compression is positive.
+    pub force_branch: [f64; 4],
+    /// Touching pairs.
+    pub contacts: u32,
+    /// Largest overlap over the smaller radius of the pair.
+    pub relative_overlap: f64,
+}
+
+/// Force (N) and torque (N m) on a disc, padded to four numbers.
+pub type Force<R> = [R; 4];
+
+/// Result and buffers of a force evaluation, kept from step to step so that none allocates.
+#[derive(Clone, Debug, Default)]
+pub struct Forces<R: Real> {
+    /// Force and torque on each disc.
+    pub on_disc: Vec<Force<R>>,
+    /// Indices of the touching pairs, then unused entries.
+    touching: Vec<u32>,
+    /// Branch vectors of the touching pairs (m), then unused entries.
+    branch: Vec<[R; 2]>,
+}
+
+/// Contacts evaluated side by side, one per SIMD lane.
+const LANES: usize = 8;
+
+/// Evaluates all contacts: forces and torques into `forces`, tangential springs advanced by one
+/// step. `velocity_gradient` is the affine drive (1/s).
+pub fn contact_forces<R: Real>(
+    packing: &mut Packing<R>,
+    law: &ContactLaw<R>,
+    velocity_gradient: &Matrix2<f64>,
+    forces: &mut Forces<R>,
+) -> ContactSums {
+    // The same arithmetic without fused operations: the same bits on every processor.
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { contact_forces_avx2(packing, law, velocity_gradient, forces) };
+    }
+    contact_forces_portable(packing, law, velocity_gradient, forces)
+}
+
+/// [`contact_forces_portable`], compiled with 32-byte vectors.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn contact_forces_avx2<R: Real>(
+    packing: &mut Packing<R>,
+    law: &ContactLaw<R>,
+    velocity_gradient: &Matrix2<f64>,
+    forces: &mut Forces<R>,
+) -> ContactSums {
+    contact_forces_portable(packing, law, velocity_gradient, forces)
+}
+
+#[inline(always)]
+fn contact_forces_portable<R: Real>(
+    packing: &mut Packing<R>,
+    law: &ContactLaw<R>,
+    velocity_gradient: &Matrix2<f64>,
+    forces: &mut Forces<R>,
+) -> ContactSums {
+    let h = rows(&(packing.cell.h * R::UNIT));
+    let discs = &packing.discs;
+    let list = &mut packing.neighbours;
+    let contacts = if list.images.is_empty() {
+        let nearest =
+            |a: &Disc<R>, b: &Disc<R>, _| [R::nearest(a.s[0], b.s[0]), R::nearest(a.s[1], b.s[1])];
+        find_touching(discs, &mut list.pairs, &h, forces, nearest)
+    } else {
+        let images: &[Image2] = &list.images;
+        let imaged = |a: &Disc<R>, b: &Disc<R>, index: usize| {
+            let image = images[index];
+            [R::image(a.s[0], b.s[0], image[0]), R::image(a.s[1], b.s[1], image[1])]
+        };
+        find_touching(discs, &mut list.pairs, &h, forces, imaged)
+    };
+    evaluate(discs, &mut list.pairs, contacts, law, &rows(velocity_gradient), forces)
+}
+
+/// A matrix in working precision, row-major.
+fn rows<R: Real>(m: &Matrix2<f64>) -> [R; 4] {
+    [m[(0, 0)], m[(0, 1)], m[(1, 0)], m[(1, 1)]].map(R::from_f64)
+}
+
+/// Lists the touching pairs with their branch vectors, without branching on whether a pair
+/// touches, and ends the history of the others. Returns how many touch.
+#[inline(always)]
+fn find_touching<R: Real>(
+    discs: &[Disc<R>],
+    pairs: &mut [Pair<R>],
+    h: &[R; 4],
+    forces: &mut Forces<R>,
+    separation: impl Fn(&Disc<R>, &Disc<R>, usize) -> [R; 2],
+) -> usize {
+    // One more than can be used: the entry after the last touching pair is written speculatively.
+    forces.touching.resize(pairs.len() + 1, 0);
+    forces.branch.resize(pairs.len() + 1, [R::default(); 2]);
+    let keep = [R::default(), R::from_f64(1.0)];
+    let mut contacts = 0;
+    for (index, pair) in pairs.iter_mut().enumerate() {
+        let (a, b) = (&discs[pair.i as usize], &discs[pair.j as usize]);
+        let [sx, sy] = separation(a, b, index);
+        let lx = h[0] * sx + h[1] * sy;
+        let ly = h[2] * sx + h[3] * sy;
+        let reach = a.r + b.r;
+        let touches = usize::from(lx * lx + ly * ly < reach * reach);
+        forces.touching[contacts] = index as u32;
+        forces.branch[contacts] = [lx, ly];
+        contacts += touches;
+        pair.tangential = pair.tangential * keep[touches];
+    }
+    contacts
+}
+
+/// Contact law of the touching pairs, [`LANES`] at a time: gather, compute, scatter.
+#[inline(always)]
+fn evaluate<R: Real>(
+    discs: &[Disc<R>],
+    pairs: &mut [Pair<R>],
+    contacts: usize,
+    law: &ContactLaw<R>,
+    l: &[R; 4],
+    forces: &mut Forces<R>,
+) -> ContactSums {
+    let zero = R::default();
+    let half = R::from_f64(0.5);
+    let one = R::from_f64(1.0);
+    let spring = law.tangential_stiffness * law.dt;
+    let Forces { on_disc, touching, branch } = forces;
+    on_disc.clear();
+    on_disc.resize(discs.len(), [zero; 4]);
+    let mut sum = [[zero; LANES]; 4];
+    let mut deepest = [zero; LANES];
+
+    let touching = touching[..contacts].chunks(LANES);
+    for (chunk, branch) in touching.zip(branch[..contacts].chunks(LANES)) {
+        // Lanes beyond the last contact hold two discs of radius 1/2 that just touch.
+        let (mut lx, mut ly) = ([one; LANES], [zero; LANES]);
+        let (mut ux, mut uy) = ([zero; LANES], [zero; LANES]);
+        let (mut ri, mut rj) = ([half; LANES], [half; LANES]);
+        let (mut wi, mut wj) = ([zero; LANES], [zero; LANES]);
+        let (mut tangential, mut dashpot) = ([zero; LANES], [zero; LANES]);
+        for (k, &index) in chunk.iter().enumerate() {
+            let pair = &pairs[index as usize];
+            let (a, b) = (&discs[pair.i as usize], &discs[pair.j as usize]);
+            [lx[k], ly[k]] = branch[k];
+            ux[k] = b.u[0] - a.u[0];
+            uy[k] = b.u[1] - a.u[1];
+            (ri[k], rj[k]) = (a.r, b.r);
+            (wi[k], wj[k]) = (a.w, b.w);
+            tangential[k] = pair.tangential;
+            dashpot[k] = pair.dashpot;
+        }
+
+        let (mut fx, mut fy) = ([zero; LANES], [zero; LANES]);
+        let (mut torque_i, mut torque_j) = ([zero; LANES], [zero; LANES]);
+        for k in 0..LANES {
+            let length = (lx[k] * lx[k] + ly[k] * ly[k]).sqrt();
+            let inverse = one / length;
+            let (nx, ny) = (lx[k] * inverse, ly[k] * inverse);
+            let overlap = ri[k] + rj[k] - length;
+            let (arm_i, arm_j) = (ri[k] - half * overlap, rj[k] - half * overlap);
+
+            // v = u_j - u_i + L l at the contact, normal and along tau = (-n_y, n_x).
+            let vx = ux[k] + l[0] * lx[k] + l[1] * ly[k];
+            let vy = uy[k] + l[2] * lx[k] + l[3] * ly[k];
+            let vn = vx * nx + vy * ny;
+            let vt = vy * nx - vx * ny - arm_i * wi[k] - arm_j * wj[k];
+
+            // The dashpot must not pull: f_n >= 0.
+            let normal = (law.normal_stiffness * overlap - dashpot[k] * vn).max(zero);
+            let limit = law.friction * normal;
+            let ft = (tangential[k] - spring * vt).max(-limit).min(limit);
+            tangential[k] = ft;
+
+            fx[k] = normal * nx - ft * ny;
+            fy[k] = normal * ny + ft * nx;
+            torque_i[k] = ft * arm_i;
+            torque_j[k] = ft * arm_j;
+            sum[0][k] += fx[k] * lx[k];
+            sum[1][k] += fx[k] * ly[k];
+            sum[2][k] += fy[k] * lx[k];
+            sum[3][k] += fy[k] * ly[k];
+            deepest[k] = deepest[k].max(overlap / ri[k].min(rj[k]));
+        }
+
+        for (k, &index) in chunk.iter().enumerate() {
+            let pair = &mut pairs[index as usize];
+            pair.tangential = tangential[k];
+            let fi = &mut on_disc[pair.i as usize];
+            fi[0] -= fx[k];
+            fi[1] -= fy[k];
+            fi[2] -= torque_i[k];
+            let fj = &mut on_disc[pair.j as usize];
+            fj[0] += fx[k];
+            fj[1] += fy[k];
+            fj[2] -= torque_j[k];
+        }
+    }
+    ContactSums {
+        force_branch: sum.map(|lanes| lanes.iter().map(|x| x.to_f64()).sum()),
+        contacts: contacts as u32,
+        relative_overlap: deepest.iter().fold(0.0, |d: f64, x| d.max(x.to_f64())),
+    }
+}

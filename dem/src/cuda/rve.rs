@@ -1,0 +1,383 @@
+//! A batch of RVEs that lives on a GPU. The kernel is `rve.cu`.
+
+use std::sync::Arc;
+
+use cudarc::driver::sys::CUfunction_attribute;
+use cudarc::driver::{
+    CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr, LaunchConfig, PushKernelArg, sys,
+};
+use gpu::Device;
+use nalgebra::Matrix2;
+
+use super::error::{CudaError, RveFailure};
+use super::real::CudaReal;
+use super::shape::Shape;
+use super::state::{Header, HostState, State};
+use crate::batch::RveBatch;
+use crate::error::Failure;
+use crate::parameters::RveParameters;
+use crate::real::Real;
+use crate::rve::{RveState, Substepping};
+
+/// The source of the kernel.
+pub const RVE_SOURCE: &str = include_str!("rve.cu");
+
+/// Gap below which neighbours are visited in every substep, as a fraction of the Verlet skin. Wide
+/// enough that discs hardly ever move half of it within a macro step.
+const ACTIVE_SKIN: f64 = 0.125;
+
+/// RVEs of equal parameters on a GPU: the twin of [`RveBatch`].
+///
+/// State stays on the device between macro steps. On one device the result of an RVE is
+/// reproducible bit by bit and depends neither on the others nor on a download and upload in
+/// between.
+#[derive(Debug)]
+pub struct CudaRveBatch<R: CudaReal> {
+    device: Arc<Device>,
+    kernel: CudaFunction,
+    parameters: RveParameters,
+    shape: Shape,
+    rves: usize,
+    header: CudaSlice<Header>,
+    state: CudaSlice<State>,
+    position: CudaSlice<[R::Fraction; 2]>,
+    velocity: CudaSlice<[R; 2]>,
+    spin: CudaSlice<R>,
+    reference: CudaSlice<[R::Fraction; 2]>,
+    listed: CudaSlice<u8>,
+    neighbour: CudaSlice<u16>,
+    image: CudaSlice<u16>,
+    tangential: CudaSlice<R>,
+    disc: CudaSlice<[R; 4]>,
+    velocity_gradient: CudaSlice<f64>,
+    stress: CudaSlice<f64>,
+    area_ratio: CudaSlice<f64>,
+    failed: CudaSlice<i32>,
+}
+
+/// What a kernel takes of a multiprocessor.
+#[derive(Clone, Copy, Debug)]
+pub struct KernelResources {
+    pub threads: usize,
+    pub registers: usize,
+    /// Local memory of a thread (bytes): arrays of the rare search, and spilled registers.
+    pub local_bytes: usize,
+    /// Shared memory of a block (bytes).
+    pub shared_bytes: usize,
+    /// Blocks (RVEs) at a time on one multiprocessor.
+    pub blocks: usize,
+}
+
+impl<R: CudaReal> CudaRveBatch<R> {
+    /// Copies a batch to the GPU.
+    ///
+    /// # Errors
+    /// RVEs of different numbers of discs, or of more than fit; too little memory; no compiler.
+    pub fn upload(device: &Arc<Device>, batch: &RveBatch<R>) -> Result<Self, CudaError> {
+        let discs = batch.fresh.discs.len();
+        let rves = batch.rves.len();
+        let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?)?;
+        let host = HostState::from_batch(batch, &shape)?;
+        device.reserve(HostState::<R>::bytes(&shape, rves))?;
+        Ok(Self {
+            kernel: load(device, &shape)?,
+            parameters: batch.parameters.clone(),
+            shape,
+            rves,
+            state: device.upload(&vec![State::default(); rves])?,
+            header: device.upload(&host.header)?,
+            position: device.upload(&host.position)?,
+            velocity: device.upload(&host.velocity)?,
+            spin: device.upload(&host.spin)?,
+            reference: device.upload(&host.reference)?,
+            listed: device.upload(&host.listed)?,
+            neighbour: device.upload(&host.neighbour)?,
+            image: device.upload(&host.image)?,
+            tangential: device.upload(&host.tangential)?,
+            disc: device.upload(&host.disc)?,
+            velocity_gradient: device.zeros(4 * rves)?,
+            stress: device.zeros(4 * rves)?,
+            area_ratio: device.upload(&vec![1.0; rves])?,
+            failed: device.upload(&[i32::MAX])?,
+            device: device.clone(),
+        })
+    }
+
+    /// Copies the batch back, after all queued work.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn download(&self) -> Result<RveBatch<R>, CudaError> {
+        let stream = self.device.stream();
+        let mut host = HostState {
+            header: stream.clone_dtoh(&self.header)?,
+            position: stream.clone_dtoh(&self.position)?,
+            velocity: stream.clone_dtoh(&self.velocity)?,
+            spin: stream.clone_dtoh(&self.spin)?,
+            reference: stream.clone_dtoh(&self.reference)?,
+            listed: stream.clone_dtoh(&self.listed)?,
+            neighbour: stream.clone_dtoh(&self.neighbour)?,
+            image: stream.clone_dtoh(&self.image)?,
+            tangential: stream.clone_dtoh(&self.tangential)?,
+            disc: stream.clone_dtoh(&self.disc)?,
+        };
+        Ok(host.make_batch(&self.parameters, &self.shape))
+    }
+
+    pub fn len(&self) -> usize {
+        self.rves
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.rves == 0
+    }
+
+    /// Areas (m²) that [`area_ratio`](Self::area_ratio) refers to, one per RVE. Until then, those
+    /// at the upload.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn set_reference_areas(&mut self, areas: &[f64]) -> Result<(), CudaError> {
+        let stream = self.device.stream();
+        let mut header = stream.clone_dtoh(&self.header)?;
+        for (h, area) in header.iter_mut().zip(areas) {
+            h.reference_area = *area;
+        }
+        Ok(stream.memcpy_htod(&header, &mut self.header)?)
+    }
+
+    /// Cauchy stress (Pa) after the last launch, compression positive: xx, xy, yx, yy of each RVE.
+    pub fn stress(&self) -> &CudaSlice<f64> {
+        &self.stress
+    }
+
+    /// Cell area over the reference area after the last launch.
+    pub fn area_ratio(&self) -> &CudaSlice<f64> {
+        &self.area_ratio
+    }
+
+    /// Queues one macro step of `dt` (s) under the velocity gradients (1/s; xx, xy, yx, yy of each
+    /// RVE) found in device memory when the step runs. Does not wait; may be captured in a graph.
+    /// The other methods see the step done if `stream` is that of the [`Device`].
+    ///
+    /// An RVE that fails stands still from then on; see [`check`](Self::check).
+    ///
+    /// # Errors
+    /// The launch was refused.
+    pub fn launch(
+        &mut self,
+        stream: &CudaStream,
+        dt: f64,
+        velocity_gradient: &impl DevicePtr<f64>,
+    ) -> Result<(), CudaError> {
+        let (gradient, _synchronised) = velocity_gradient.device_ptr(stream);
+        self.launch_at(stream, dt, gradient)
+    }
+
+    fn launch_at(
+        &self,
+        stream: &CudaStream,
+        dt: f64,
+        gradient: sys::CUdeviceptr,
+    ) -> Result<(), CudaError> {
+        if self.rves == 0 {
+            return Ok(());
+        }
+        let arrays = Arrays {
+            header: address(&self.header, stream),
+            state: address(&self.state, stream),
+            position: address(&self.position, stream),
+            velocity: address(&self.velocity, stream),
+            spin: address(&self.spin, stream),
+            reference: address(&self.reference, stream),
+            listed: address(&self.listed, stream),
+            neighbour: address(&self.neighbour, stream),
+            image: address(&self.image, stream),
+            tangential: address(&self.tangential, stream),
+            disc: address(&self.disc, stream),
+            stress: address(&self.stress, stream),
+            area_ratio: address(&self.area_ratio, stream),
+            failed: address(&self.failed, stream),
+        };
+        let parameters = Parameters::<R>::new(&self.parameters, dt, self.rves);
+        let mut launch = stream.launch_builder(&self.kernel);
+        launch.arg(&arrays).arg(&parameters).arg(&gradient);
+        // SAFETY: the argument types are laid out as those of `rve_advance`, the arrays as long as
+        // it expects, and the gradients by the caller's slice.
+        unsafe {
+            launch.launch(LaunchConfig {
+                grid_dim: (self.rves as u32, 1, 1),
+                block_dim: (self.shape.threads as u32, 1, 1),
+                shared_mem_bytes: self.shape.shared_bytes as u32,
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Advances RVE `p` by `dt` (s) under `velocity_gradient[p]` (1/s) into `states[p]` and waits:
+    /// as [`RveBatch::advance`].
+    ///
+    /// # Errors
+    /// The RVE of lowest index that failed.
+    pub fn advance(
+        &mut self,
+        dt: f64,
+        velocity_gradient: &[Matrix2<f64>],
+        states: &mut [RveState],
+    ) -> Result<(), CudaError> {
+        let row_major: Vec<f64> = velocity_gradient
+            .iter()
+            .flat_map(|l| [l[(0, 0)], l[(0, 1)], l[(1, 0)], l[(1, 1)]])
+            .collect();
+        let stream = self.device.stream().clone();
+        stream.memcpy_htod(&row_major, &mut self.velocity_gradient)?;
+        let gradient = address(&self.velocity_gradient, &stream);
+        self.launch_at(&stream, dt, gradient)?;
+        self.check()?;
+        for (state, new) in states.iter_mut().zip(self.states()?) {
+            *state = new;
+        }
+        Ok(())
+    }
+
+    /// States after the last macro step, once it is done.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn states(&self) -> Result<Vec<RveState>, CudaError> {
+        let states = self.device.stream().clone_dtoh(&self.state)?;
+        Ok(states.into_iter().map(RveState::from).collect())
+    }
+
+    /// Waits for all queued macro steps and reports the RVE of lowest index that failed in one.
+    ///
+    /// # Errors
+    /// That failure, or one of a kernel.
+    pub fn check(&self) -> Result<(), CudaError> {
+        let stream = self.device.stream();
+        let failed = stream.clone_dtoh(&self.failed)?[0];
+        let Ok(rve) = usize::try_from(failed) else { return Ok(()) };
+        if rve >= self.rves {
+            return Ok(());
+        }
+        let header = stream.clone_dtoh(&self.header.slice(rve..=rve))?[0];
+        let overlap = stream.clone_dtoh(&self.state.slice(rve..=rve))?[0].relative_overlap;
+        // `Status` of `rve.cu`.
+        let failure = match header.status {
+            2 => RveFailure::Packing(Failure::Overlap(overlap)),
+            3 => RveFailure::ListFull { rows: self.shape.rows },
+            4 => RveFailure::SlotsFull { slots: self.shape.slots },
+            _ => RveFailure::Packing(Failure::NotFinite),
+        };
+        Err(CudaError::Rve { rve, step: header.steps as usize, failure })
+    }
+
+    /// What the kernel takes of a multiprocessor.
+    ///
+    /// # Errors
+    /// The driver refuses to tell.
+    pub fn resources(&self) -> Result<KernelResources, CudaError> {
+        let count = |n: i32| usize::try_from(n).unwrap_or(0);
+        let blocks = self.kernel.occupancy_max_active_blocks_per_multiprocessor(
+            self.shape.threads as u32,
+            self.shape.shared_bytes,
+            None,
+        )?;
+        Ok(KernelResources {
+            threads: self.shape.threads,
+            registers: count(self.kernel.num_regs()?),
+            local_bytes: count(self.kernel.local_size_bytes()?),
+            shared_bytes: self.shape.shared_bytes,
+            blocks: blocks as usize,
+        })
+    }
+}
+
+fn load(device: &Device, shape: &Shape) -> Result<CudaFunction, CudaError> {
+    let kernel =
+        device.module("rve.cu", RVE_SOURCE, &shape.defines())?.load_function("rve_advance")?;
+    kernel.set_attribute(
+        CUfunction_attribute::CU_FUNC_ATTRIBUTE_MAX_DYNAMIC_SHARED_SIZE_BYTES,
+        shape.shared_bytes as i32,
+    )?;
+    Ok(kernel)
+}
+
+fn address<T>(slice: &CudaSlice<T>, stream: &CudaStream) -> sys::CUdeviceptr {
+    slice.device_ptr(stream).0
+}
+
+/// `Batch` of `rve.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrays {
+    pub header: u64,
+    pub state: u64,
+    pub position: u64,
+    pub velocity: u64,
+    pub spin: u64,
+    pub reference: u64,
+    pub listed: u64,
+    pub neighbour: u64,
+    pub image: u64,
+    pub tangential: u64,
+    pub disc: u64,
+    pub stress: u64,
+    pub area_ratio: u64,
+    pub failed: u64,
+}
+
+// SAFETY: device addresses, in the order of `rve.cu`.
+unsafe impl DeviceRepr for Arrays {}
+
+/// `Parameters` of `rve.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Parameters<R> {
+    dt: f64,
+    thickness: f64,
+    skin: f64,
+    active_skin: f64,
+    free_solid_fraction: f64,
+    thin_width: f64,
+    overlap_limit: f64,
+    step: R,
+    normal_stiffness: R,
+    spring: R,
+    dashpot: R,
+    friction: R,
+    local_damping: R,
+    rves: u32,
+    substeps: u32,
+    samples: u32,
+    kinetic: u32,
+}
+
+// SAFETY: plain numbers without padding, laid out as in `rve.cu`.
+unsafe impl<R: CudaReal> DeviceRepr for Parameters<R> {}
+
+impl<R: Real> Parameters<R> {
+    pub fn new(p: &RveParameters, dt: f64, rves: usize) -> Self {
+        let sub = Substepping::<R>::new(p, dt);
+        let skin = p.skin * p.radius_max;
+        Self {
+            dt: sub.dt,
+            thickness: p.thickness,
+            skin,
+            active_skin: ACTIVE_SKIN * skin,
+            free_solid_fraction: p.free_solid_fraction,
+            thin_width: p.thin_width * p.mean_diameter(),
+            overlap_limit: p.overlap_limit,
+            step: sub.law.dt,
+            normal_stiffness: sub.law.normal_stiffness,
+            spring: sub.law.tangential_stiffness * sub.law.dt,
+            dashpot: R::from_f64(2.0 * p.damping_ratio * p.normal_stiffness.sqrt()),
+            friction: sub.law.friction,
+            local_damping: sub.law.local_damping,
+            rves: rves as u32,
+            substeps: sub.substeps as u32,
+            samples: sub.samples as u32,
+            kinetic: u32::from(p.kinetic_stress),
+        }
+    }
+}

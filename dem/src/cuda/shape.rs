@@ -1,0 +1,145 @@
+//! How a thread block is laid out for a given number of discs.
+
+use gpu::Limits;
+
+use super::error::CudaError;
+use super::real::CudaReal;
+use crate::parameters::RveParameters;
+use crate::real::Real;
+
+/// The compile-time constants of `rve.cu`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shape {
+    /// Discs in an RVE, and threads: one per disc, in whole warps.
+    pub discs: usize,
+    pub threads: usize,
+    /// Most neighbours in one disc's list.
+    pub rows: usize,
+    /// Room in shared memory for active pairs.
+    pub slots: usize,
+    /// Thread blocks (RVEs) at a time on one multiprocessor.
+    pub blocks: usize,
+    /// Shared memory of a block (bytes).
+    pub shared_bytes: usize,
+    real_bits: usize,
+}
+
+const WARP: usize = 32;
+/// One thread per disc: the largest thread block.
+const MOST_DISCS: usize = 1024;
+const REGISTERS_PER_MULTIPROCESSOR: usize = 65_536;
+const BLOCKS_PER_MULTIPROCESSOR: usize = 32;
+/// Shared memory that CUDA keeps of each block (bytes).
+const SYSTEM_SHARED: usize = 1024;
+/// Most rows: `rve.cu` writes them in five bits.
+const MOST_ROWS: usize = 31;
+
+/// Rows of slots per warp, on average. Touching pairs form a planar network, so a disc owns less
+/// than 3 of them on average, 2 to 2.5 in dense packings; a warp has as many rows as its busiest
+/// disc needs.
+struct Rows {
+    per_warp: f64,
+    /// As many more, for warps of unequal discs in small packings.
+    more: usize,
+}
+/// Enough for any packing.
+const AMPLE: Rows = Rows { per_warp: 5.0, more: 16 };
+/// Enough for packings of a collapse: fewer blocks at a time rather than fewer rows.
+const USUAL: Rows = Rows { per_warp: 4.0, more: 8 };
+/// What a block alone on a multiprocessor has to be content with.
+const LEAST: Rows = Rows { per_warp: 2.75, more: 8 };
+
+impl Shape {
+    /// The layout for RVEs of `discs` discs on a GPU.
+    ///
+    /// # Errors
+    /// More discs than fit one thread block.
+    pub fn new<R: CudaReal>(
+        p: &RveParameters,
+        discs: usize,
+        limits: Limits,
+    ) -> Result<Self, CudaError> {
+        Self::try_new::<R>(p, discs, limits).ok_or_else(|| {
+            let fits = |n: &usize| Self::try_new::<R>(p, *n, limits).is_some();
+            CudaError::TooManyDiscs {
+                discs,
+                most: (0..discs).rev().find(fits).unwrap_or(0),
+                precision: R::NAME,
+            }
+        })
+    }
+
+    fn try_new<R: CudaReal>(p: &RveParameters, discs: usize, limits: Limits) -> Option<Self> {
+        if discs > MOST_DISCS {
+            return None;
+        }
+        let threads = discs.div_ceil(WARP).max(1) * WARP;
+        // Fewer registers than these would spill in the loop over contacts.
+        let registers = if R::BITS == 32 { 48 } else { 72 };
+        let by_registers = REGISTERS_PER_MULTIPROCESSOR / (threads * registers);
+        let wanted = by_registers.clamp(1, BLOCKS_PER_MULTIPROCESSOR);
+
+        let slot = 6 * size_of::<R>() + size_of::<u32>() + size_of::<u16>();
+        let fixed = fixed_shared::<R>(threads);
+        let fit = |blocks: usize, fewest: &Rows| {
+            let share = limits.shared_per_multiprocessor / blocks - SYSTEM_SHARED;
+            let room = share.min(limits.shared_per_block).checked_sub(fixed)? / slot;
+            let warps = threads / WARP;
+            let rows = rows(p);
+            let slot_rows =
+                |r: &Rows| ((r.per_warp * warps as f64) as usize + r.more).min(rows * warps);
+            let slots = WARP * slot_rows(&AMPLE).min(room / WARP);
+            let enough = slots >= WARP * slot_rows(fewest);
+            enough.then_some(Self {
+                discs,
+                threads,
+                rows,
+                slots,
+                blocks,
+                // A search uses the memory of the slots for its bins.
+                shared_bytes: fixed + (slots * slot).max(search_shared(threads)),
+                real_bits: R::BITS,
+            })
+        };
+        (1..=wanted).rev().find_map(|blocks| fit(blocks, &USUAL)).or_else(|| fit(1, &LEAST))
+    }
+
+    /// Preprocessor definitions for `rve.cu`.
+    pub fn defines(&self) -> Vec<String> {
+        [
+            ("REAL_BITS", self.real_bits),
+            ("DISCS", self.discs),
+            ("THREADS", self.threads),
+            ("ROWS", self.rows),
+            ("SLOTS", self.slots),
+            ("BLOCKS", self.blocks),
+            ("SHARED_BYTES", self.shared_bytes),
+        ]
+        .map(|(name, value)| format!("{name}={value}"))
+        .to_vec()
+    }
+}
+
+/// Neighbours that one disc can have in its list: discs of the smallest radius, packed as densely
+/// as a lattice, around one of the largest.
+fn rows(p: &RveParameters) -> usize {
+    let reach = p.radius_max + 2.0 * p.radius_min + p.skin * p.radius_max;
+    let around = reach * reach - p.radius_max * p.radius_max;
+    let most = (0.907 * around / (p.radius_min * p.radius_min)).ceil() as usize;
+    most.clamp(8, MOST_ROWS)
+}
+
+/// Shared memory besides the slots (bytes): `Shared` in `rve.cu`, which checks it.
+fn fixed_shared<R: Real>(threads: usize) -> usize {
+    let real = size_of::<R>();
+    let per_thread = 6 * real + size_of::<u32>() + 3 * size_of::<u16>();
+    let substeps = WARP * (12 * real + 4 * size_of::<f64>());
+    let control = 640;
+    threads * per_thread + substeps + control + 12 * WARP
+}
+
+/// Shared memory of a search (bytes): bins and the discs in them.
+fn search_shared(threads: usize) -> usize {
+    const BINS: usize = 32;
+    BINS * BINS * size_of::<u32>() + threads * size_of::<u16>()
+}

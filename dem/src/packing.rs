@@ -1,0 +1,222 @@
+//! Discs in a periodic cell: the state that a DEM step advances.
+
+use nalgebra::{Matrix2, Vector2};
+use serde::{Deserialize, Serialize};
+
+use crate::cell::Cell;
+use crate::neighbours::{Image2, Neighbours};
+use crate::real::Real;
+
+/// One disc. Velocities are peculiar: what is left after the affine motion `L x` of the cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[repr(C)]
+#[serde(bound = "")]
+pub struct Disc<R: Real> {
+    /// Reduced position: fractions of the cell vectors `a` and `b`.
+    pub s: [R::Fraction; 2],
+    /// Peculiar velocity (m/s).
+    pub u: [R; 2],
+    /// Angular velocity (1/s), counter-clockwise.
+    pub w: R,
+    /// Radius (m).
+    pub r: R,
+    /// Inverse mass (1/kg).
+    pub inv_mass: R,
+    /// Inverse moment of inertia `2 / (m r²)` (1/(kg m²)).
+    pub inv_inertia: R,
+}
+
+/// A pair of discs close enough to touch before the next search.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct Pair<R: Real> {
+    pub i: u16,
+    pub j: u16,
+    /// Tangential spring force (N) along the contact's current tangent: positive acts on `j`
+    /// counter-clockwise around `i`. In two dimensions this scalar follows rotations by itself.
+    pub tangential: R,
+    /// Normal dashpot coefficient `2 zeta sqrt(m_eff kn)` (kg/s).
+    pub dashpot: R,
+}
+
+/// A periodic packing with its contact history.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct Packing<R: Real> {
+    pub cell: Cell,
+    pub discs: Vec<Disc<R>>,
+    pub neighbours: Neighbours<R>,
+    /// Spin `W = (L_yx - L_xy) / 2` (1/s) that the discs' angular velocities contain.
+    pub spin: f64,
+}
+
+/// A disc as plain numbers, for input and output.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlainDisc {
+    /// Position in the cell (m).
+    pub x: [f64; 2],
+    /// Radius (m).
+    pub r: f64,
+}
+
+impl<R: Real> Packing<R> {
+    /// Discs at rest without contact history.
+    ///
+    /// `mass` gives the inertial mass (kg) of a disc of a given radius (m).
+    ///
+    /// # Panics
+    /// If the cell is degenerate or there are more than 65 536 discs.
+    pub fn new(cell: Cell, discs: &[PlainDisc], mass: impl Fn(f64) -> f64) -> Self {
+        let inverse = cell.inverse().expect("cell vectors are independent");
+        assert!(discs.len() <= 1 << 16, "at most 65536 discs");
+        let discs = discs
+            .iter()
+            .map(|d| {
+                let s = inverse * Vector2::from(d.x);
+                let m = mass(d.r);
+                Disc {
+                    s: [R::fraction(s.x), R::fraction(s.y)],
+                    u: [R::default(); 2],
+                    w: R::default(),
+                    r: R::from_f64(d.r),
+                    inv_mass: R::from_f64(1.0 / m),
+                    inv_inertia: R::from_f64(2.0 / (m * d.r * d.r)),
+                }
+            })
+            .collect();
+        Self { cell, discs, neighbours: Neighbours::default(), spin: 0.0 }
+    }
+
+    /// Positions and radii as plain numbers.
+    pub fn plain_discs(&self) -> Vec<PlainDisc> {
+        self.discs
+            .iter()
+            .map(|d| {
+                let s = Vector2::from(d.s.map(R::fraction_to_f64));
+                PlainDisc { x: (self.cell.h * s).into(), r: d.r.to_f64() }
+            })
+            .collect()
+    }
+
+    /// The same packing in another precision, contact history included. Neighbour lists are
+    /// searched anew at the next step.
+    pub fn convert<Q: Real>(&self) -> Packing<Q> {
+        let real = |x: R| Q::from_f64(x.to_f64());
+        Packing {
+            cell: self.cell,
+            discs: self
+                .discs
+                .iter()
+                .map(|d| Disc {
+                    s: d.s.map(|s| Q::fraction(R::fraction_to_f64(s))),
+                    u: d.u.map(real),
+                    w: real(d.w),
+                    r: real(d.r),
+                    inv_mass: real(d.inv_mass),
+                    inv_inertia: real(d.inv_inertia),
+                })
+                .collect(),
+            neighbours: self.neighbours.convert(),
+            spin: self.spin,
+        }
+    }
+
+    /// Sum of the disc areas over the cell area.
+    pub fn solid_fraction(&self) -> f64 {
+        let solid: f64 =
+            self.discs.iter().map(|d| std::f64::consts::PI * d.r.to_f64().powi(2)).sum();
+        solid / self.cell.area()
+    }
+
+    /// Kinetic energy of the peculiar motion and of the spin relative to the cell (J).
+    pub fn kinetic_energy(&self) -> f64 {
+        self.discs
+            .iter()
+            .map(|d| {
+                let u2 = d.u[0].to_f64().powi(2) + d.u[1].to_f64().powi(2);
+                let w = d.w.to_f64() - self.spin;
+                0.5 * (u2 / d.inv_mass.to_f64() + w * w / d.inv_inertia.to_f64())
+            })
+            .sum()
+    }
+
+    /// Elastic energy of all contacts (J): `kn delta² / 2 + f_t² / (2 kt)`.
+    pub fn elastic_energy(&self, normal_stiffness: f64, tangential_stiffness: f64) -> f64 {
+        self.contacts()
+            .map(|c| {
+                0.5 * normal_stiffness * c.overlap.powi(2)
+                    + 0.5 * c.tangential.powi(2) / tangential_stiffness
+            })
+            .sum()
+    }
+
+    /// Every touching pair at the present positions.
+    pub fn contacts(&self) -> impl Iterator<Item = Contact> + '_ {
+        self.neighbours.pairs.iter().enumerate().filter_map(|(index, pair)| {
+            let image = self.neighbours.image(index);
+            let branch = self.branch(pair, image);
+            let (i, j) = (pair.i as usize, pair.j as usize);
+            let overlap = self.discs[i].r.to_f64() + self.discs[j].r.to_f64() - branch.norm();
+            let tangential = pair.tangential.to_f64();
+            (overlap > 0.0).then_some(Contact { i, j, branch, overlap, tangential })
+        })
+    }
+
+    /// Vector from disc `i` to the given image of disc `j` (m).
+    pub(crate) fn branch(&self, pair: &Pair<R>, image: Option<Image2>) -> Vector2<f64> {
+        let (a, b) = (&self.discs[pair.i as usize], &self.discs[pair.j as usize]);
+        let ds = [0, 1].map(|k| match image {
+            None => R::nearest(a.s[k], b.s[k]),
+            Some(image) => R::image(a.s[k], b.s[k], image[k]),
+        });
+        self.cell.h * Vector2::from(ds.map(|x| x.to_f64() * R::UNIT))
+    }
+
+    /// Gives every disc the change of the cell's spin, so that a change of rotation rate does not
+    /// wind up the tangential springs.
+    pub fn set_spin(&mut self, velocity_gradient: &Matrix2<f64>) {
+        let spin = 0.5 * (velocity_gradient[(1, 0)] - velocity_gradient[(0, 1)]);
+        let change = R::from_f64(spin - self.spin);
+        if spin != self.spin {
+            self.discs.iter_mut().for_each(|d| d.w += change);
+            self.spin = spin;
+        }
+    }
+
+    /// Multiplies the inertial mass of every disc by `factor`.
+    pub fn scale_mass(&mut self, factor: f64) {
+        let inverse = R::from_f64(1.0 / factor);
+        for d in &mut self.discs {
+            d.inv_mass = d.inv_mass * inverse;
+            d.inv_inertia = d.inv_inertia * inverse;
+        }
+    }
+
+    /// Removes the mean peculiar momentum, which rattlers would otherwise carry away.
+    pub fn remove_drift(&mut self) {
+        let (mut mass, mut momentum) = (0.0, Vector2::zeros());
+        for d in &self.discs {
+            let m = 1.0 / d.inv_mass.to_f64();
+            mass += m;
+            momentum += Vector2::new(d.u[0].to_f64(), d.u[1].to_f64()) * m;
+        }
+        let mean = (momentum / mass).map(R::from_f64);
+        for d in &mut self.discs {
+            d.u[0] -= mean.x;
+            d.u[1] -= mean.y;
+        }
+    }
+}
+
+/// A touching pair.
+#[derive(Clone, Copy, Debug)]
+pub struct Contact {
+    pub i: usize,
+    pub j: usize,
+    /// From `i` to the touching image of `j` (m).
+    pub branch: Vector2<f64>,
+    /// `r_i + r_j - |branch|` (m).
+    pub overlap: f64,
+    /// Tangential spring force on `j` (N).
+    pub tangential: f64,
+}

@@ -1,0 +1,145 @@
+//! What defines an RVE: grains, contact law, numerics and preparation.
+
+use serde::{Deserialize, Serialize};
+
+/// Grains, contact law and integration of a representative volume element (RVE).
+///
+/// All units are SI. Discs are cylinders of height [`thickness`](Self::thickness), so masses are
+/// true masses (kg) and stresses true stresses (Pa).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RveParameters {
+    /// Discs in one RVE.
+    pub discs: usize,
+    /// Smallest disc radius (m); radii are uniform in `[radius_min, radius_max]`.
+    pub radius_min: f64,
+    /// Largest disc radius (m).
+    pub radius_max: f64,
+    /// Density of the grain material (kg/m³).
+    pub grain_density: f64,
+    /// Out-of-plane thickness `t` (m). Stress is force per length divided by `t`; the default is
+    /// the mean disc diameter, one layer of grains.
+    pub thickness: f64,
+    /// Normal contact stiffness `kn` (N/m).
+    pub normal_stiffness: f64,
+    /// Tangential contact stiffness `kt` (N/m).
+    pub tangential_stiffness: f64,
+    /// Coulomb friction coefficient between grains.
+    pub friction: f64,
+    /// Contact dashpot `zeta`, as a fraction of critical damping of a pair.
+    pub damping_ratio: f64,
+    /// Cundall local damping `alpha` in flow. Not neutral in flow (it raises the shear strength at
+    /// high inertial number), hence 0 by default.
+    pub local_damping: f64,
+    /// Grain mass is multiplied by this in the equations of motion (not in the bulk density): a
+    /// larger step at the price of a larger inertial number. 1 is physical.
+    pub mass_scale: f64,
+    /// DEM step as a fraction of `sqrt(m_min / max(kn, kt))`. A packing becomes unstable near 0.55.
+    pub step_factor: f64,
+    /// Verlet skin as a fraction of the largest radius.
+    pub skin: f64,
+    /// Trailing part of the substeps of one macro step over which stress is averaged.
+    pub stress_window: f64,
+    /// Adds the kinetic (Reynolds) part to the stress.
+    pub kinetic_stress: bool,
+    /// Below this solid fraction an RVE is stress-free: only its cell moves, and forces are
+    /// computed again once it is denser than this.
+    pub free_solid_fraction: f64,
+    /// Below this perpendicular width of the cell, in mean diameters, a loaded cell is not
+    /// thinned further: only the volumetric part and the spin of the velocity gradient act on it.
+    pub thin_width: f64,
+    /// Overlaps larger than this fraction of the smaller radius are counted and reported.
+    pub overlap_warning: f64,
+    /// An overlap larger than this fraction of the smaller radius ends the run.
+    pub overlap_limit: f64,
+    /// How the initial packing is made.
+    pub preparation: Preparation,
+}
+
+/// How a packing is made: loose cloud, isotropic servo, then an oedometric ladder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Preparation {
+    /// Isotropic pressure the servo consolidates to (Pa).
+    pub pressure: f64,
+    /// Friction during isotropic consolidation: about 0 gives a dense packing, 0.1 a medium one,
+    /// the flow friction a loose one.
+    pub friction: f64,
+    /// Solid fraction of the initial cloud of non-touching discs.
+    pub cloud_solid_fraction: f64,
+    /// Cundall local damping while preparing.
+    pub local_damping: f64,
+    /// Strain rate of the oedometric compression that makes the ladder of stress states (1/s).
+    pub ladder_rate: f64,
+}
+
+impl Default for RveParameters {
+    fn default() -> Self {
+        Self {
+            discs: 400,
+            radius_min: 2.5e-3,
+            radius_max: 5.0e-3,
+            grain_density: 2650.0,
+            thickness: 7.5e-3,
+            normal_stiffness: 1.0e5,
+            tangential_stiffness: 1.0e5,
+            friction: 0.5,
+            damping_ratio: 0.2,
+            local_damping: 0.0,
+            mass_scale: 1.0,
+            step_factor: 0.2,
+            skin: 0.3,
+            stress_window: 0.5,
+            kinetic_stress: true,
+            free_solid_fraction: 0.70,
+            thin_width: 3.0,
+            overlap_warning: 0.15,
+            overlap_limit: 1.0,
+            preparation: Preparation::default(),
+        }
+    }
+}
+
+impl Default for Preparation {
+    fn default() -> Self {
+        Self {
+            pressure: 2.0e3,
+            friction: 1.0e-3,
+            cloud_solid_fraction: 0.3,
+            local_damping: 0.2,
+            ladder_rate: 0.02,
+        }
+    }
+}
+
+impl RveParameters {
+    /// Mass of a disc of radius `r` (kg): `rho pi r² t`.
+    pub fn disc_mass(&self, r: f64) -> f64 {
+        self.grain_density * std::f64::consts::PI * r * r * self.thickness
+    }
+
+    /// Largest DEM step used (s): `step_factor * sqrt(mass_scale m_min / max(kn, kt))`.
+    ///
+    /// The rotation of the lightest grain governs; packings were found unstable above
+    /// `0.55 sqrt(m_min / kn)`.
+    pub fn step(&self) -> f64 {
+        let m_min = self.mass_scale * self.disc_mass(self.radius_min);
+        self.step_factor * (m_min / self.normal_stiffness.max(self.tangential_stiffness)).sqrt()
+    }
+
+    /// Substeps in a macro step of `dt`: `ceil(dt / step())`, at least 1.
+    pub fn substeps(&self, dt: f64) -> usize {
+        // The tolerance keeps dt = n * step() from becoming n + 1 by round-off.
+        ((dt / self.step() - 1.0e-9).ceil() as usize).max(1)
+    }
+
+    /// Mean disc diameter (m).
+    pub fn mean_diameter(&self) -> f64 {
+        self.radius_min + self.radius_max
+    }
+
+    /// Stiffness number `kappa = kn / (p t)` at pressure `p` (Pa).
+    pub fn stiffness_number(&self, p: f64) -> f64 {
+        self.normal_stiffness / (p * self.thickness)
+    }
+}

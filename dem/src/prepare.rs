@@ -1,0 +1,141 @@
+//! Making packings: loose cloud, isotropic servo, oedometric ladder.
+
+use nalgebra::Matrix2;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::cell::Cell;
+use crate::element::{Element, Stage, StageError, Until};
+
+use crate::error::Error;
+use crate::packing::{Packing, PlainDisc};
+use crate::parameters::RveParameters;
+
+/// A consolidated packing and its states under oedometric loading.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Prepared {
+    /// In equilibrium under the isotropic preparation pressure, with the friction of flow.
+    pub isotropic: Packing<f64>,
+    /// One rung per requested vertical stress, in the order of the request.
+    pub ladder: Vec<Rung>,
+}
+
+/// A packing on the oedometric path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rung {
+    /// Measured Cauchy stress (Pa), compression positive.
+    pub stress: Matrix2<f64>,
+    pub packing: Packing<f64>,
+}
+
+/// DEM steps between two servo decisions.
+const CONTROL_STEPS: f64 = 10.0;
+
+/// [`consolidate`] and then [`ladder`].
+///
+/// # Errors
+/// When a stage does not reach its target.
+pub fn prepare(p: &RveParameters, seed: u64, targets: &[f64]) -> Result<Prepared, Error> {
+    let isotropic = consolidate(p, seed)?;
+    let ladder = ladder(p, seed, &isotropic, targets)?;
+    Ok(Prepared { isotropic, ladder })
+}
+
+/// Makes a packing from `seed`: a cloud of non-touching discs is compressed by an isotropic servo
+/// with the preparation's friction, and then relaxes with the friction of flow, until stresses and
+/// forces balance to 1e-3.
+///
+/// # Errors
+/// When the discs find no room in the cloud, or equilibrium is not reached.
+pub fn consolidate(p: &RveParameters, seed: u64) -> Result<Packing<f64>, Error> {
+    let fail = |reason: String| Error::Preparation { seed, reason };
+    let stage = Stage::Isotropic { pressure: p.preparation.pressure, duration: None };
+    let mut element = start(p, cloud(p, seed).map_err(fail)?).map_err(|e| fail(e.to_string()))?;
+    for friction in [p.preparation.friction, p.friction] {
+        element.parameters.friction = friction;
+        element.run(&stage, f64::INFINITY, |_| ()).map_err(|e| fail(e.to_string()))?;
+    }
+    Ok(element.rve.packing)
+}
+
+/// Takes a consolidated packing to each vertical stress of `targets` (Pa) by oedometric strain
+/// (`L_yy` at the ladder rate, `L_xx = 0`): loading to those above the preparation pressure,
+/// unloading to those below it.
+///
+/// # Errors
+/// When a target is not reached.
+pub fn ladder(
+    p: &RveParameters,
+    seed: u64,
+    isotropic: &Packing<f64>,
+    targets: &[f64],
+) -> Result<Vec<Rung>, Error> {
+    let fail = |e: StageError| Error::Preparation { seed, reason: e.to_string() };
+    let mut rungs = vec![None; targets.len()];
+    for loading in [true, false] {
+        let mut order: Vec<usize> = (0..targets.len())
+            .filter(|&k| (targets[k] >= p.preparation.pressure) == loading)
+            .collect();
+        order.sort_by(|&a, &b| targets[a].total_cmp(&targets[b]));
+        if !loading {
+            order.reverse();
+        }
+        let rate = p.preparation.ladder_rate;
+        let shortening_rate = if loading { rate } else { -rate };
+        let mut element = start(p, isotropic.clone()).map_err(fail)?;
+        for k in order {
+            let until = Until::Pressure(targets[k]);
+            let stage = Stage::Oedometric { shortening_rate, until };
+            element.run(&stage, f64::INFINITY, |_| ()).map_err(fail)?;
+            let (stress, packing) = (element.state.stress, element.rve.packing.clone());
+            rungs[k] = Some(Rung { stress, packing });
+        }
+    }
+    Ok(rungs.into_iter().flatten().collect())
+}
+
+/// An element with the damping of preparation, which never gives up a loose packing.
+fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, StageError> {
+    let p = RveParameters {
+        local_damping: p.preparation.local_damping,
+        free_solid_fraction: 0.0,
+        mass_scale: 1.0,
+        ..p.clone()
+    };
+    Element::new(packing, &p, CONTROL_STEPS * p.step())
+}
+
+/// Random non-overlapping discs, radii uniform in `[radius_min, radius_max]`, in a square cell.
+fn cloud(p: &RveParameters, seed: u64) -> Result<Packing<f64>, String> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut radii: Vec<f64> =
+        (0..p.discs).map(|_| rng.random_range(p.radius_min..=p.radius_max)).collect();
+    // Large discs first: they find a place more easily.
+    radii.sort_by(|a, b| b.total_cmp(a));
+    let solid: f64 = radii.iter().map(|r| std::f64::consts::PI * r * r).sum();
+    let side = (solid / p.preparation.cloud_solid_fraction).sqrt();
+    let mut discs: Vec<PlainDisc> = Vec::with_capacity(p.discs);
+    for r in radii {
+        let tries = 100_000;
+        let place = (0..tries).find_map(|_| {
+            let x = [rng.random_range(0.0..side), rng.random_range(0.0..side)];
+            let free = discs.iter().all(|d| {
+                let nearest = |k: usize| {
+                    let dx = x[k] - d.x[k];
+                    dx - side * (dx / side).round()
+                };
+                nearest(0).hypot(nearest(1)) > r + d.r
+            });
+            free.then_some(x)
+        });
+        let x = place.ok_or_else(|| {
+            format!(
+                "no room for a disc in the cloud; preparation.cloud_solid_fraction = {} is too dense",
+                p.preparation.cloud_solid_fraction
+            )
+        })?;
+        discs.push(PlainDisc { x, r });
+    }
+    Ok(Packing::new(Cell::square(side), &discs, |r| p.disc_mass(r)))
+}

@@ -1,0 +1,207 @@
+//! One RVE over one macro step: substeps, averaged stress, and what is done at the limits of the
+//! method (stress-free, over-thin and over-compressed cells).
+
+use nalgebra::Matrix2;
+use serde::{Deserialize, Serialize};
+
+use crate::cell;
+use crate::contact::{ContactLaw, ContactSums, Forces, contact_forces};
+use crate::error::Failure;
+use crate::homogenise;
+use crate::integrate::integrate;
+use crate::packing::Packing;
+use crate::parameters::RveParameters;
+use crate::real::Real;
+
+/// What all RVEs of a batch share during a macro step.
+#[derive(Clone, Debug)]
+pub struct Substepping<R: Real> {
+    pub law: ContactLaw<R>,
+    /// DEM step (s) and how many make a macro step.
+    pub dt: f64,
+    pub substeps: usize,
+    /// Trailing substeps over which stress is averaged.
+    pub samples: usize,
+}
+
+impl<R: Real> Substepping<R> {
+    /// Physical-time coupling: `ceil(dt / dt_DEM)` equal substeps make up `dt` (s).
+    pub fn new(p: &RveParameters, dt: f64) -> Self {
+        let substeps = p.substeps(dt);
+        let trailing = (p.stress_window * substeps as f64).ceil() as usize;
+        let dt = dt / substeps as f64;
+        Self {
+            law: ContactLaw::new(p, dt),
+            dt,
+            substeps,
+            samples: trailing.max(MIN_SAMPLES).min(substeps),
+        }
+    }
+}
+
+/// Fewest stress samples in a macro step, if it has as many substeps.
+const MIN_SAMPLES: usize = 5;
+
+/// A packing that follows one material point.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct Rve<R: Real> {
+    pub packing: Packing<R>,
+    /// Area (m²) while the RVE is too loose to carry stress. Its packing is then meaningless and
+    /// is replaced when the area shrinks back: there is no history to lose.
+    pub free_area: Option<f64>,
+}
+
+/// Homogenised state at the end of a macro step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RveState {
+    /// Cauchy stress (Pa), compression positive, averaged over the trailing substeps.
+    pub stress: Matrix2<f64>,
+    /// Cell area (m²).
+    pub area: f64,
+    pub solid_fraction: f64,
+    /// Contacts per disc `Z = 2 N_c / N` in the last substep.
+    pub coordination: f64,
+    /// Largest overlap over the smaller radius in any substep.
+    pub relative_overlap: f64,
+    /// Smallest perpendicular width of the cell (m); infinite while stress-free.
+    pub min_width: f64,
+    /// Neighbour searches made.
+    pub searches: u32,
+    /// Too loose to carry stress.
+    pub free: bool,
+    /// Too thin: deformed by volume and spin only.
+    pub thin: bool,
+}
+
+impl<R: Real> Rve<R> {
+    pub fn new(packing: Packing<R>) -> Self {
+        Self { packing, free_area: None }
+    }
+
+    /// Cell area (m²).
+    pub fn area(&self) -> f64 {
+        self.free_area.unwrap_or_else(|| self.packing.cell.area())
+    }
+
+    /// Advances by one macro step under a constant velocity gradient `L` (1/s, `L_ij = dv_i/dx_j`).
+    ///
+    /// `fresh` is the packing a stress-free RVE restarts from, in a cell of its own shape.
+    /// `forces` holds those of the last substep afterwards.
+    pub fn advance(
+        &mut self,
+        velocity_gradient: &Matrix2<f64>,
+        p: &RveParameters,
+        sub: &Substepping<R>,
+        fresh: &Packing<R>,
+        forces: &mut Forces<R>,
+    ) -> Result<RveState, Failure> {
+        let dt = sub.dt * sub.substeps as f64;
+        if !velocity_gradient.iter().all(|x| x.is_finite()) {
+            return Err(Failure::NotFinite);
+        }
+        if self.free_area.is_none() && self.packing.solid_fraction() < p.free_solid_fraction {
+            self.free_area = Some(self.packing.cell.area());
+        }
+        if let Some(area) = self.free_area {
+            return Ok(self.advance_free(area * (velocity_gradient.trace() * dt).exp(), p, fresh));
+        }
+
+        let (drive, thin) = self.drive(velocity_gradient, p, dt);
+        self.packing.set_spin(&drive);
+        self.packing.remove_drift();
+        let increment = cell::exp(&(drive * sub.dt));
+        let mut state = RveState { thin, ..RveState::default() };
+        self.update_neighbours(0.0, p, sub, &mut state);
+        for n in 0..sub.substeps {
+            let sums = self.substep(&drive, &increment, p, sub, forces, &mut state)?;
+            if n + sub.samples >= sub.substeps {
+                // Sampled after the move, with the forces of this substep.
+                state.stress +=
+                    homogenise::stress(&self.packing, &sums, p.thickness, p.kinetic_stress)
+                        / sub.samples as f64;
+            }
+            state.coordination = 2.0 * f64::from(sums.contacts) / self.packing.discs.len() as f64;
+        }
+        state.area = self.packing.cell.area();
+        state.solid_fraction = self.packing.solid_fraction();
+        state.min_width = self.packing.cell.min_width();
+        Ok(state)
+    }
+
+    /// One DEM step: forces at the present positions, then motion.
+    fn substep(
+        &mut self,
+        drive: &Matrix2<f64>,
+        increment: &Matrix2<f64>,
+        p: &RveParameters,
+        sub: &Substepping<R>,
+        forces: &mut Forces<R>,
+        state: &mut RveState,
+    ) -> Result<ContactSums, Failure> {
+        let sums = contact_forces(&mut self.packing, &sub.law, drive, forces);
+        state.relative_overlap = state.relative_overlap.max(sums.relative_overlap);
+        if sums.relative_overlap > p.overlap_limit {
+            return Err(Failure::Overlap(sums.relative_overlap));
+        }
+        let fastest = integrate(&mut self.packing, &sub.law, drive, increment, &forces.on_disc);
+        if !fastest.is_finite() {
+            return Err(Failure::NotFinite);
+        }
+        self.update_neighbours(fastest * sub.dt, p, sub, state);
+        Ok(sums)
+    }
+
+    /// Searches neighbours anew if, after moves of at most `moved` (m), the list could miss a
+    /// contact, or if the lattice became oblique.
+    fn update_neighbours(
+        &mut self,
+        moved: f64,
+        p: &RveParameters,
+        sub: &Substepping<R>,
+        state: &mut RveState,
+    ) {
+        let Packing { cell, discs, neighbours, .. } = &mut self.packing;
+        if neighbours.outdated(cell, discs, moved) || cell.reduction().is_some() {
+            self.packing.search(p.skin * p.radius_max, |a, b| sub.law.dashpot(a, b));
+            state.searches += 1;
+        }
+    }
+
+    /// The velocity gradient that acts on the cell. A loaded cell that is too thin for its discs
+    /// and would become thinner takes only the volumetric part and the spin: without further
+    /// shear its contacts keep the deviatoric stress they have.
+    fn drive(&self, l: &Matrix2<f64>, p: &RveParameters, dt: f64) -> (Matrix2<f64>, bool) {
+        let cell = self.packing.cell;
+        let width = cell.min_width();
+        if width >= p.thin_width * p.mean_diameter() {
+            return (*l, false);
+        }
+        let next = cell::Cell { h: cell::exp(&(l * dt)) * cell.h };
+        if next.min_width() >= width {
+            return (*l, false);
+        }
+        let spin = 0.5 * (l[(1, 0)] - l[(0, 1)]);
+        let volumetric = 0.5 * l.trace();
+        (Matrix2::new(volumetric, -spin, spin, volumetric), true)
+    }
+
+    /// A stress-free RVE only keeps its area. Dense enough again, it restarts from `fresh`,
+    /// scaled to that area: no overlaps as long as `fresh` is the denser of the two.
+    fn advance_free(&mut self, area: f64, p: &RveParameters, fresh: &Packing<R>) -> RveState {
+        let solid_fraction = fresh.solid_fraction() * fresh.cell.area() / area;
+        self.free_area = Some(area);
+        if solid_fraction >= p.free_solid_fraction {
+            self.packing.clone_from(fresh);
+            self.packing.cell.h *= (area / fresh.cell.area()).sqrt();
+            self.free_area = None;
+        }
+        RveState {
+            area,
+            solid_fraction,
+            min_width: f64::INFINITY,
+            free: true,
+            ..RveState::default()
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! The limits of loading: stress-free and over-compressed RVEs.
+
+use dem::element::{Element, StageError};
+use dem::{Failure, RveParameters};
+use nalgebra::Matrix2;
+
+use crate::common::{DENSE, packing, parameters};
+
+fn element(p: &RveParameters) -> Element<f64> {
+    Element::new(packing(p, 1), p, 1e-4).unwrap()
+}
+
+/// Expanded below `free_solid_fraction` an RVE has no stress and only keeps its area, exactly
+/// `exp(∫ tr L dt)`, shear or not; compressed again it carries stress at the density where it did
+/// before.
+#[test]
+fn a_free_rve_keeps_its_area_and_recompacts() {
+    let p = parameters(20.0e3, DENSE);
+    let mut element = element(&p);
+    let (start, dense) = (element.state.area, element.state.solid_fraction);
+    for _ in 0..200 {
+        element.advance(&Matrix2::new(20.0, 7.0, -3.0, 20.0)).unwrap();
+    }
+    assert!(element.state.free && element.free_steps > 100);
+    assert_eq!(element.state.stress, Matrix2::zeros());
+    let expected = start * element.strain.trace().exp();
+    assert!((element.state.area / expected - 1.0).abs() < 1e-12);
+    assert!((element.state.solid_fraction * expected / (dense * start) - 1.0).abs() < 1e-12);
+
+    let mut first_loaded = None;
+    while element.strain.trace() > 0.0 {
+        element.advance(&(Matrix2::identity() * -5.0)).unwrap();
+        if element.state.stress.trace() > 2.0 * 1e3 {
+            first_loaded.get_or_insert(element.state.solid_fraction);
+        }
+    }
+    let first = first_loaded.expect("the recompacted packing carries stress");
+    println!("1 kPa again at a solid fraction of {first:.4}; {dense:.4} at 20 kPa before");
+    assert!((dense - first).abs() < 0.01);
+    assert!((element.state.area / start - 1.0).abs() < 1e-3);
+}
+
+/// Compression beyond what the stiffness can carry ends with an error that says so.
+#[test]
+fn over_compression_is_an_error() {
+    let p = RveParameters { overlap_limit: 0.3, ..parameters(20.0e3, DENSE) };
+    let mut element = element(&p);
+    let failure = (0..2000).find_map(|_| {
+        element.advance(&(Matrix2::identity() * -5.0)).err().map(|e| match e {
+            StageError::Failed { failure, .. } => failure,
+            e => panic!("{e}"),
+        })
+    });
+    assert!(matches!(failure, Some(Failure::Overlap(x)) if x > 0.3 && x < 0.4), "{failure:?}");
+}
+
+/// Not a number is found at once, in the motion as in the packing.
+#[test]
+fn nan_is_an_error() {
+    let p = parameters(20.0e3, DENSE);
+    let mut element = element(&p);
+    assert!(element.advance(&Matrix2::new(0.0, f64::NAN, 0.0, 0.0)).is_err());
+    element.rve.packing.discs[17].u[1] = f64::NAN;
+    assert!(element.advance(&Matrix2::zeros()).is_err());
+}

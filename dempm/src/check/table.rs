@@ -1,0 +1,224 @@
+//! [`Needs`] as an aligned table.
+
+use std::fmt;
+
+use super::{COLLISIONAL, Needs};
+
+/// A line of the table: what, how much, and what it means.
+struct Row(&'static str, String, String);
+
+impl Needs {
+    fn sections(&self) -> Vec<(&'static str, Vec<Row>)> {
+        let percent = |part: f64| format!("{:.0} % of the limit", 100.0 * part);
+        let mut size = vec![
+            Row(
+                "material points",
+                grouped(self.points as f64),
+                format!("{} apart", quantity(self.spacing, "m")),
+            ),
+            Row(
+                "background grid",
+                format!("{} x {}", self.cells[0], self.cells[1]),
+                format!("cells of {}", quantity(self.cell, "m")),
+            ),
+        ];
+        let mut steps = vec![Row(
+            "macro step",
+            quantity(self.step, "s"),
+            format!("{} {}", percent(self.step / self.step_limit), quantity(self.step_limit, "s")),
+        )];
+        let mut state = vec![
+            Row("bulk density", format!("{:.0} kg/m³", self.density), String::new()),
+            Row(
+                "wave speed",
+                format!("{:.0} m/s", self.wave_speed),
+                "stiffest answer of the material".into(),
+            ),
+            Row(
+                "pressure at the base",
+                quantity(self.base_pressure, "Pa"),
+                format!("under {}", quantity(self.height, "m")),
+            ),
+        ];
+        let mut cost = Vec::new();
+        if let Some(rve) = &self.rve {
+            size.push(Row(
+                "discs",
+                grouped(self.points as f64 * rve.discs as f64),
+                format!(
+                    "{} in each RVE, {} different packing{}",
+                    rve.discs,
+                    rve.packings,
+                    if rve.packings == 1 { "" } else { "s" }
+                ),
+            ));
+            size.push(Row(
+                "side of an RVE",
+                quantity(rve.side, "m"),
+                format!(
+                    "{:.2} cells: a sample of the material, not a place in it",
+                    rve.side / self.cell
+                ),
+            ));
+            steps.push(Row(
+                "DEM step",
+                quantity(rve.step, "s"),
+                format!(
+                    "{} {}, {} in a macro step",
+                    percent(rve.step / rve.step_limit),
+                    quantity(rve.step_limit, "s"),
+                    rve.substeps
+                ),
+            ));
+            if rve.stiffness_number.is_finite() {
+                state.push(Row(
+                    "stiffness number there",
+                    format!("{:.0}", rve.stiffness_number),
+                    format!("overlaps about {:.2} % of a diameter", 100.0 / rve.stiffness_number),
+                ));
+            }
+            cost.push(Row(
+                "disc-steps",
+                format!("{:.2e}", rve.disc_steps),
+                format!("{:.2e} a second, measured now", rve.rate),
+            ));
+        }
+        state.push(Row(
+            "peak velocity",
+            format!("{:.1} m/s", self.peak_velocity),
+            "upper bound, free fall from the top".into(),
+        ));
+        if let Some(i) = self.inertial_number {
+            let regime = match i {
+                i if i < 1.0e-3 => "quasi-static",
+                i if i < COLLISIONAL => "dense flow",
+                _ => "collisional",
+            };
+            state.push(Row("inertial number", format!("{i:.1e}"), regime.into()));
+        }
+        if let Some(time) = self.collapse_time {
+            state.push(Row("time of a collapse", quantity(time, "s"), "3.2 sqrt(H / g)".into()));
+        }
+        if let Some([left, right]) = self.reach {
+            state.push(Row(
+                "reach of the material",
+                format!("{left:.1} to {right:.1} m"),
+                "columns of discs without walls".into(),
+            ));
+        }
+        steps.push(Row(
+            "steps",
+            grouped(self.steps as f64),
+            quantity(self.steps as f64 * self.step, "s"),
+        ));
+        steps.push(Row(
+            "frames",
+            grouped(self.frames as f64),
+            format!("one every {} steps, and the start", self.steps / self.frames.max(1)),
+        ));
+        cost.push(Row("memory", bytes(self.memory), "points and packings".into()));
+        cost.push(Row("trajectory", bytes(self.output), "before compression".into()));
+        cost.push(Row("time", duration(self.seconds), "estimate".into()));
+        vec![("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)]
+    }
+}
+
+impl fmt::Display for Needs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} ({}, material {})", self.title, self.name, self.material)?;
+        let sections = self.sections();
+        let rows = || sections.iter().flat_map(|(_, rows)| rows);
+        let width = |text: &str| text.chars().count();
+        let labels = rows().map(|row| width(row.0)).max().unwrap_or(0);
+        let values = rows().map(|row| width(&row.1)).max().unwrap_or(0);
+        for (heading, rows) in &sections {
+            writeln!(f, "\n{heading}")?;
+            for Row(label, value, note) in rows {
+                let line = format!("  {label:labels$}  {value:>values$}  {note}");
+                writeln!(f, "{}", line.trim_end())?;
+            }
+        }
+        if self.warnings.is_empty() {
+            return write!(f, "\nNothing to warn about.");
+        }
+        write!(f, "\nWarnings")?;
+        for warning in &self.warnings {
+            write!(f, "\n  - {warning}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Three or four significant digits with a prefix, such as `62.5 mm`.
+pub(super) fn quantity(value: f64, unit: &str) -> String {
+    const PREFIXES: [(f64, &str); 6] =
+        [(1.0e9, "G"), (1.0e6, "M"), (1.0e3, "k"), (1.0, ""), (1.0e-3, "m"), (1.0e-6, "µ")];
+    // Kilometres and kiloseconds are for nobody.
+    let usable = |scale: f64| unit == "Pa" || scale <= 1.0;
+    let fits = PREFIXES.iter().find(|(scale, _)| usable(*scale) && value >= 0.9995 * scale);
+    let (scale, prefix) = match fits {
+        Some(&fits) => fits,
+        None if value == 0.0 => (1.0, ""),
+        None => return format!("{value:.2e} {unit}"),
+    };
+    let digits = match value / scale {
+        x if x < 10.0 => 2,
+        x if x < 100.0 => 1,
+        _ => 0,
+    };
+    let number = format!("{:.digits$}", value / scale);
+    let number = if number.contains('.') {
+        number.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        &number
+    };
+    format!("{number} {prefix}{unit}")
+}
+
+/// A whole number with its thousands apart.
+fn grouped(number: f64) -> String {
+    let digits = format!("{number:.0}");
+    let mut text = String::new();
+    for (k, digit) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+fn bytes(number: f64) -> String {
+    match number {
+        n if n < 1.0e6 => format!("{:.0} kB", n / 1.0e3),
+        n if n < 1.0e9 => format!("{:.0} MB", n / 1.0e6),
+        n => format!("{:.1} GB", n / 1.0e9),
+    }
+}
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => "under a second".into(),
+        s if s < 100.0 => format!("{s:.0} s"),
+        s if s < 6000.0 => format!("{:.0} min", s / 60.0),
+        s if s < 100.0 * 3600.0 => format!("{:.1} h", s / 3600.0),
+        s => format!("{:.0} days", s / 86400.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_for_people() {
+        assert_eq!(quantity(0.0625, "m"), "62.5 mm");
+        assert_eq!(quantity(1.0e-4, "s"), "100 µs");
+        assert_eq!(quantity(65_512.0, "Pa"), "65.5 kPa");
+        assert_eq!(quantity(3.0, "m"), "3 m");
+        assert_eq!(quantity(120.0, "s"), "120 s");
+        assert_eq!(quantity(0.0, "Pa"), "0 Pa");
+        assert_eq!(grouped(921_600.0), "921 600");
+        assert_eq!((bytes(9.3e7), duration(2488.0)), ("93 MB".into(), "41 min".into()));
+    }
+}

@@ -1,0 +1,157 @@
+//! Arrays for numpy: a zip archive of `.npy` files under the names of the datasets.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+use super::ExportError;
+use crate::trajectory::{Field, Trajectory, write_atomically};
+
+/// Writes all arrays of a trajectory, frame by frame.
+pub(super) fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
+    write_atomically(output, |temporary| {
+        let at = ExportError::at(output);
+        let file = File::create(temporary).map_err(&at)?;
+        let mut archive = Archive(ZipWriter::new(BufWriter::new(file)));
+        write_static(trajectory, &mut archive).map_err(&at)?;
+        for field in trajectory.fields() {
+            write_field(trajectory, field, &mut archive, output)?;
+        }
+        let boxes = trajectory.boxes(0..trajectory.frames())?;
+        archive.array("boundary_boxes", boxes.shape(), boxes.iter().copied()).map_err(&at)?;
+        let mut file = archive.0.finish().map_err(io::Error::from).map_err(&at)?;
+        file.flush().map_err(&at)
+    })
+}
+
+fn write_static<W: Write + io::Seek>(
+    trajectory: &Trajectory,
+    archive: &mut Archive<W>,
+) -> io::Result<()> {
+    let (header, points) = (trajectory.header(), trajectory.points());
+    let vector = |archive: &mut Archive<W>, name: &str, values: &[f64]| {
+        archive.array(name, &[values.len()], values.iter().copied())
+    };
+    vector(archive, "time", trajectory.time())?;
+    vector(archive, "mass", &points.mass)?;
+    archive.array("column", &[points.column.len()], points.column.iter().copied())?;
+    vector(archive, "domain", &header.domain)?;
+    vector(archive, "gravity", &header.gravity)?;
+    archive.array(
+        "boundary_walls",
+        &[header.walls.len(), 4],
+        header.walls.as_flattened().iter().copied(),
+    )?;
+    for (name, values) in trajectory.budget() {
+        vector(archive, &format!("budget_{name}"), values)?;
+    }
+    Ok(())
+}
+
+fn write_field<W: Write + io::Seek>(
+    trajectory: &Trajectory,
+    field: Field,
+    archive: &mut Archive<W>,
+    output: &Path,
+) -> Result<(), ExportError> {
+    if Field::OPTIONAL.contains(&field) {
+        write_frames::<f32, W>(trajectory, field, archive, output)
+    } else {
+        write_frames::<f64, W>(trajectory, field, archive, output)
+    }
+}
+
+fn write_frames<T: Element + hdf5::H5Type, W: Write + io::Seek>(
+    trajectory: &Trajectory,
+    field: Field,
+    archive: &mut Archive<W>,
+    output: &Path,
+) -> Result<(), ExportError> {
+    let at = ExportError::at(output);
+    let shape = field.shape(trajectory.frames(), trajectory.points().mass.len());
+    archive.begin::<T>(field.name(), &shape).map_err(&at)?;
+    for index in 0..trajectory.frames() {
+        let frame = trajectory.field::<T>(field, index..index + 1)?;
+        archive.values(frame.iter().flatten().copied()).map_err(&at)?;
+    }
+    Ok(())
+}
+
+/// A number as numpy stores it.
+trait Element: Copy {
+    /// Its name: little-endian, kind, size.
+    const DESCRIPTION: &'static str;
+    fn append_to(self, bytes: &mut Vec<u8>);
+}
+
+macro_rules! element {
+    ($($number:ty => $description:literal),*) => {$(
+        impl Element for $number {
+            const DESCRIPTION: &'static str = $description;
+            fn append_to(self, bytes: &mut Vec<u8>) {
+                bytes.extend_from_slice(&self.to_le_bytes());
+            }
+        }
+    )*};
+}
+element!(f64 => "<f8", f32 => "<f4", u32 => "<u4");
+
+struct Archive<W: Write + io::Seek>(ZipWriter<W>);
+
+impl<W: Write + io::Seek> Archive<W> {
+    fn array<T: Element>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: impl Iterator<Item = T>,
+    ) -> io::Result<()> {
+        self.begin::<T>(name, shape)?;
+        self.values(values)
+    }
+
+    /// Begins an array: the header of the `.npy` format, version 1.0.
+    fn begin<T: Element>(&mut self, name: &str, shape: &[usize]) -> io::Result<()> {
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Deflated)
+            .large_file(true);
+        self.0.start_file(format!("{name}.npy"), options)?;
+        self.0.write_all(&npy_header(T::DESCRIPTION, shape))
+    }
+
+    fn values<T: Element>(&mut self, values: impl Iterator<Item = T>) -> io::Result<()> {
+        let mut bytes = Vec::new();
+        for value in values {
+            value.append_to(&mut bytes);
+        }
+        self.0.write_all(&bytes)
+    }
+}
+
+/// The header, padded with spaces so that the data begin at a multiple of 64 bytes.
+fn npy_header(description: &str, shape: &[usize]) -> Vec<u8> {
+    let sizes: String = shape.iter().map(|size| format!("{size},")).collect();
+    let mut text =
+        format!("{{'descr': '{description}', 'fortran_order': False, 'shape': ({sizes}), }}");
+    // 6 bytes of magic, 2 of version, 2 of length, the text and its final newline.
+    let unpadded = 10 + text.len() + 1;
+    text.push_str(&" ".repeat(unpadded.next_multiple_of(64) - unpadded));
+    text.push('\n');
+    let mut header = b"\x93NUMPY\x01\x00".to_vec();
+    // At most a few hundred bytes, whatever the shape.
+    header.extend_from_slice(&(text.len() as u16).to_le_bytes());
+    header.extend_from_slice(text.as_bytes());
+    header
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn headers_are_aligned() {
+        let header = super::npy_header("<f8", &[301, 2304, 2]);
+        assert_eq!(header.len() % 64, 0);
+        assert!(header.ends_with(b" \n"));
+    }
+}

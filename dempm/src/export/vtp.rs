@@ -1,0 +1,114 @@
+//! VTK's XML files: one `.vtp` of points a frame and a `.pvd` that gives them their times.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use super::ExportError;
+use crate::trajectory::{Field, Frame, Points, Trajectory, write_atomically};
+
+/// Writes `output` (.pvd) and the folder of its frames beside it, `NAME_frames`.
+pub(super) fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    let folder = format!("{stem}_frames");
+    let mut series = String::from(
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n",
+    );
+    for (index, time) in trajectory.time().iter().enumerate() {
+        let name = format!("{folder}/{index:05}.vtp");
+        let frame = vtp(&trajectory.frame(index)?, trajectory.points());
+        put(&output.with_file_name(&name), &frame)?;
+        // Writing to a string cannot fail.
+        let _ = writeln!(series, "<DataSet timestep=\"{time}\" file=\"{}\"/>", escape(&name));
+    }
+    series.push_str("</Collection>\n</VTKFile>\n");
+    // Last, so that a series is never there without its frames.
+    put(output, series.as_bytes())
+}
+
+fn put(path: &Path, bytes: &[u8]) -> Result<(), ExportError> {
+    write_atomically(path, |temporary| fs::write(temporary, bytes).map_err(ExportError::at(path)))
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+/// A frame as a `.vtp` file: XML that describes arrays, then the arrays as raw bytes.
+fn vtp(frame: &Frame, points: &Points) -> Vec<u8> {
+    let count = frame.position.len();
+    let mut file = Vtp::default();
+    file.open("PointData");
+    file.array("velocity", "Float64", 3, in_space(&frame.velocity));
+    if let Some(stress) = &frame.stress {
+        let tensor = |&[xx, xy, yx, yy]: &[f32; 4]| [xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 0.0];
+        let bytes = stress.iter().flat_map(tensor).flat_map(f32::to_le_bytes).collect();
+        file.array("stress", "Float32", 9, bytes);
+    }
+    for field in Field::OPTIONAL {
+        if let Some(values) = frame.scalar(field) {
+            let bytes = values.iter().copied().flat_map(f32::to_le_bytes).collect();
+            file.array(field.name(), "Float32", 1, bytes);
+        }
+    }
+    file.array("mass", "Float64", 1, points.mass.iter().flat_map(|m| m.to_le_bytes()).collect());
+    file.array("column", "UInt32", 1, points.column.iter().flat_map(|c| c.to_le_bytes()).collect());
+    file.close("PointData");
+    file.open("Points");
+    file.array("position", "Float64", 3, in_space(&frame.position));
+    file.close("Points");
+    file.open("Verts");
+    let indices = |first: u64| (first..first + count as u64).flat_map(u64::to_le_bytes).collect();
+    file.array("connectivity", "Int64", 1, indices(0));
+    file.array("offsets", "Int64", 1, indices(1));
+    file.close("Verts");
+    file.finish(count)
+}
+
+/// Vectors of the plane in space.
+fn in_space(vectors: &[[f64; 2]]) -> Vec<u8> {
+    vectors.iter().flat_map(|&[x, y]| [x, y, 0.0]).flat_map(f64::to_le_bytes).collect()
+}
+
+#[derive(Default)]
+struct Vtp {
+    xml: String,
+    data: Vec<u8>,
+}
+
+impl Vtp {
+    fn open(&mut self, tag: &str) {
+        let _ = writeln!(self.xml, "<{tag}>");
+    }
+
+    fn close(&mut self, tag: &str) {
+        let _ = writeln!(self.xml, "</{tag}>");
+    }
+
+    /// Names an array in the XML and appends its length and bytes to the data.
+    fn array(&mut self, name: &str, kind: &str, components: usize, bytes: Vec<u8>) {
+        let _ = writeln!(
+            self.xml,
+            "<DataArray Name=\"{name}\" type=\"{kind}\" NumberOfComponents=\"{components}\" \
+             format=\"appended\" offset=\"{}\"/>",
+            self.data.len()
+        );
+        self.data.extend_from_slice(&(bytes.len() as u64).to_le_bytes());
+        self.data.extend(bytes);
+    }
+
+    fn finish(self, points: usize) -> Vec<u8> {
+        let mut file = format!(
+            "<?xml version=\"1.0\"?>\n\
+             <VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" \
+             header_type=\"UInt64\">\n<PolyData>\n\
+             <Piece NumberOfPoints=\"{points}\" NumberOfVerts=\"{points}\">\n\
+             {}</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_",
+            self.xml
+        )
+        .into_bytes();
+        file.extend(self.data);
+        file.extend_from_slice(b"\n</AppendedData>\n</VTKFile>\n");
+        file
+    }
+}

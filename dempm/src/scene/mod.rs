@@ -1,0 +1,94 @@
+//! Scene files: what to simulate, as TOML that a person can read and change.
+//!
+//! `docs/scenes.md` describes every key. Reading goes in two passes, each of which reports all it
+//! finds: first keys, types and limits one by one, then what involves several keys (geometry,
+//! steps).
+
+mod convert;
+mod estimate;
+mod geometry;
+mod log;
+mod model;
+mod parameters;
+mod points;
+mod problem;
+mod range;
+mod read;
+mod reader;
+mod stability;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+pub use estimate::{COORDINATION, COURANT, CROSSING, SOLID_FRACTION};
+pub use model::{
+    Column, Domain, Elastic, InitialStress, Material, Obstacle, Plate, Precision, Rectangle, Rve,
+    Scene,
+};
+pub use points::Points;
+pub use problem::{Problem, Problems, SceneError};
+
+use log::Log;
+use miette::Severity;
+
+impl Scene {
+    /// Reads and validates a scene file.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is not a valid scene; all problems found are in the error.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, &path.to_string_lossy())
+    }
+
+    /// Validates the text of a scene; `name` stands for it in messages.
+    ///
+    /// # Errors
+    /// If it is not a valid scene; all problems found are in the error.
+    pub fn parse(text: &str, name: &str) -> Result<Self, SceneError> {
+        let log = Log::default();
+        let invalid = |problems| SceneError::Invalid(Box::new(Problems::new(name, text, problems)));
+        let document = read::parse(&log, text);
+        let problems = log.take();
+        if !problems.is_empty() {
+            return Err(invalid(problems));
+        }
+        let mut scene = read::read(&log, &document, name, text);
+        let problems = log.take();
+        if !problems.is_empty() {
+            return Err(invalid(problems));
+        }
+        geometry::validate(&scene, &log);
+        stability::validate(&scene, &log);
+        let problems = log.take();
+        if problems.iter().any(|problem| problem.severity == Severity::Error) {
+            return Err(invalid(problems));
+        }
+        scene.warnings = problems;
+        Ok(scene)
+    }
+
+    /// The warnings as one report with the places in the file; `None` if there are none.
+    pub fn warning_report(&self) -> Option<miette::Report> {
+        let warnings = self.warnings.clone();
+        (!warnings.is_empty()).then(|| Problems::new(&self.name, &self.text, warnings).into())
+    }
+
+    /// Macro steps of the whole run.
+    pub fn steps(&self) -> usize {
+        self.frames() * self.steps_per_frame()
+    }
+
+    /// Macro steps between two frames.
+    pub fn steps_per_frame(&self) -> usize {
+        (self.frame_interval / self.step).round() as usize
+    }
+
+    /// Frames after the initial one; frame `k` is at `k * frame_interval`.
+    pub fn frames(&self) -> usize {
+        (self.duration / self.frame_interval).round() as usize
+    }
+}

@@ -1,0 +1,78 @@
+//! Limits of numbers, and how they are told to people.
+
+/// The numbers a key may have. Limits are wide: they keep out what can only be a wrong unit or a
+/// slip of the finger, and numbers that would overflow.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    low: f64,
+    low_included: bool,
+    high: f64,
+    unit: &'static str,
+    hint: &'static str,
+    example: f64,
+}
+
+/// Above zero and at most `high`.
+pub(super) const fn positive(high: f64, unit: &'static str) -> Limits {
+    Limits { low: 0.0, low_included: false, high, unit, hint: "", example: high }
+}
+
+/// From `low` to `high`, both included.
+pub(super) const fn between(low: f64, high: f64, unit: &'static str) -> Limits {
+    Limits { low, low_included: true, high, unit, hint: "", example: high }
+}
+
+/// Zero or more, at most `high`.
+pub(super) const fn from_zero(high: f64, unit: &'static str) -> Limits {
+    between(0.0, high, unit)
+}
+
+/// Of either sign, at most `high` in size.
+pub(super) const fn within(high: f64, unit: &'static str) -> Limits {
+    between(-high, high, unit)
+}
+
+impl Limits {
+    /// What helps when a number is outside.
+    pub const fn with_hint(mut self, hint: &'static str) -> Self {
+        self.hint = hint;
+        self
+    }
+
+    /// A sensible number, shown when one is missing.
+    pub const fn with_example(mut self, example: f64) -> Self {
+        self.example = example;
+        self
+    }
+
+    pub fn hint(&self) -> &'static str {
+        self.hint
+    }
+
+    pub fn example(&self) -> f64 {
+        self.example
+    }
+
+    /// Says what numbers are allowed if `number` is not among them (NaN never is).
+    pub fn check(&self, number: f64) -> Result<(), String> {
+        let above = if self.low_included { number >= self.low } else { number > self.low };
+        if above && number <= self.high { Ok(()) } else { Err(self.to_string()) }
+    }
+
+    /// As the type that a key has.
+    pub fn a_number(&self) -> String {
+        if self.unit.is_empty() { "a number".into() } else { format!("a number ({})", self.unit) }
+    }
+}
+
+impl std::fmt::Display for Limits {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { low, high, .. } = self;
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        if self.low_included {
+            write!(f, "must be from {low} to {high}{unit}")
+        } else {
+            write!(f, "must be above {low} and at most {high}{unit}")
+        }
+    }
+}

@@ -1,0 +1,230 @@
+//! The schema: every key of a scene file with its default and limits.
+
+use mpm::{Basis, Friction, Numerics, Scheme, Transfer, Walls};
+use toml::de::DeTable;
+
+use super::log::Log;
+use super::model::{
+    Column, Domain, InitialStress, Material, Obstacle, Plate, Precision, Rectangle, Rve, Scene,
+};
+use super::parameters;
+use super::problem::Problem;
+use super::range::{Limits, between, from_zero, positive, within};
+use super::reader::Table;
+use crate::trajectory::Field;
+
+/// Longer than any domain that two dimensions of grains make sense for.
+const LENGTH: f64 = 1.0e5;
+const POSITION: Limits = within(LENGTH, "m").with_example(0.0);
+const SIZE: Limits = positive(LENGTH, "m").with_example(1.0);
+const SPEED: Limits = within(1.0e3, "m/s");
+const COULOMB: Limits =
+    from_zero(10.0, "").with_example(0.5).with_hint("a Coulomb friction coefficient, such as 0.5");
+
+/// Parses the text; problems of the syntax are reported to the log.
+pub(super) fn parse<'a>(log: &Log, text: &'a str) -> DeTable<'a> {
+    let (document, errors) = DeTable::parse_recoverable(text);
+    for error in errors {
+        log.report(
+            Problem::error("this is not valid TOML")
+                .at(error.span(), error.message())
+                .help("a line is a [table], a [[list of tables]], or `key = value`"),
+        );
+    }
+    document.into_inner()
+}
+
+/// Reads a document. The scene is only meaningful if the log has no problem afterwards.
+pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) -> Scene {
+    let root = Table::root(log, document);
+    let (material, initial_stress) = material(log, &root);
+    let scene = Scene {
+        name: name.to_owned(),
+        text: text.to_owned(),
+        title: root.text("title", stem(name)),
+        seed: root.integer("seed", 1, between(0.0, u32::MAX as f64, "")),
+        gravity: root.vector("gravity", Some([0.0, -9.81]), within(1.0e3, "m/s²")),
+        duration: root.number("duration", None, positive(1.0e5, "s").with_example(3.0)),
+        step: root.number(
+            "step",
+            Some(1.0e-4),
+            positive(1.0, "s").with_hint("seconds: 0.1 ms is 1.0e-4"),
+        ),
+        frame_interval: root.number("frame_interval", Some(0.01), positive(1.0e5, "s")),
+        domain: domain(&root),
+        columns: columns(&root),
+        obstacles: root.tables("obstacle", |table| {
+            let obstacle = Obstacle {
+                place: rectangle(&table, None),
+                faces: faces(&table, "faces", BOX_FACES),
+            };
+            table.finish();
+            obstacle
+        }),
+        plate: plate(&root),
+        material,
+        initial_stress,
+        numerics: numerics(&root),
+        fields: output(&root),
+        warnings: Vec::new(),
+    };
+    root.finish();
+    scene
+}
+
+/// The file name without folder and ending.
+fn stem(name: &str) -> &str {
+    let file = name.rsplit(['/', '\\']).next().unwrap_or(name);
+    file.strip_suffix(".toml").unwrap_or(file)
+}
+
+fn domain(root: &Table<'_>) -> Domain {
+    if !root.has("domain") {
+        root.missing("[domain]", "[domain] and below it size = [10.0, 10.0]");
+    }
+    let table = root.table("domain");
+    let domain = Domain {
+        size: table.vector("size", None, SIZE),
+        cell: table.number("cell", Some(0.125), positive(LENGTH, "m")),
+        points_per_cell: table.integer("points_per_cell", 2, between(1.0, 8.0, "points")) as usize,
+        walls: faces(&table, "walls", WALLS),
+    };
+    table.finish();
+    domain
+}
+
+fn columns(root: &Table<'_>) -> Vec<Column> {
+    if !root.has("column") {
+        root.missing("[[column]]", "[[column]] and below it size = [3.0, 3.0]");
+    }
+    root.tables("column", |table| {
+        let column = Column {
+            place: rectangle(&table, Some([0.0, 0.0])),
+            velocity: table.vector("velocity", Some([0.0, 0.0]), SPEED),
+        };
+        table.finish();
+        column
+    })
+}
+
+fn plate(root: &Table<'_>) -> Option<Plate> {
+    let table = root.table("plate");
+    let plate = Plate {
+        place: rectangle(&table, None),
+        velocity: table.vector("velocity", None, SPEED.with_example(-0.1)),
+        start: table.number("start", Some(0.0), from_zero(1.0e5, "s")),
+        faces: faces(&table, "faces", BOX_FACES),
+    };
+    let given = table.is_given();
+    table.finish();
+    given.then_some(plate)
+}
+
+fn rectangle(table: &Table<'_>, corner: Option<[f64; 2]>) -> Rectangle {
+    Rectangle {
+        corner: table.vector("corner", corner, POSITION),
+        size: table.vector("size", None, SIZE),
+    }
+}
+
+/// The walls of the domain: a floor with friction in a smooth box.
+const WALLS: Walls = Walls {
+    left: Friction::Slip,
+    right: Friction::Slip,
+    bottom: Friction::Coulomb(0.5),
+    top: Friction::Slip,
+};
+/// Obstacles and plates: the friction of the floor on top and bottom, smooth sides.
+const BOX_FACES: Walls = Walls { top: Friction::Coulomb(0.5), ..WALLS };
+
+fn faces(parent: &Table<'_>, key: &str, default: Walls) -> Walls {
+    let table = parent.table(key);
+    let words = [("slip", Friction::Slip), ("stick", Friction::Stick)];
+    let face =
+        |key, default| table.word_or_number(key, default, &words, Friction::Coulomb, COULOMB);
+    let faces = Walls {
+        left: face("left", default.left),
+        right: face("right", default.right),
+        bottom: face("bottom", default.bottom),
+        top: face("top", default.top),
+    };
+    table.finish();
+    faces
+}
+
+fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
+    /// What `kind` says; the parameters are in a table of their own.
+    #[derive(Clone, Copy)]
+    enum Kind {
+        Rve,
+        MuI,
+        Elastic,
+    }
+    let table = root.table("material");
+    let kinds = [("rve", Kind::Rve), ("mu-i", Kind::MuI), ("elastic", Kind::Elastic)];
+    let kind = table.choice("kind", Some(Kind::Rve), &kinds);
+    let packings = table.integer("packings", 1, between(1.0, 1024.0, "packings")) as usize;
+    let precisions = [("f32", Precision::F32), ("f64", Precision::F64)];
+    let precision = table.choice("precision", Some(Precision::F32), &precisions);
+    let stresses = [("ladder", InitialStress::Ladder), ("none", InitialStress::None)];
+    let initial_stress = table.choice("initial_stress", Some(InitialStress::Ladder), &stresses);
+    table.finish();
+
+    // All tables are read, so that one scene can hold several materials and choose by `kind`.
+    let rve = parameters::read(log, root.table("rve"));
+    let mu_i = parameters::read(log, root.table("mu-i"));
+    let elastic = parameters::read(log, root.table("elastic"));
+    let material = match kind {
+        Kind::Rve => Material::Rve(Rve { parameters: rve, packings, precision }),
+        Kind::MuI => Material::MuI(mu_i),
+        Kind::Elastic => Material::Elastic(elastic),
+    };
+    (material, initial_stress)
+}
+
+fn numerics(root: &Table<'_>) -> Numerics {
+    let table = root.table("numerics");
+    let bases = [
+        ("quadratic", Basis::Quadratic),
+        ("gimp", Basis::Gimp),
+        ("cubic", Basis::Cubic),
+        ("linear", Basis::Linear),
+    ];
+    let schemes = [("musl", Scheme::Musl), ("usl", Scheme::Usl), ("usf", Scheme::Usf)];
+    // Rates are the defaults of `relaxation`: quiet and converged in the step for FLIP towards
+    // APIC; FLIP towards PIC is viscous, hence a rate that leaves a collapse free to flow.
+    let transfers = [
+        ("flip-apic", Transfer::FlipApic { rate: 500.0 }),
+        ("flip", Transfer::Flip { rate: 1.0 }),
+        ("apic", Transfer::Apic),
+        ("pic", Transfer::Pic),
+    ];
+    let mut transfer = table.choice("transfer", Some(transfers[0].1), &transfers);
+    let rate_limits = from_zero(1.0e9, "1/s");
+    match &mut transfer {
+        Transfer::FlipApic { rate } | Transfer::Flip { rate } => {
+            *rate = table.number("relaxation", Some(*rate), rate_limits);
+        }
+        Transfer::Apic | Transfer::Pic => {
+            table.number("relaxation", Some(0.0), rate_limits);
+        }
+    }
+    let numerics = Numerics {
+        basis: table.choice("basis", Some(Basis::Quadratic), &bases),
+        scheme: table.choice("scheme", Some(Scheme::Musl), &schemes),
+        transfer,
+        cell_average_volumetric: table.boolean("cell_average", false),
+        ..Numerics::default()
+    };
+    table.finish();
+    numerics
+}
+
+fn output(root: &Table<'_>) -> Vec<Field> {
+    let table = root.table("output");
+    let options = Field::ALL.map(|field| (field.name(), field));
+    let chosen = table.choices("fields", &Field::OPTIONAL, &options);
+    table.finish();
+    // Positions and velocities are in every trajectory; naming them is allowed and changes nothing.
+    Field::OPTIONAL.into_iter().filter(|field| chosen.contains(field)).collect()
+}

@@ -1,0 +1,183 @@
+//! Whether steps fit each other and the physics: frames, waves, velocities, discs.
+
+use mpm::{Basis, Transfer};
+
+use super::estimate::{COURANT, CROSSING};
+use super::geometry::whole;
+use super::log::Log;
+use super::model::{Material, Rve, Scene};
+use super::problem::Problem;
+
+/// More DEM steps than this in one macro step can only be a mistake.
+const MAX_SUBSTEPS: f64 = 1.0e4;
+/// More macro steps than this do not end.
+const MAX_STEPS: f64 = 1.0e10;
+
+pub(super) fn validate(scene: &Scene, log: &Log) {
+    // What follows from an impossible step would only hide it.
+    if step(scene, log) {
+        frames(scene, log);
+        transfer(scene, log);
+    }
+    if let Material::Rve(rve) = &scene.material {
+        discs(scene, rve, log);
+    }
+}
+
+fn frames(scene: &Scene, log: &Log) {
+    let Scene { duration, step, frame_interval, .. } = *scene;
+    let steps = frame_interval / step;
+    if whole(steps).is_none_or(|n| n == 0) {
+        let near = steps.round().max(1.0) * step;
+        log.report(
+            Problem::error("a frame is not a whole number of steps")
+                .at(log.place("frame_interval"), format!("{steps:.6} steps of {step:?} s"))
+                .at(log.place("step"), "the step")
+                .help(format!("nearest: frame_interval = {near:?}")),
+        );
+    }
+    let frames = duration / frame_interval;
+    if whole(frames).is_none_or(|n| n == 0) {
+        let near = frames.round().max(1.0) * frame_interval;
+        log.report(
+            Problem::error("the duration is not a whole number of frames")
+                .at(log.place("duration"), format!("{frames:.6} frames of {frame_interval:?} s"))
+                .at(log.place("frame_interval"), "time between frames")
+                .help(format!("nearest: duration = {near:?}")),
+        );
+    }
+    if duration / step > MAX_STEPS {
+        log.report(
+            Problem::error(format!("{:.3e} steps are too many", duration / step))
+                .at(log.place("duration"), "seconds")
+                .at(log.place("step"), "seconds"),
+        );
+    }
+}
+
+/// Whether the step is stable for waves; points that start too fast are reported too.
+fn step(scene: &Scene, log: &Log) -> bool {
+    let speed = scene.material.wave_speed();
+    let limit = scene.step_limit();
+    let cell = scene.domain.cell;
+    let stable = scene.step <= limit;
+    if !stable {
+        let mut help = format!(
+            "seconds; at most {COURANT} of the time that a wave needs through a cell: {limit:.1e} s"
+        );
+        if let Material::Rve(rve) = &scene.material {
+            help += &format!(
+                ". The DEM takes steps of {:.1e} s within each macro step; 1.0e-4 s is usual",
+                rve.parameters.step()
+            );
+        }
+        log.report(
+            Problem::error(format!("step = {} s is unstable", scene.step))
+                .at(
+                    log.place("step").or(log.place("domain.cell")),
+                    format!(
+                        "waves travel at {speed:.0} m/s and cross a cell of {cell} m in {:.1e} s",
+                        cell / speed
+                    ),
+                )
+                .help(help),
+        );
+    }
+    let bodies = scene.columns.iter().enumerate();
+    let columns = bodies.map(|(k, column)| (format!("column[{k}].velocity"), column.velocity));
+    let plate = scene.plate.iter().map(|plate| ("plate.velocity".to_owned(), plate.velocity));
+    for (path, [u, v]) in columns.chain(plate) {
+        let moved = u.hypot(v) * scene.step / cell;
+        if moved > CROSSING {
+            log.report(
+                Problem::error(format!("{:.4} m/s is too fast for the step", u.hypot(v)))
+                    .at(log.place(&path), format!("{moved:.2} cells in one step"))
+                    .help(format!(
+                        "m/s; at most {CROSSING} cells a step: {:.4} m/s with this step, or a shorter step",
+                        CROSSING * cell / scene.step
+                    )),
+            );
+        }
+    }
+    stable
+}
+
+fn transfer(scene: &Scene, log: &Log) {
+    if let Transfer::FlipApic { rate } | Transfer::Flip { rate } = scene.numerics.transfer
+        && rate * scene.step > 1.0
+    {
+        log.report(
+            Problem::error(format!("relaxation = {rate} is faster than one step"))
+                .at(log.place("numerics.relaxation"), "1/s")
+                .help(format!(
+                    "a rate per second, at most 1 / step = {}; transfer = \"apic\" or \"pic\" is \
+                     the limit",
+                    1.0 / scene.step
+                )),
+        );
+    }
+    if scene.numerics.basis == Basis::Linear {
+        log.report(
+            Problem::warning("linear basis functions are for tests only")
+                .at(log.place("numerics.basis"), "forces jump when a point crosses a cell face")
+                .help("no fixed step is safe with them; \"quadratic\" is the default"),
+        );
+    }
+}
+
+fn discs(scene: &Scene, rve: &Rve, log: &Log) {
+    let p = &rve.parameters;
+    let place = |key: &str| log.place(&format!("rve.{key}"));
+    if p.radius_min > p.radius_max {
+        log.report(
+            Problem::error("the smallest radius is larger than the largest")
+                .at(place("radius_min"), format!("radius_min = {} m", p.radius_min))
+                .at(place("radius_max"), format!("radius_max = {} m", p.radius_max))
+                .help(
+                    "radii are uniform between radius_min and radius_max; equal radii are allowed",
+                ),
+        );
+        return;
+    }
+    // In a narrower cell a disc meets several images of a neighbour even before it deforms.
+    let needed = 2.0 * (2.0 + p.skin) * p.radius_max;
+    if rve.side() < needed {
+        let discs = (p.discs as f64 * (needed / rve.side()).powi(2)).ceil();
+        log.report(
+            Problem::error(format!("{} discs are too few", p.discs))
+                .at(
+                    place("discs").or(place("radius_max")),
+                    format!(
+                        "the RVE is {:.3} m wide; discs that see each other need {needed:.3} m",
+                        rve.side()
+                    ),
+                )
+                .help(format!("at least {discs} discs of these radii; 400 is usual")),
+        );
+    } else if p.discs < 100 {
+        log.report(
+            Problem::warning(format!("{} discs make a noisy material", p.discs))
+                .at(place("discs"), "the stress ratio scatters by about 0.7 / sqrt(discs)")
+                .help("200 are enough for a look, 400 for results"),
+        );
+    }
+    if p.overlap_limit < p.overlap_warning {
+        log.report(
+            Problem::warning("the run ends at a smaller overlap than it would warn at")
+                .at(place("overlap_limit"), "overlap_limit")
+                .at(place("overlap_warning"), "overlap_warning")
+                .help("overlap_limit is normally the larger one"),
+        );
+    }
+    let substeps = scene.step / p.step();
+    if substeps > MAX_SUBSTEPS {
+        log.report(
+            Problem::error(format!("{substeps:.3e} DEM steps in a macro step are too many"))
+                .at(
+                    place("radius_min").or(place("normal_stiffness")),
+                    format!("the DEM step is {:.1e} s with these discs and stiffnesses", p.step()),
+                )
+                .help("check the units: radii in m, stiffnesses in N/m, step in s"),
+        );
+    }
+}

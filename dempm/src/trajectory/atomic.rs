@@ -1,0 +1,93 @@
+//! Files that are written whole or not at all.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A file that could not be written; the file that stood there before, if any, is untouched.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[error("{}: cannot {action}", path.display())]
+pub struct WriteError {
+    /// The file that was to be written.
+    pub path: PathBuf,
+    /// What failed.
+    pub action: &'static str,
+    /// Why.
+    pub source: io::Error,
+}
+
+impl From<WriteError> for io::Error {
+    fn from(error: WriteError) -> Self {
+        io::Error::new(error.source.kind(), error)
+    }
+}
+
+/// Writes `path` through a temporary neighbour, so that whoever opens `path` finds either the old
+/// file or the complete new one.
+///
+/// `fill` receives the path `NAME.tmp` in the same directory (missing directories are made) and
+/// must leave a closed file there. That file is flushed to the disk and renamed to `path`. If
+/// `fill` fails, its file is removed and its error returned. A `NAME.tmp` left by a killed process
+/// is overwritten by the next one.
+pub fn write_atomically<T, E: From<WriteError>>(
+    path: &Path,
+    fill: impl FnOnce(&Path) -> Result<T, E>,
+) -> Result<T, E> {
+    let failed = |action| move |source| WriteError { path: path.to_owned(), action, source };
+    let directory = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    fs::create_dir_all(directory).map_err(failed("make its directory"))?;
+
+    let temporary = temporary_name(path);
+    let value = fill(&temporary).inspect_err(|_| {
+        // The error that matters is the one of `fill`.
+        let _ = fs::remove_file(&temporary);
+    })?;
+    // Without the first flush a power cut could leave the new name with old or no contents;
+    // without the second one the new name itself could be lost.
+    File::open(&temporary)
+        .and_then(|file| file.sync_all())
+        .map_err(failed("flush it to the disk"))?;
+    fs::rename(&temporary, path).map_err(failed("give it its name"))?;
+    #[cfg(unix)]
+    File::open(directory)
+        .and_then(|directory| directory.sync_all())
+        .map_err(failed("flush its directory to the disk"))?;
+    Ok(value)
+}
+
+/// `NAME.tmp` beside `NAME`: a rename is atomic only within one file system.
+fn temporary_name(path: &Path) -> PathBuf {
+    let mut name = path.file_name().map_or_else(OsString::new, OsString::from);
+    name.push(".tmp");
+    path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failure_leaves_the_old_file_and_no_temporary_one() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("new/kept.txt");
+        write_atomically::<_, io::Error>(&path, |tmp| fs::write(tmp, "old")).unwrap();
+        let failure: Result<(), io::Error> = write_atomically(&path, |tmp| {
+            fs::write(tmp, "half of the ne")?;
+            Err(io::Error::other("disk full"))
+        });
+        assert_eq!(failure.unwrap_err().to_string(), "disk full");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn the_error_names_the_file() {
+        let failure: Result<(), WriteError> =
+            write_atomically(Path::new("/proc/nowhere/file"), |_| Ok(()));
+        assert!(failure.unwrap_err().to_string().contains("/proc/nowhere/file"));
+    }
+}

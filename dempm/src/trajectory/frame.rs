@@ -1,0 +1,65 @@
+//! What is recorded of the material: the points once, a frame at every frame interval.
+
+use std::collections::BTreeMap;
+
+/// Properties of the material points that never change. All arrays have one entry a point.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    /// Mass per metre out of plane, kg/m.
+    pub mass: Vec<f64>,
+    /// The column (or other body of the scene) that a point belongs to.
+    pub column: Vec<u32>,
+}
+
+/// The state at one time. Arrays over points have one entry a point, in the order of [`Points`].
+///
+/// Optional fields and the keys of `budget` are decided by the first frame of a trajectory; every
+/// later frame has the same.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frame {
+    /// Physical time, s.
+    pub time: f64,
+    /// Positions, m.
+    pub position: Vec<[f64; 2]>,
+    /// Velocities, m/s.
+    pub velocity: Vec<[f64; 2]>,
+    /// In-plane Cauchy stress (xx, xy, yx, yy), Pa, tension positive.
+    pub stress: Option<Vec<[f32; 4]>>,
+    /// Area of grains over area of the packing.
+    pub solid_fraction: Option<Vec<f32>>,
+    /// Mean number of contacts a grain.
+    pub coordination: Option<Vec<f32>>,
+    /// Inertial number, shear rate times grain size times sqrt(density / pressure).
+    pub inertial_number: Option<Vec<f32>>,
+    /// Obstacles, plates and gates as (x min, y min, x max, y max), m. Always the same number in
+    /// the same order; one that is absent at this time (a lifted gate) is NaN.
+    pub boxes: Vec<[f64; 4]>,
+    /// Scalars of the whole scene, such as `kinetic_energy` (J/m), `front` or `max_height` (m).
+    pub budget: BTreeMap<String, f64>,
+}
+
+/// What has to be the same in all frames of a trajectory.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct FrameShape {
+    /// Dataset names of the optional fields, in the order of [`super::Field::OPTIONAL`].
+    pub fields: Vec<&'static str>,
+    /// Number of boxes.
+    pub boxes: usize,
+    /// Names of the scalars.
+    pub budget: Vec<String>,
+}
+
+impl FrameShape {
+    /// Says how `other` differs, if it does.
+    pub fn difference(&self, other: &Self) -> Option<String> {
+        if self.fields != other.fields {
+            Some(format!("fields {:?}, expected {:?}", other.fields, self.fields))
+        } else if self.boxes != other.boxes {
+            Some(format!("{} boxes, expected {}", other.boxes, self.boxes))
+        } else if self.budget != other.budget {
+            Some(format!("scalars {:?}, expected {:?}", other.budget, self.budget))
+        } else {
+            None
+        }
+    }
+}

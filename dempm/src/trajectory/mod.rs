@@ -1,0 +1,25 @@
+//! The trajectory file: everything a run leaves behind, in one HDF5 file.
+//!
+//! A trajectory is written by [`TrajectoryWriter`] and read by [`Trajectory`]; `docs/formats.md`
+//! lists its datasets and attributes. Three promises hold at any moment, also after `kill -9`:
+//! the file under its own name is complete and readable, it holds whole frames only, and a resumed
+//! run continues it as though it had never stopped.
+
+mod atomic;
+mod clock;
+mod error;
+mod frame;
+mod header;
+mod layout;
+mod reader;
+mod vtk;
+mod writer;
+
+pub use atomic::{WriteError, write_atomically};
+pub use clock::utc_now;
+pub use error::{Result, TrajectoryError};
+pub use frame::{Frame, Points};
+pub use header::Header;
+pub use layout::{FORMAT, FORMAT_VERSION, Field};
+pub use reader::Trajectory;
+pub use writer::TrajectoryWriter;

@@ -1,0 +1,407 @@
+//! Reading a trajectory, frame by frame or a window at a time.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use hdf5::{Dataset, File, H5Type};
+use ndarray::{Array3, ArrayD};
+
+use super::error::{Result, TrajectoryError};
+use super::frame::{Frame, Points};
+use super::header::{Header, read_all, read_scalar, read_text};
+use super::layout::{
+    BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS,
+    frame_selection, unlocked,
+};
+
+/// Deflate makes data at most 1032 times smaller. A file that claims more is damaged, and asking
+/// for that much memory would end the program instead of giving an error.
+const MOST_COMPRESSION: u64 = 1100;
+
+/// A trajectory file, open for reading. Header, points and times are in memory; frames are read
+/// when asked for, and only those.
+#[derive(Debug)]
+pub struct Trajectory {
+    path: PathBuf,
+    file: File,
+    header: Header,
+    points: Points,
+    time: Vec<f64>,
+    status: String,
+    wall_time: BTreeMap<String, f64>,
+    fields: Vec<(Field, Dataset)>,
+    boxes: Option<Dataset>,
+    budget: BTreeMap<String, Vec<f64>>,
+}
+
+impl Trajectory {
+    /// Opens a trajectory and checks that its datasets fit together.
+    ///
+    /// # Errors
+    /// If it is not a trajectory, comes from a later format, is damaged or inconsistent.
+    pub fn open(path: &Path) -> Result<Self> {
+        let size = std::fs::metadata(path)
+            .map_err(|source| TrajectoryError::Io {
+                path: path.to_owned(),
+                action: "open it",
+                source,
+            })?
+            .len();
+        let file = File::with_options()
+            .with_fapl(unlocked)
+            .open(path)
+            .map_err(TrajectoryError::at(path, "HDF5 file"))?;
+        check_format(path, &file)?;
+        let located =
+            |(item, source)| TrajectoryError::Hdf5 { path: path.to_owned(), item, source };
+
+        let source = Source { path, file: &file, size };
+        let mut header = Header::read(&file).map_err(located)?;
+        header.walls = source
+            .find(WALLS)
+            .map(|dataset| source.rows::<f64, 4>(&dataset?, WALLS))
+            .transpose()?
+            .unwrap_or_default();
+        let points =
+            Points { mass: source.whole(MASS, None)?, column: source.whole(COLUMN, None)? };
+        source.expect_length(COLUMN, points.column.len(), points.mass.len())?;
+        let time: Vec<f64> = source.whole(TIME, None)?;
+
+        let mut fields = Vec::new();
+        for field in Field::ALL {
+            if Field::OPTIONAL.contains(&field) && !file.link_exists(field.name()) {
+                continue;
+            }
+            let dataset = source.open(field.name())?;
+            let shape = field.shape(time.len(), points.mass.len());
+            source.expect_shape(field.name(), &dataset, &shape)?;
+            fields.push((field, dataset));
+        }
+        let boxes = source.find(BOXES).transpose()?;
+        if let Some(dataset) = &boxes {
+            let count = dataset.shape().get(1).copied().unwrap_or(0);
+            source.expect_shape(BOXES, dataset, &[time.len(), count, 4])?;
+        }
+        let mut budget = BTreeMap::new();
+        let names = file
+            .group(BUDGET)
+            .and_then(|group| group.member_names())
+            .map_err(TrajectoryError::at(path, BUDGET))?;
+        for name in names {
+            let values = source.whole(&format!("{BUDGET}/{name}"), Some(time.len()))?;
+            budget.insert(name, values);
+        }
+        let status = read_text(&file, "status").map_err(TrajectoryError::at(path, "status"))?;
+        let wall_time = file.group(WALL_TIME).map_err(TrajectoryError::at(path, WALL_TIME))?;
+        let wall_time = read_all(&wall_time, read_scalar).map_err(located)?;
+        Ok(Self {
+            path: path.to_owned(),
+            header,
+            points,
+            time,
+            status,
+            wall_time,
+            fields,
+            boxes,
+            budget,
+            file,
+        })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What the file says about its run.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// The properties of the points that never change.
+    pub fn points(&self) -> &Points {
+        &self.points
+    }
+
+    /// The number of frames.
+    pub fn frames(&self) -> usize {
+        self.time.len()
+    }
+
+    /// The times of the frames, s.
+    pub fn time(&self) -> &[f64] {
+        &self.time
+    }
+
+    /// How the run stands: `running` (or killed), `finished`, or what stopped it.
+    pub fn status(&self) -> &str {
+        &self.status
+    }
+
+    /// Wall time of the run per phase, s.
+    pub fn wall_time(&self) -> &BTreeMap<String, f64> {
+        &self.wall_time
+    }
+
+    /// The scalars of the whole scene: for each name one value a frame.
+    pub fn budget(&self) -> &BTreeMap<String, Vec<f64>> {
+        &self.budget
+    }
+
+    /// The fields that the file has.
+    pub fn fields(&self) -> impl Iterator<Item = Field> + '_ {
+        self.fields.iter().map(|(field, _)| *field)
+    }
+
+    /// Bytes that a field takes in the file, after compression.
+    pub fn stored_bytes(&self, field: Field) -> u64 {
+        self.dataset(field).map_or(0, |dataset| dataset.storage_size())
+    }
+
+    /// Reads one frame.
+    ///
+    /// # Errors
+    /// If there is no such frame or its data are damaged.
+    pub fn frame(&self, index: usize) -> Result<Frame> {
+        let one = index..index.saturating_add(1);
+        self.check_range(&one)?;
+        let mut frame = Frame {
+            time: self.time[index],
+            position: self.rows(Field::Position, one.clone())?.unwrap_or_default(),
+            velocity: self.rows(Field::Velocity, one.clone())?.unwrap_or_default(),
+            stress: self.rows(Field::Stress, one.clone())?,
+            ..Frame::default()
+        };
+        for field in Field::OPTIONAL {
+            if let (Some(dataset), Some(place)) = (self.dataset(field), frame.scalar_mut(field)) {
+                *place = Some(self.read(dataset, field.name(), one.clone())?.0);
+            }
+        }
+        if let Some(dataset) = &self.boxes {
+            frame.boxes = to_rows(self.read(dataset, BOXES, one)?.0);
+        }
+        frame.budget =
+            self.budget.iter().map(|(name, values)| (name.clone(), values[index])).collect();
+        Ok(frame)
+    }
+
+    /// Reads the positions of a window of frames, m: shape (frames, points, 2).
+    ///
+    /// # Errors
+    /// As [`frame`](Self::frame).
+    pub fn positions(&self, frames: Range<usize>) -> Result<Array3<f64>> {
+        self.window(Field::Position, frames)
+    }
+
+    /// Reads the velocities of a window of frames, m/s: shape (frames, points, 2).
+    ///
+    /// # Errors
+    /// As [`frame`](Self::frame).
+    pub fn velocities(&self, frames: Range<usize>) -> Result<Array3<f64>> {
+        self.window(Field::Velocity, frames)
+    }
+
+    /// Reads the boxes of a window of frames, m: shape (frames, boxes, 4).
+    ///
+    /// # Errors
+    /// As [`frame`](Self::frame).
+    pub fn boxes(&self, frames: Range<usize>) -> Result<Array3<f64>> {
+        self.check_range(&frames)?;
+        match &self.boxes {
+            Some(dataset) => {
+                let (values, shape) = self.read(dataset, BOXES, frames)?;
+                self.array3(values, &shape, BOXES)
+            }
+            None => Ok(Array3::zeros((frames.len(), 0, 4))),
+        }
+    }
+
+    /// Reads a window of frames of any field: the values in C order and their shape, (frames,
+    /// points) or (frames, points, components). `None` if the file lacks the field.
+    ///
+    /// # Errors
+    /// As [`frame`](Self::frame).
+    pub fn field<T: H5Type>(
+        &self,
+        field: Field,
+        frames: Range<usize>,
+    ) -> Result<Option<ArrayD<T>>> {
+        self.check_range(&frames)?;
+        let Some(dataset) = self.dataset(field) else { return Ok(None) };
+        let (values, shape) = self.read(dataset, field.name(), frames)?;
+        ArrayD::from_shape_vec(shape, values)
+            .map(Some)
+            .map_err(|error| TrajectoryError::at(&self.path, field.name())(error.into()))
+    }
+
+    fn window(&self, field: Field, frames: Range<usize>) -> Result<Array3<f64>> {
+        self.check_range(&frames)?;
+        match self.dataset(field) {
+            Some(dataset) => {
+                let (values, shape) = self.read(dataset, field.name(), frames)?;
+                self.array3(values, &shape, field.name())
+            }
+            None => Ok(Array3::zeros((0, 0, 2))),
+        }
+    }
+
+    fn array3(&self, values: Vec<f64>, shape: &[usize], name: &str) -> Result<Array3<f64>> {
+        let &[frames, rows, columns] = shape else {
+            return Err(TrajectoryError::Shape {
+                path: self.path.clone(),
+                item: name.to_owned(),
+                found: shape.to_vec(),
+                expected: "three dimensions".to_owned(),
+            });
+        };
+        Array3::from_shape_vec((frames, rows, columns), values)
+            .map_err(|error| TrajectoryError::at(&self.path, name)(error.into()))
+    }
+
+    fn rows<T: H5Type + Copy, const N: usize>(
+        &self,
+        field: Field,
+        frames: Range<usize>,
+    ) -> Result<Option<Vec<[T; N]>>> {
+        self.dataset(field)
+            .map(|dataset| Ok(to_rows(self.read(dataset, field.name(), frames)?.0)))
+            .transpose()
+    }
+
+    /// Reads frames of a dataset whose shape was checked: the values and their shape.
+    fn read<T: H5Type>(
+        &self,
+        dataset: &Dataset,
+        name: &str,
+        frames: Range<usize>,
+    ) -> Result<(Vec<T>, Vec<usize>)> {
+        let mut shape = dataset.shape();
+        shape[0] = frames.len();
+        let array: ArrayD<T> = dataset
+            .read_slice(frame_selection(frames, shape.len()))
+            .map_err(TrajectoryError::at(&self.path, name))?;
+        Ok((array.into_raw_vec_and_offset().0, shape))
+    }
+
+    fn dataset(&self, field: Field) -> Option<&Dataset> {
+        self.fields.iter().find(|(other, _)| *other == field).map(|(_, dataset)| dataset)
+    }
+
+    fn check_range(&self, frames: &Range<usize>) -> Result<()> {
+        let last = frames.end.saturating_sub(1).max(frames.start);
+        if frames.start > frames.end || last >= self.frames() && !frames.is_empty() {
+            return Err(TrajectoryError::NoSuchFrame {
+                path: self.path.clone(),
+                frame: last,
+                frames: self.frames(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Size of the file, bytes.
+    pub fn file_size(&self) -> u64 {
+        self.file.size()
+    }
+}
+
+/// Refuses other HDF5 files and trajectories from the future.
+fn check_format(path: &Path, file: &File) -> Result<()> {
+    if read_text(file, "format").ok().as_deref() != Some(FORMAT) {
+        return Err(TrajectoryError::NotATrajectory { path: path.to_owned() });
+    }
+    let version: u64 =
+        read_scalar(file, "format_version").map_err(TrajectoryError::at(path, "format_version"))?;
+    if version > FORMAT_VERSION {
+        return Err(TrajectoryError::NewerFormat {
+            path: path.to_owned(),
+            found: version,
+            known: FORMAT_VERSION,
+        });
+    }
+    Ok(())
+}
+
+/// Splits values in C order into rows of `N`.
+fn to_rows<T: Copy, const N: usize>(values: Vec<T>) -> Vec<[T; N]> {
+    values.as_chunks().0.to_vec()
+}
+
+/// An open file while its datasets are being checked.
+struct Source<'a> {
+    path: &'a Path,
+    file: &'a File,
+    size: u64,
+}
+
+impl Source<'_> {
+    fn open(&self, name: &str) -> Result<Dataset> {
+        let dataset = self.file.dataset(name).map_err(TrajectoryError::at(self.path, name))?;
+        let bytes = dataset
+            .shape()
+            .iter()
+            .map(|&size| size as u64)
+            .try_fold(8, u64::checked_mul)
+            .unwrap_or(u64::MAX);
+        if bytes / MOST_COMPRESSION > self.size {
+            return Err(self.shape_error(name, &dataset, "what fits into the file"));
+        }
+        Ok(dataset)
+    }
+
+    fn find(&self, name: &str) -> Option<Result<Dataset>> {
+        self.file.link_exists(name).then(|| self.open(name))
+    }
+
+    /// Reads a one-dimensional dataset.
+    fn whole<T: H5Type>(&self, name: &str, length: Option<usize>) -> Result<Vec<T>> {
+        let dataset = self.open(name)?;
+        match (dataset.shape().as_slice(), length) {
+            (&[found], Some(expected)) => self.expect_length(name, found, expected)?,
+            (&[_], None) => {}
+            _ => return Err(self.shape_error(name, &dataset, "one dimension")),
+        }
+        dataset.read_raw().map_err(TrajectoryError::at(self.path, name))
+    }
+
+    /// Reads a dataset of shape (rows, N).
+    fn rows<T: H5Type + Copy, const N: usize>(
+        &self,
+        dataset: &Dataset,
+        name: &str,
+    ) -> Result<Vec<[T; N]>> {
+        let rows = dataset.shape().first().copied().unwrap_or(0);
+        self.expect_shape(name, dataset, &[rows, N])?;
+        dataset.read_raw().map(to_rows).map_err(TrajectoryError::at(self.path, name))
+    }
+
+    fn expect_shape(&self, name: &str, dataset: &Dataset, expected: &[usize]) -> Result<()> {
+        if dataset.shape() == expected {
+            Ok(())
+        } else {
+            Err(self.shape_error(name, dataset, &format!("{expected:?}")))
+        }
+    }
+
+    fn expect_length(&self, name: &str, found: usize, expected: usize) -> Result<()> {
+        if found == expected {
+            return Ok(());
+        }
+        Err(TrajectoryError::Shape {
+            path: self.path.to_owned(),
+            item: name.to_owned(),
+            found: vec![found],
+            expected: format!("[{expected}]"),
+        })
+    }
+
+    fn shape_error(&self, name: &str, dataset: &Dataset, expected: &str) -> TrajectoryError {
+        TrajectoryError::Shape {
+            path: self.path.to_owned(),
+            item: name.to_owned(),
+            found: dataset.shape(),
+            expected: expected.to_owned(),
+        }
+    }
+}

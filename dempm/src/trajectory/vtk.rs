@@ -1,0 +1,162 @@
+//! `/VTKHDF`: the same data once more, in the shapes that ParaView expects.
+//!
+//! Nothing is stored twice. VTKHDF wants one long array over all frames with three components,
+//! (frames * points, 3), where we keep (frames, points, 2); a virtual dataset maps one to the
+//! other, with zero for what a plane lacks. Static arrays and the time are hard links. The group
+//! is small and made anew at each commit, as a virtual dataset cannot follow two growing axes.
+
+use hdf5::types::FixedAscii;
+use hdf5::{Extents, File, Group, H5Type, Hyperslab, SliceOrIndex};
+use ndarray::{Array1, Array2, ArrayView1};
+
+use super::layout::{COLUMN, Field, MASS, TIME};
+use super::writer::new_group;
+
+pub(super) const GROUP: &str = "VTKHDF";
+
+/// The version of the VTKHDF specification that is written; 2.0 brought `PolyData` and time.
+const VERSION: [i64; 2] = [2, 0];
+
+/// Writes `/VTKHDF` for a file with `frames` frames, in place of an older one.
+pub(super) fn write(file: &File, frames: usize, points: usize) -> hdf5::Result<()> {
+    if file.link_exists(GROUP) {
+        file.unlink(GROUP)?;
+    }
+    if frames == 0 {
+        return Ok(());
+    }
+    let root = new_group(file, GROUP)?;
+    root.new_attr_builder().with_data(ArrayView1::from(&VERSION)).create("Version")?;
+    let kind = FixedAscii::<8>::from_ascii(b"PolyData")
+        .map_err(|error| hdf5::Error::from(error.to_string()))?;
+    root.new_attr::<FixedAscii<8>>().create("Type")?.write_scalar(&kind)?;
+
+    write_cells(&root, points)?;
+    let map = Map { file, frames, points };
+    map.create::<f64>(&root, "Points", Field::Position, &[(0, 0), (1, 1)], Some(3))?;
+
+    let data = new_group(&root, "PointData")?;
+    let mut series = vec![Field::Velocity.name()];
+    map.create::<f64>(&data, Field::Velocity.name(), Field::Velocity, &[(0, 0), (1, 1)], Some(3))?;
+    for field in Field::OPTIONAL {
+        if !file.link_exists(field.name()) {
+            continue;
+        }
+        if field == Field::Stress {
+            // xx, xy, yx, yy in a tensor of 3 x 3.
+            let columns = [(0, 0), (1, 1), (2, 3), (3, 4)];
+            map.create::<f32>(&data, field.name(), field, &columns, Some(9))?;
+        } else {
+            map.create::<f32>(&data, field.name(), field, &[], None)?;
+        }
+        series.push(field.name());
+    }
+    let mut fixed = Vec::new();
+    for (source, name) in [(MASS, "mass"), (COLUMN, "column")] {
+        file.link_hard(&format!("/{source}"), &format!("/{GROUP}/PointData/{name}"))?;
+        fixed.push(name);
+    }
+    write_steps(file, &root, frames, points, &series, &fixed)
+}
+
+/// One vertex a point; the other kinds of cells of a `PolyData` are empty.
+fn write_cells(root: &Group, points: usize) -> hdf5::Result<()> {
+    let count = |n: usize| Array1::from_elem(1, n as i64);
+    store(root, "NumberOfPoints", &count(points))?;
+    for (name, cells) in [("Vertices", points), ("Lines", 0), ("Polygons", 0), ("Strips", 0)] {
+        let group = new_group(root, name)?;
+        store(&group, "NumberOfCells", &count(cells))?;
+        store(&group, "NumberOfConnectivityIds", &count(cells))?;
+        store(&group, "Connectivity", &Array1::from_iter(0..cells as i64))?;
+        store(&group, "Offsets", &Array1::from_iter(0..=cells as i64))?;
+    }
+    Ok(())
+}
+
+/// Where each frame begins in the long arrays. Cells never change: all frames use the first ones.
+fn write_steps(
+    file: &File,
+    root: &Group,
+    frames: usize,
+    points: usize,
+    series: &[&str],
+    fixed: &[&str],
+) -> hdf5::Result<()> {
+    let steps = new_group(root, "Steps")?;
+    steps.new_attr::<i64>().create("NSteps")?.write_scalar(&(frames as i64))?;
+    file.link_hard(&format!("/{TIME}"), &format!("/{GROUP}/Steps/Values"))?;
+    let first = Array1::from_iter((0..frames).map(|frame| (frame * points) as i64));
+    let zero = Array1::<i64>::zeros(frames);
+    let zeros = Array2::<i64>::zeros((frames, 4));
+    store(&steps, "NumberOfParts", &Array1::<i64>::ones(frames))?;
+    store(&steps, "PartOffsets", &zero)?;
+    store(&steps, "PointOffsets", &first)?;
+    store(&steps, "CellOffsets", &zeros)?;
+    store(&steps, "ConnectivityIdOffsets", &zeros)?;
+    let offsets = new_group(&steps, "PointDataOffsets")?;
+    for name in series {
+        store(&offsets, name, &first)?;
+    }
+    for name in fixed {
+        store(&offsets, name, &zero)?;
+    }
+    Ok(())
+}
+
+fn store<T: H5Type, D: ndarray::Dimension>(
+    group: &Group,
+    name: &str,
+    values: &ndarray::Array<T, D>,
+) -> hdf5::Result<()> {
+    group.new_dataset_builder().with_data(values).obj_track_times(false).create(name)?;
+    Ok(())
+}
+
+/// Maps datasets over (frames, points) to ones over (frames * points).
+struct Map<'a> {
+    file: &'a File,
+    frames: usize,
+    points: usize,
+}
+
+impl Map<'_> {
+    /// Makes a virtual dataset of `width` columns, where each pair of `columns` names a component
+    /// of the source and its column here; the others read as zero.
+    fn create<T: H5Type>(
+        &self,
+        group: &Group,
+        name: &str,
+        field: Field,
+        columns: &[(usize, usize)],
+        width: Option<usize>,
+    ) -> hdf5::Result<()> {
+        let rows = self.frames * self.points;
+        let source_shape = self.file.dataset(field.name())?.shape();
+        let shape: Vec<usize> = std::iter::once(rows).chain(width).collect();
+        let extents = |shape: &[usize]| Extents::from(shape.to_vec());
+        let column = |rank: usize, column: usize| {
+            let mut slices: Vec<SliceOrIndex> = vec![(..).into(); rank - 1];
+            slices.push((column..column + 1).into());
+            Hyperslab::new(slices)
+        };
+        // Name "." is the file itself, whatever it is called later.
+        let path = format!("/{}", field.name());
+        let mut builder = group.new_dataset::<T>().obj_track_times(false);
+        if columns.is_empty() {
+            builder =
+                builder.virtual_map(".", &path, extents(&source_shape), .., extents(&shape), ..);
+        }
+        for &(from, to) in columns {
+            builder = builder.virtual_map(
+                ".",
+                &path,
+                extents(&source_shape),
+                column(source_shape.len(), from),
+                extents(&shape),
+                column(shape.len(), to),
+            );
+        }
+        builder.shape(extents(&shape)).create(name)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,355 @@
+//! Writing a trajectory so that it can be interrupted at any moment.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use hdf5::file::{FileAccessBuilder, LibraryVersion};
+use hdf5::{File, Group, H5Type};
+use ndarray::ArrayView;
+
+use super::atomic::write_atomically;
+use super::error::{Result, TrajectoryError};
+use super::frame::{Frame, FrameShape, Points};
+use super::header::{Header, write_scalar, write_text};
+use super::layout::{
+    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, create_growing, set_frames,
+    unlocked, write_frame,
+};
+use super::reader::Trajectory;
+use super::vtk;
+
+/// Appends frames to a trajectory file.
+///
+/// Frames wait in memory until [`commit`](Self::commit), which writes a new file beside the old
+/// one and then takes its name: whoever opens the file, at any moment, finds whole frames. The
+/// disk therefore needs room for the file twice.
+#[derive(Debug)]
+pub struct TrajectoryWriter {
+    path: PathBuf,
+    points: usize,
+    /// Frames of the file on disk to keep at the next commit.
+    kept: usize,
+    pending: Vec<Frame>,
+    shape: Option<FrameShape>,
+    wall_time: BTreeMap<String, f64>,
+    status: String,
+}
+
+impl TrajectoryWriter {
+    /// Makes a trajectory without frames, in place of any older file at `path`.
+    ///
+    /// # Errors
+    /// If there are no points, their arrays differ in length, or the file cannot be written.
+    pub fn create(path: &Path, header: &Header, points: &Points) -> Result<Self> {
+        let writer = Self {
+            path: path.to_owned(),
+            points: points.mass.len(),
+            kept: 0,
+            pending: Vec::new(),
+            shape: None,
+            wall_time: BTreeMap::new(),
+            status: "running".to_owned(),
+        };
+        if points.mass.is_empty() || points.column.len() != points.mass.len() {
+            return Err(writer.mismatch(format!(
+                "{} masses and {} columns; a trajectory needs one of each a point",
+                points.mass.len(),
+                points.column.len()
+            )));
+        }
+        write_atomically(path, |temporary| {
+            let file = create_file(temporary).map_err(TrajectoryError::at(path, "/"))?;
+            writer.write_static(&file, header, points).map_err(TrajectoryError::at(path, "/"))?;
+            writer.update(&file)?;
+            file.close().map_err(TrajectoryError::at(path, "/"))
+        })?;
+        Ok(writer)
+    }
+
+    /// Continues the trajectory at `path` after its first `frames_to_keep` frames.
+    ///
+    /// Later frames, which a run recorded after the checkpoint it is resumed from, go away at the
+    /// next commit.
+    ///
+    /// # Errors
+    /// If the file is not a trajectory or has fewer frames.
+    pub fn resume(path: &Path, frames_to_keep: usize) -> Result<Self> {
+        let trajectory = Trajectory::open(path)?;
+        if frames_to_keep > trajectory.frames() {
+            return Err(TrajectoryError::NoSuchFrame {
+                path: path.to_owned(),
+                frame: frames_to_keep - 1,
+                frames: trajectory.frames(),
+            });
+        }
+        let shape = match frames_to_keep {
+            0 => None,
+            _ => Some(trajectory.frame(0)?.shape()),
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            points: trajectory.points().mass.len(),
+            kept: frames_to_keep,
+            pending: Vec::new(),
+            shape,
+            wall_time: trajectory.wall_time().clone(),
+            status: "running".to_owned(),
+        })
+    }
+
+    /// The number of frames so far: those on the disk and those that wait for a commit.
+    pub fn frames(&self) -> usize {
+        self.kept + self.pending.len()
+    }
+
+    /// Adds a frame, in memory.
+    ///
+    /// # Errors
+    /// If its arrays do not have one entry a point, or it differs in its fields, boxes or scalars
+    /// from the frames before it.
+    pub fn push(&mut self, frame: Frame) -> Result<()> {
+        let lengths = [
+            ("position", Some(frame.position.len())),
+            ("velocity", Some(frame.velocity.len())),
+            ("stress", frame.stress.as_ref().map(Vec::len)),
+            ("solid_fraction", frame.solid_fraction.as_ref().map(Vec::len)),
+            ("coordination", frame.coordination.as_ref().map(Vec::len)),
+            ("inertial_number", frame.inertial_number.as_ref().map(Vec::len)),
+        ];
+        for (name, length) in lengths {
+            if let Some(length) = length
+                && length != self.points
+            {
+                return Err(self.mismatch(format!(
+                    "{name} has {length} entries, but there are {} points",
+                    self.points
+                )));
+            }
+        }
+        let shape = frame.shape();
+        if let Some(expected) = &self.shape {
+            if let Some(difference) = expected.difference(&shape) {
+                return Err(self.mismatch(difference));
+            }
+        } else {
+            self.shape = Some(shape);
+        }
+        self.pending.push(frame);
+        Ok(())
+    }
+
+    /// Sets the wall time spent so far in a phase of the run, s; written at the next commit.
+    pub fn set_wall_time(&mut self, phase: &str, seconds: f64) {
+        self.wall_time.insert(phase.to_owned(), seconds);
+    }
+
+    /// The wall time per phase, s; after a resume, what the file said.
+    pub fn wall_time(&self) -> &BTreeMap<String, f64> {
+        &self.wall_time
+    }
+
+    /// Puts all pushed frames on the disk. When this returns, they are safe.
+    ///
+    /// # Errors
+    /// If the file cannot be written. The file on the disk is then as it was before and the frames
+    /// still wait, so the commit can be tried again.
+    pub fn commit(&mut self) -> Result<()> {
+        write_atomically(&self.path, |temporary| {
+            fs::copy(&self.path, temporary).map_err(|source| TrajectoryError::Io {
+                path: self.path.clone(),
+                action: "copy it",
+                source,
+            })?;
+            let file = open_for_writing(temporary).map_err(TrajectoryError::at(&self.path, "/"))?;
+            self.append(&file)?;
+            self.update(&file)?;
+            file.close().map_err(TrajectoryError::at(&self.path, "/"))
+        })?;
+        self.kept = self.frames();
+        self.pending.clear();
+        Ok(())
+    }
+
+    /// Commits the last frames and says how the run ended: `finished`, or what stopped it.
+    ///
+    /// # Errors
+    /// As [`commit`](Self::commit).
+    pub fn finish(mut self, status: &str) -> Result<()> {
+        status.clone_into(&mut self.status);
+        self.commit()
+    }
+
+    /// Writes what never changes.
+    fn write_static(&self, file: &File, header: &Header, points: &Points) -> hdf5::Result<()> {
+        header.write(file)?;
+        new_group(file, "points")?;
+        new_group(file, "boundary")?;
+        new_group(file, BUDGET)?;
+        new_group(file, WALL_TIME)?;
+        write_whole(file, MASS, &[self.points], &points.mass)?;
+        write_whole(file, COLUMN, &[self.points], &points.column)?;
+        write_whole(file, WALLS, &[header.walls.len(), 4], header.walls.as_flattened())?;
+        create_growing::<f64>(file, TIME, &[])?;
+        for field in [Field::Position, Field::Velocity] {
+            create_growing::<f64>(file, field.name(), &field.shape(0, self.points)[1..])?;
+        }
+        Ok(())
+    }
+
+    /// Cuts the file to the frames to keep and appends the pending ones.
+    fn append(&self, file: &File) -> Result<()> {
+        if let Some(shape) = self.shape.as_ref().filter(|_| self.kept == 0) {
+            self.create_chosen(file, shape).map_err(TrajectoryError::at(&self.path, "/"))?;
+        }
+        let frames = self.frames();
+        for_each_growing(file, |dataset, name| {
+            // Down before up: what is cut off must not come back.
+            set_frames(dataset, self.kept)
+                .and_then(|()| set_frames(dataset, frames))
+                .map_err(TrajectoryError::at(&self.path, name))
+        })
+        .map_err(TrajectoryError::at(&self.path, "/"))??;
+
+        for (index, frame) in self.pending.iter().enumerate() {
+            self.write_frame(file, self.kept + index, frame)?;
+        }
+        Ok(())
+    }
+
+    /// Makes the datasets that the first frame decides on.
+    fn create_chosen(&self, file: &File, shape: &FrameShape) -> hdf5::Result<()> {
+        // A resume before the first frame may find those of an earlier attempt.
+        for field in Field::OPTIONAL {
+            if file.link_exists(field.name()) {
+                file.unlink(field.name())?;
+            }
+            if shape.fields.contains(&field.name()) {
+                create_growing::<f32>(file, field.name(), &field.shape(0, self.points)[1..])?;
+            }
+        }
+        if file.link_exists(BOXES) {
+            file.unlink(BOXES)?;
+        }
+        if shape.boxes > 0 {
+            create_growing::<f64>(file, BOXES, &[shape.boxes, 4])?;
+        }
+        file.unlink(BUDGET)?;
+        let budget = new_group(file, BUDGET)?;
+        for name in &shape.budget {
+            create_growing::<f64>(&budget, name, &[])?;
+        }
+        Ok(())
+    }
+
+    fn write_frame(&self, file: &File, index: usize, frame: &Frame) -> Result<()> {
+        self.put(file, TIME, index, &[frame.time])?;
+        self.put(file, Field::Position.name(), index, frame.position.as_flattened())?;
+        self.put(file, Field::Velocity.name(), index, frame.velocity.as_flattened())?;
+        if let Some(stress) = &frame.stress {
+            self.put(file, Field::Stress.name(), index, stress.as_flattened())?;
+        }
+        for field in Field::OPTIONAL {
+            if let Some(values) = frame.scalar(field) {
+                self.put(file, field.name(), index, values)?;
+            }
+        }
+        if !frame.boxes.is_empty() {
+            self.put(file, BOXES, index, frame.boxes.as_flattened())?;
+        }
+        for (name, value) in &frame.budget {
+            self.put(file, &format!("{BUDGET}/{name}"), index, &[*value])?;
+        }
+        Ok(())
+    }
+
+    fn put<T: H5Type>(&self, file: &File, name: &str, index: usize, values: &[T]) -> Result<()> {
+        file.dataset(name)
+            .and_then(|dataset| write_frame(&dataset, index, values))
+            .map_err(TrajectoryError::at(&self.path, name))
+    }
+
+    /// Writes what depends on the number of frames or changes as the run goes on.
+    fn update(&self, file: &File) -> Result<()> {
+        let put = || {
+            write_text(file, "status", &self.status)?;
+            let wall_time = file.group(WALL_TIME)?;
+            for (phase, seconds) in &self.wall_time {
+                write_scalar(&wall_time, phase, seconds)?;
+            }
+            Ok(())
+        };
+        put().map_err(TrajectoryError::at(&self.path, WALL_TIME))?;
+        vtk::write(file, self.frames(), self.points)
+            .map_err(TrajectoryError::at(&self.path, vtk::GROUP))
+    }
+
+    fn mismatch(&self, reason: String) -> TrajectoryError {
+        TrajectoryError::FrameMismatch { path: self.path.clone(), frame: self.frames(), reason }
+    }
+}
+
+/// A new file in the format of HDF5 1.10, the first with virtual datasets. Its metadata carry
+/// checksums, which earlier formats lack: a damaged file gives an error instead of nonsense.
+fn create_file(path: &Path) -> hdf5::Result<File> {
+    File::with_options()
+        .with_fapl(version_110)
+        // Same run, same bytes: no time stamps.
+        .with_fcpl(|create| create.obj_track_times(false))
+        .create(path)
+}
+
+fn open_for_writing(path: &Path) -> hdf5::Result<File> {
+    File::with_options().with_fapl(version_110).open_rw(path)
+}
+
+fn version_110(access: &mut FileAccessBuilder) -> &mut FileAccessBuilder {
+    unlocked(access).libver_bounds(LibraryVersion::V110, LibraryVersion::V110)
+}
+
+/// Makes a group without time stamps.
+pub(super) fn new_group(parent: &Group, name: &str) -> hdf5::Result<Group> {
+    parent.create_group_builder().obj_track_times(false).create(name)
+}
+
+/// Writes a dataset of fixed shape; an empty one is left out.
+pub(super) fn write_whole<T: H5Type>(
+    group: &Group,
+    name: &str,
+    shape: &[usize],
+    values: &[T],
+) -> hdf5::Result<()> {
+    if values.is_empty() {
+        return Ok(());
+    }
+    let view = ArrayView::from_shape(shape, values)
+        .map_err(|error| hdf5::Error::from(error.to_string()))?;
+    group
+        .new_dataset_builder()
+        .with_data(view)
+        .chunk(shape.to_vec())
+        .shuffle()
+        .deflate(4)
+        .fletcher32()
+        .obj_track_times(false)
+        .create(name)?;
+    Ok(())
+}
+
+/// Calls `act` for every dataset that grows along the frames, until it fails.
+fn for_each_growing<E>(
+    file: &File,
+    mut act: impl FnMut(&hdf5::Dataset, &str) -> std::result::Result<(), E>,
+) -> hdf5::Result<std::result::Result<(), E>> {
+    let mut names: Vec<String> = vec![TIME.to_owned(), BOXES.to_owned()];
+    names.extend(Field::ALL.iter().map(|field| field.name().to_owned()));
+    for name in file.group(BUDGET)?.member_names()? {
+        names.push(format!("{BUDGET}/{name}"));
+    }
+    for name in names.iter().filter(|name| file.link_exists(name)) {
+        if let Err(error) = act(&file.dataset(name)?, name) {
+            return Ok(Err(error));
+        }
+    }
+    Ok(Ok(()))
+}

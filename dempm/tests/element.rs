@@ -1,0 +1,93 @@
+//! `dempm element` on the command line.
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::cargo::cargo_bin_cmd;
+use predicates::str::contains;
+
+/// Few discs and a short path: well under a second.
+const TEST: &str = r#"
+sampling = 1e-3
+
+[rve]
+discs = 40
+
+[rve.preparation]
+pressure = 20e3
+
+[[stage]]
+kind = "constant-volume-shear"
+shear_rate = 1.0
+strain = 0.005
+"#;
+
+fn element(folder: &Path) -> assert_cmd::Command {
+    let mut command = cargo_bin_cmd!("dempm");
+    command.current_dir(folder).arg("element");
+    command
+}
+
+/// Columns of a path, header first.
+fn rows(path: &Path) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(path).unwrap();
+    text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
+}
+
+/// The path has a row at the start and one per sampling interval; stress is tension positive.
+#[test]
+fn writes_the_path() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("test.toml"), TEST).unwrap();
+    element(folder.path()).args(["test.toml", "--precision", "f32"]).assert().success();
+    let rows = rows(&folder.path().join("test.csv"));
+    assert_eq!(rows.len(), 1 + 1 + 5);
+    let column = |name: &str| rows[0].iter().position(|c| c == name).unwrap();
+    let number = |row: usize, name: &str| rows[row][column(name)].parse::<f64>().unwrap();
+    assert!((number(1, "syy") + 20e3).abs() < 200.0);
+    assert!((number(6, "exy") - 0.005).abs() < 1e-12);
+    assert!(number(6, "sxy") > 1e3);
+}
+
+/// A dumped packing, read again and dumped again, is the same file; a path from it starts with
+/// the same discs under nearly the same stress (only the contact history is lost).
+#[test]
+fn a_dumped_packing_can_be_driven() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("make.toml"), TEST).unwrap();
+    element(folder.path()).args(["make.toml", "--dump-packing", "a.csv"]).assert().success();
+    fs::write(path("drive.toml"), format!("packing = \"a.csv\"\n{TEST}")).unwrap();
+    element(folder.path()).args(["drive.toml", "--dump-packing", "b.csv"]).assert().success();
+    let [a, b] = ["a.csv", "b.csv"].map(|name| fs::read_to_string(path(name)).unwrap());
+    assert!(a.starts_with("H,"));
+    assert_eq!(a.lines().count(), 41);
+    // Positions pass through fractions of the cell, which costs a rounding.
+    for (a, b) in a.lines().zip(b.lines()) {
+        let numbers = |line: &str| -> Vec<f64> {
+            line.trim_start_matches("H,").split(',').map(|x| x.parse().unwrap()).collect()
+        };
+        assert!(numbers(a).iter().zip(numbers(b)).all(|(a, b)| (a - b).abs() < 1e-15), "{a} {b}");
+    }
+    let pressure = |name: &str| -> f64 { rows(&path(name))[1][8].parse().unwrap() };
+    assert!((pressure("make.csv") / pressure("drive.csv") - 1.0).abs() < 0.01);
+}
+
+/// Errors name the file and the key.
+#[test]
+fn errors_name_file_and_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let fails = |text: &str, messages: [&str; 2]| {
+        fs::write(folder.path().join("test.toml"), text).unwrap();
+        let result = element(folder.path()).arg("test.toml").assert().failure();
+        messages.iter().fold(result, |result, message| result.stderr(contains(*message)));
+        assert!(!folder.path().join("test.csv").exists());
+    };
+    fails(&TEST.replace("discs", "disks"), ["test.toml", "disks"]);
+    fails(&TEST.replace("shear_rate = 1.0", "shear_rate = 0.0"), ["test.toml", "shear_rate"]);
+    fails(&TEST.replace("constant-volume-shear", "torsion"), ["test.toml", "torsion"]);
+    fails(&TEST.replace("sampling = 1e-3", "sampling = -1.0"), ["test.toml", "sampling"]);
+    fails(&format!("packing = \"none.csv\"\n{TEST}"), ["none.csv", "cannot read"]);
+    fs::write(folder.path().join("bad.csv"), "H,0.1,0,0,0.1\n0.05,0.05\n").unwrap();
+    fails(&format!("packing = \"bad.csv\"\n{TEST}"), ["bad.csv", "line 2"]);
+}

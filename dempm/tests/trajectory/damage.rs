@@ -1,0 +1,187 @@
+//! Damaged files and interrupted writers.
+
+use std::fs;
+use std::path::Path;
+
+use dempm::trajectory::{Trajectory, TrajectoryError, TrajectoryWriter};
+use proptest::prelude::*;
+use tempfile::tempdir;
+
+use crate::synthetic::Collapse;
+
+/// Reads all there is. Any error will do; a panic or worse will not.
+fn read_all(path: &Path) -> Result<(), TrajectoryError> {
+    let trajectory = Trajectory::open(path)?;
+    for index in 0..trajectory.frames() {
+        trajectory.frame(index)?;
+    }
+    Ok(())
+}
+
+fn intact() -> Vec<u8> {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("run.h5");
+    Collapse::new(3).write(&path, 3);
+    fs::read(&path).unwrap()
+}
+
+/// What reading `bytes` as a file gives.
+fn outcome(bytes: &[u8]) -> Result<(), TrajectoryError> {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("damaged.h5");
+    fs::write(&path, bytes).unwrap();
+    read_all(&path)
+}
+
+#[test]
+fn other_files_are_named_in_the_error() {
+    for bytes in [&b""[..], b"title = \"a scene, not a trajectory\"", &[0; 4096]] {
+        let error = outcome(bytes).unwrap_err().to_string();
+        assert!(error.contains("damaged.h5"), "{error}");
+    }
+    let missing = Trajectory::open(Path::new("no/such/file.h5")).unwrap_err();
+    assert!(missing.to_string().contains("no/such/file.h5"), "{missing}");
+
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("other.h5");
+    hdf5::File::create(&path).unwrap().close().unwrap();
+    assert!(matches!(Trajectory::open(&path), Err(TrajectoryError::NotATrajectory { .. })));
+    let resumed = TrajectoryWriter::resume(&path, 0);
+    assert!(matches!(resumed, Err(TrajectoryError::NotATrajectory { .. })));
+}
+
+/// Opens a good file, spoils it with `spoil` and reports what reading says then.
+fn spoiled(spoil: impl FnOnce(&hdf5::File)) -> String {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("spoiled.h5");
+    fs::write(&path, intact()).unwrap();
+    let file = hdf5::File::open_rw(&path).unwrap();
+    spoil(&file);
+    file.close().unwrap();
+    read_all(&path).unwrap_err().to_string()
+}
+
+#[test]
+fn contradictions_name_file_and_dataset() {
+    let later = spoiled(|file| file.attr("format_version").unwrap().write_scalar(&99_u64).unwrap());
+    assert!(later.contains("spoiled.h5") && later.contains("format 99"), "{later}");
+
+    let short = spoiled(|file| file.dataset("stress").unwrap().resize((2, 9, 4)).unwrap());
+    assert!(short.contains("stress") && short.contains("[2, 9, 4]"), "{short}");
+
+    let missing = spoiled(|file| file.unlink("velocity").unwrap());
+    assert!(missing.contains("velocity"), "{missing}");
+
+    let text = spoiled(|file| {
+        file.unlink("time").unwrap();
+        let words = "one two".parse::<hdf5::types::VarLenUnicode>().unwrap();
+        file.new_dataset_builder().with_data(&[words]).create("time").unwrap();
+    });
+    assert!(text.contains("time"), "{text}");
+
+    // More frames than any memory holds, in a file of a few kilobytes.
+    let vast = spoiled(|file| file.dataset("time").unwrap().resize(1 << 50).unwrap());
+    assert!(vast.contains("time") && vast.contains("fits into the file"), "{vast}");
+}
+
+#[test]
+fn a_file_cut_short_is_refused() {
+    let bytes = intact();
+    for length in (0..bytes.len()).step_by(97) {
+        assert!(outcome(&bytes[..length]).is_err(), "accepted at {length} bytes");
+    }
+}
+
+/// Not a test of its own: the process that [`a_killed_writer_leaves_a_whole_file`] kills.
+#[test]
+fn write_until_killed() {
+    let Some(path) = std::env::var_os(VICTIM) else { return };
+    let path = Path::new(&path);
+    let collapse = Collapse::new(VICTIM_ROWS);
+    let (mut writer, first) = match Trajectory::open(path) {
+        Ok(old) => (TrajectoryWriter::resume(path, old.frames()).unwrap(), old.frames()),
+        Err(_) => {
+            let (header, points) = (collapse.header(), collapse.points());
+            (TrajectoryWriter::create(path, &header, &points).unwrap(), 0)
+        }
+    };
+    for index in first.. {
+        writer.push(collapse.frame(index)).unwrap();
+        writer.commit().unwrap();
+    }
+}
+
+const VICTIM: &str = "DEMPM_TEST_WRITE_UNTIL_KILLED";
+const VICTIM_ROWS: usize = 24;
+
+#[test]
+fn a_killed_writer_leaves_a_whole_file() {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("run.h5");
+    let collapse = Collapse::new(VICTIM_ROWS);
+    for round in 0..12 {
+        let mut victim = std::process::Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "damage::write_until_killed"])
+            .env(VICTIM, &path)
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        // Times that fall into all stages of a commit, which takes some milliseconds.
+        std::thread::sleep(std::time::Duration::from_micros(60_000 + 3_700 * round));
+        victim.kill().unwrap();
+        victim.wait().unwrap();
+        if !path.exists() {
+            continue;
+        }
+        let trajectory = Trajectory::open(&path).unwrap();
+        for index in 0..trajectory.frames() {
+            let (read, written) = (trajectory.frame(index).unwrap(), collapse.frame(index));
+            assert_eq!(format!("{read:?}"), format!("{written:?}"), "round {round}");
+        }
+    }
+    assert!(Trajectory::open(&path).unwrap().frames() > 0, "the writer never came to a commit");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(2000) })]
+
+    #[test]
+    fn flipped_bits_never_end_the_program(
+        flips in prop::collection::vec((any::<prop::sample::Index>(), 0..8_u32), 1..8),
+    ) {
+        let mut bytes = INTACT.with(Clone::clone);
+        for (place, bit) in flips {
+            let place = place.index(bytes.len());
+            bytes[place] ^= 1 << bit;
+        }
+        // Either an error or, where the flip hit a gap in the file, the data.
+        let _ = outcome(&bytes);
+    }
+
+    #[test]
+    fn overwritten_stretches_never_end_the_program(
+        start in any::<prop::sample::Index>(),
+        junk in prop::collection::vec(any::<u8>(), 1..64),
+    ) {
+        let mut bytes = INTACT.with(Clone::clone);
+        let start = start.index(bytes.len());
+        for (byte, junk) in bytes[start..].iter_mut().zip(junk) {
+            *byte = junk;
+        }
+        let _ = outcome(&bytes);
+    }
+}
+
+thread_local! {
+    static INTACT: Vec<u8> = intact();
+}
+
+#[test]
+fn a_lock_of_another_process_does_not_matter() {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("run.h5");
+    Collapse::new(3).write(&path, 3);
+    let lock = fs::File::open(&path).unwrap();
+    lock.lock().unwrap();
+    read_all(&path).unwrap();
+}

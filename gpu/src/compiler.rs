@@ -1,0 +1,131 @@
+//! CUDA C++ to machine code by NVRTC, with a cache on disk.
+
+use std::ffi::{CStr, CString};
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::Path;
+
+use cudarc::nvrtc::{result, sys};
+
+use crate::cache_directory;
+use crate::error::Error;
+
+/// Whether the run-time compiler can be loaded.
+pub fn nvrtc_is_present() -> bool {
+    // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
+    unsafe { sys::is_culib_present() }
+}
+
+/// Version of NVRTC: major, minor.
+pub(crate) fn nvrtc_version() -> Result<(i32, i32), Error> {
+    if !nvrtc_is_present() {
+        return Err(Error::NvrtcMissing);
+    }
+    let (mut major, mut minor) = (0, 0);
+    // SAFETY: writes the two integers.
+    unsafe { sys::nvrtcVersion(&raw mut major, &raw mut minor) }
+        .result()
+        .map_err(|_| Error::NvrtcMissing)?;
+    Ok((major, minor))
+}
+
+/// Compiles `source` (known as `name` in messages) to a cubin for an architecture such as `sm_90`,
+/// with preprocessor definitions `NAME=value`.
+///
+/// Needs no GPU.
+///
+/// # Errors
+/// NVRTC is missing, or the source does not compile.
+pub fn compile(
+    name: &str,
+    source: &str,
+    architecture: &str,
+    defines: &[String],
+) -> Result<Vec<u8>, Error> {
+    if !nvrtc_is_present() {
+        return Err(Error::NvrtcMissing);
+    }
+    let fail = |log: String| Error::Compile {
+        name: name.to_owned(),
+        architecture: architecture.to_owned(),
+        log,
+    };
+    let options: Vec<String> = [
+        format!("--gpu-architecture={architecture}"),
+        "--std=c++17".to_owned(),
+        "--generate-line-info".to_owned(),
+        // Denormal f32 are zero: without it every square root checks for them.
+        "--ftz=true".to_owned(),
+    ]
+    .into_iter()
+    .chain(defines.iter().map(|d| format!("--define-macro={d}")))
+    .collect();
+    let c_string =
+        |s: &str| CString::new(s).map_err(|_| fail("the source holds a zero byte".into()));
+    let (c_source, c_name) = (c_string(source)?, c_string(name)?);
+    let program =
+        result::create_program(&c_source, Some(&c_name)).map_err(|e| fail(format!("{e:?}")))?;
+
+    // SAFETY: `program` lives until `destroy_program`, and so do the strings it refers to.
+    let cubin = unsafe {
+        match result::compile_program(program, &options) {
+            Ok(()) => get_cubin(program).map_err(|e| fail(format!("{e:?}"))),
+            Err(e) => Err(fail(result::get_program_log(program).map_or_else(
+                |_| format!("{e:?}"),
+                |log| CStr::from_ptr(log.as_ptr()).to_string_lossy().into_owned(),
+            ))),
+        }
+    };
+    // SAFETY: destroyed once, here.
+    let _ = unsafe { result::destroy_program(program) };
+    cubin
+}
+
+/// # Safety
+/// `program` was compiled for a real architecture.
+unsafe fn get_cubin(program: sys::nvrtcProgram) -> Result<Vec<u8>, result::NvrtcError> {
+    let mut size = 0;
+    // SAFETY: the buffer has the size that NVRTC asks for.
+    unsafe {
+        sys::nvrtcGetCUBINSize(program, &raw mut size).result()?;
+        let mut cubin = vec![0_u8; size];
+        sys::nvrtcGetCUBIN(program, cubin.as_mut_ptr().cast()).result()?;
+        Ok(cubin)
+    }
+}
+
+/// As [`compile`], but takes the cubin from the cache if it is there. `driver` is the driver's
+/// version: part of the key, as is all else that the result depends on.
+pub(crate) fn compile_cached(
+    name: &str,
+    source: &str,
+    architecture: &str,
+    defines: &[String],
+    driver: (i32, i32),
+) -> Result<Vec<u8>, Error> {
+    let nvrtc = nvrtc_version()?;
+    let mut hasher = DefaultHasher::new();
+    (source, architecture, defines, driver, nvrtc, env!("CARGO_PKG_VERSION")).hash(&mut hasher);
+    let file = cache_directory().map(|folder| {
+        let stem = name.trim_end_matches(".cu");
+        folder.join(format!("{stem}-{architecture}-{:016x}.cubin", hasher.finish()))
+    });
+    if let Some(cubin) = file.as_ref().and_then(|file| std::fs::read(file).ok()) {
+        return Ok(cubin);
+    }
+    let cubin = compile(name, source, architecture, defines)?;
+    if let Some(file) = file {
+        // A cache that cannot be written costs a second at the next start, nothing else.
+        let _ = write_atomically(&file, &cubin);
+    }
+    Ok(cubin)
+}
+
+/// Another process may read or write the same file.
+fn write_atomically(file: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    if let Some(folder) = file.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    let part = file.with_extension(format!("{}.part", std::process::id()));
+    std::fs::write(&part, bytes)?;
+    std::fs::rename(&part, file)
+}

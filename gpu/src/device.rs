@@ -1,0 +1,168 @@
+//! A GPU, if there is one.
+
+use std::sync::{Arc, OnceLock};
+
+use cudarc::driver::sys::{self, CUdevice_attribute, CUresult};
+use cudarc::driver::{
+    CudaContext, CudaModule, CudaSlice, CudaStream, DeviceRepr, DriverError, ValidAsZeroBits,
+};
+use cudarc::nvrtc::Ptx;
+
+use crate::compiler::{compile_cached, nvrtc_version};
+use crate::error::Error;
+
+/// What the GPU offers.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Shared memory that one block can have, and that a multiprocessor has for all (bytes).
+    pub shared_per_block: usize,
+    pub shared_per_multiprocessor: usize,
+}
+
+impl Limits {
+    /// Of an H100 or H200.
+    pub const SM_90: Self =
+        Self { shared_per_block: 227 << 10, shared_per_multiprocessor: 228 << 10 };
+    /// Of an A100.
+    pub const SM_80: Self =
+        Self { shared_per_block: 163 << 10, shared_per_multiprocessor: 164 << 10 };
+}
+
+/// A GPU with the stream its work is queued on.
+#[derive(Debug)]
+pub struct Device {
+    context: Arc<CudaContext>,
+    stream: Arc<CudaStream>,
+    name: String,
+    architecture: String,
+    driver: (i32, i32),
+}
+
+impl Device {
+    /// GPU number `ordinal`, counted from 0.
+    ///
+    /// # Errors
+    /// No driver, no such GPU, or a driver that is older than NVRTC.
+    pub fn new(ordinal: usize) -> Result<Arc<Self>, Error> {
+        // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
+        if !unsafe { sys::is_culib_present() } {
+            return Err(Error::NoDriver);
+        }
+        let mut version = 0;
+        // SAFETY: writes the integer; allowed before initialisation.
+        unsafe { sys::cuDriverGetVersion(&raw mut version) }
+            .result()
+            .map_err(|_| Error::NoDriver)?;
+        let driver = (version / 1000, version % 1000 / 10);
+        if let Ok(nvrtc) = nvrtc_version()
+            && driver.0 < nvrtc.0
+        {
+            return Err(Error::DriverTooOld { driver, nvrtc });
+        }
+        let context = CudaContext::new(ordinal)?;
+        // SAFETY: all work of this crate is ordered by streams; events between allocations would
+        // keep launches from being captured in a graph.
+        unsafe { context.disable_event_tracking() };
+        let stream = context.new_stream()?;
+        let (major, minor) = context.compute_capability()?;
+        Ok(Arc::new(Self {
+            name: context.name()?,
+            architecture: format!("sm_{major}{minor}"),
+            driver,
+            context,
+            stream,
+        }))
+    }
+
+    /// As the vendor names it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Such as `sm_90`.
+    pub fn architecture(&self) -> &str {
+        &self.architecture
+    }
+
+    pub fn context(&self) -> &Arc<CudaContext> {
+        &self.context
+    }
+
+    pub fn stream(&self) -> &Arc<CudaStream> {
+        &self.stream
+    }
+
+    /// What bounds the size of a thread block.
+    pub fn limits(&self) -> Result<Limits, Error> {
+        let attribute = |a| -> Result<usize, DriverError> {
+            Ok(usize::try_from(self.context.attribute(a)?).unwrap_or(0))
+        };
+        use CUdevice_attribute as A;
+        Ok(Limits {
+            shared_per_block: attribute(A::CU_DEVICE_ATTRIBUTE_MAX_SHARED_MEMORY_PER_BLOCK_OPTIN)?,
+            shared_per_multiprocessor: attribute(
+                A::CU_DEVICE_ATTRIBUTE_MAX_SHARED_MEMORY_PER_MULTIPROCESSOR,
+            )?,
+        })
+    }
+
+    /// Compiles a kernel source for this GPU, or takes it from the cache, and loads it.
+    pub fn module(
+        &self,
+        name: &str,
+        source: &str,
+        defines: &[String],
+    ) -> Result<Arc<CudaModule>, Error> {
+        let cubin = compile_cached(name, source, &self.architecture, defines, self.driver)?;
+        Ok(self.context.load_module(Ptx::from_binary(cubin))?)
+    }
+
+    /// Says before allocating whether `needed` bytes are there.
+    pub fn reserve(&self, needed: usize) -> Result<(), Error> {
+        let (available, _) = self.context.mem_get_info()?;
+        if needed > available {
+            return Err(Error::OutOfMemory { needed, available });
+        }
+        Ok(())
+    }
+
+    /// Copies to new device memory.
+    pub fn upload<T: DeviceRepr>(&self, host: &[T]) -> Result<CudaSlice<T>, Error> {
+        self.stream.clone_htod(host).map_err(|e| self.memory_error(e, size_of_val(host)))
+    }
+
+    /// New device memory, all zero.
+    pub fn zeros<T: DeviceRepr + ValidAsZeroBits>(
+        &self,
+        len: usize,
+    ) -> Result<CudaSlice<T>, Error> {
+        self.stream.alloc_zeros(len).map_err(|e| self.memory_error(e, len * size_of::<T>()))
+    }
+
+    fn memory_error(&self, error: DriverError, needed: usize) -> Error {
+        if error.0 != CUresult::CUDA_ERROR_OUT_OF_MEMORY {
+            return error.into();
+        }
+        let available = self.context.mem_get_info().map_or(0, |(free, _)| free);
+        Error::OutOfMemory { needed, available }
+    }
+}
+
+/// The first GPU, for a test that needs one; without one `None`, after saying why.
+///
+/// # Panics
+/// Without a usable GPU if the environment has `DEMPM_REQUIRE_GPU=1`.
+pub fn for_tests() -> Option<Arc<Device>> {
+    static DEVICE: OnceLock<Option<Arc<Device>>> = OnceLock::new();
+    let device = DEVICE.get_or_init(|| match Device::new(0) {
+        Ok(device) => Some(device),
+        Err(error) if std::env::var("DEMPM_REQUIRE_GPU").is_ok_and(|v| v == "1") => {
+            panic!("DEMPM_REQUIRE_GPU=1, but {error}")
+        }
+        Err(error) => {
+            eprintln!("skipped: {error}");
+            None
+        }
+    });
+    device.clone()
+}

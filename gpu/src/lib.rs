@@ -1,0 +1,12 @@
+//! An NVIDIA GPU, found at run time, and CUDA C++ compiled for it at first use.
+//!
+//! The same binary works on machines without a GPU, where [`Device::new`] says what is missing.
+mod cache;
+mod compiler;
+mod device;
+mod error;
+
+pub use cache::cache_directory;
+pub use compiler::{compile, nvrtc_is_present};
+pub use device::{Device, Limits, for_tests};
+pub use error::Error;

@@ -1,0 +1,161 @@
+//! Contact with walls and obstacles, as conditions on the grid velocity.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::grid::{Node, Shape};
+use crate::obstacle::Placed;
+use crate::{Error, Vec2};
+
+/// What a wall or face does to material that slides along it. None holds material back that
+/// moves away.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Friction {
+    /// Nothing: smooth.
+    #[default]
+    Slip,
+    /// Coulomb friction of this coefficient: `|dv_t| <= mu |dv_n|`.
+    Coulomb(f64),
+    /// Material in contact does not slide at all.
+    Stick,
+}
+
+impl Friction {
+    pub(crate) fn check(self) -> Result<(), String> {
+        match self {
+            Self::Coulomb(mu) if !(mu.is_finite() && mu >= 0.0) => {
+                Err(format!("friction coefficient {mu} is not a number >= 0"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Friction of the four sides of a box.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Walls {
+    /// Side of the smallest x.
+    pub left: Friction,
+    /// Side of the largest x.
+    pub right: Friction,
+    /// Side of the smallest y.
+    pub bottom: Friction,
+    /// Side of the largest y.
+    pub top: Friction,
+}
+
+impl Walls {
+    /// The same friction on all sides.
+    pub fn all(friction: Friction) -> Self {
+        Self { left: friction, right: friction, bottom: friction, top: friction }
+    }
+
+    pub(crate) fn sides(&self) -> [Friction; 4] {
+        [self.left, self.right, self.bottom, self.top]
+    }
+
+    pub(crate) fn check_domain(&self) -> Result<(), Error> {
+        self.sides()
+            .iter()
+            .try_for_each(|f| f.check())
+            .map_err(|e| Error::Domain(format!("walls: {e}")))
+    }
+}
+
+/// Velocity (m/s) after contact with a surface of outward `normal` that moves at `surface` (m/s).
+///
+/// Unilateral: the approaching normal part is removed, and the tangential part loses at most
+/// `mu` times as much.
+pub(crate) fn contact(velocity: Vec2, normal: Vec2, surface: Vec2, friction: Friction) -> Vec2 {
+    let relative = velocity - surface;
+    let approach = -relative.dot(&normal);
+    if approach < 0.0 {
+        return velocity;
+    }
+    let tangential = relative + normal * approach;
+    surface
+        + match friction {
+            Friction::Slip => tangential,
+            Friction::Stick => Vec2::zeros(),
+            Friction::Coulomb(mu) => {
+                let (speed, loss) = (tangential.norm(), mu * approach);
+                if speed <= loss { Vec2::zeros() } else { tangential * (1.0 - loss / speed) }
+            }
+        }
+}
+
+/// Walls and obstacles as they stand in this step.
+pub(crate) struct Boundary<'a> {
+    pub shape: &'a Shape,
+    pub walls: &'a Walls,
+    pub obstacles: &'a [Placed],
+}
+
+impl Boundary<'_> {
+    /// Applies all contacts to the grid velocity. The momentum they give to the material (kg/s),
+    /// by the walls and then by each obstacle, is returned in `impulse`, summed over rows in order.
+    pub fn apply(
+        &self,
+        nodes: &mut [Node],
+        spans: &[Range<usize>],
+        row_impulse: &mut Vec<Vec2>,
+        impulse: &mut [Vec2],
+    ) {
+        let bodies = 1 + self.obstacles.len();
+        row_impulse.clear();
+        row_impulse.resize(bodies * self.shape.rows, Vec2::zeros());
+        nodes
+            .par_chunks_exact_mut(self.shape.columns)
+            .zip(spans)
+            .zip(row_impulse.par_chunks_exact_mut(bodies))
+            .enumerate()
+            .with_min_len(8)
+            .for_each(|(row, ((nodes, span), impulse))| {
+                for column in span.clone() {
+                    self.apply_to_node(&mut nodes[column], column, row, impulse);
+                }
+            });
+        impulse.fill(Vec2::zeros());
+        for row in row_impulse.chunks_exact(bodies) {
+            impulse.iter_mut().zip(row).for_each(|(total, part)| *total += part);
+        }
+    }
+
+    /// Obstacles first, walls last: a node in a corner between both never enters the wall.
+    fn apply_to_node(&self, node: &mut Node, column: usize, row: usize, impulse: &mut [Vec2]) {
+        let (i, j) = (self.shape.coordinate(column), self.shape.coordinate(row));
+        for (obstacle, impulse) in self.obstacles.iter().zip(&mut impulse[1..]) {
+            let velocity =
+                obstacle.contact(&self.shape.place(i, j), node.velocity, self.shape.cell);
+            *impulse += (velocity - node.velocity) * node.mass;
+            node.velocity = velocity;
+        }
+        let velocity = self.wall_contact(i, j, node.velocity);
+        impulse[0] += (velocity - node.velocity) * node.mass;
+        node.velocity = velocity;
+    }
+
+    /// All nodes on or behind a wall are clipped: ghost nodes carry material's momentum too. In a
+    /// corner both walls act, one after the other; the second only slows what the first left.
+    fn wall_contact(&self, i: i64, j: i64, mut v: Vec2) -> Vec2 {
+        let [nx, ny] = self.shape.cells.map(|n| n as i64);
+        let still = Vec2::zeros();
+        if i <= 0 {
+            v = contact(v, Vec2::x(), still, self.walls.left);
+        }
+        if i >= nx {
+            v = contact(v, -Vec2::x(), still, self.walls.right);
+        }
+        if j <= 0 {
+            v = contact(v, Vec2::y(), still, self.walls.bottom);
+        }
+        if j >= ny {
+            v = contact(v, -Vec2::y(), still, self.walls.top);
+        }
+        v
+    }
+}

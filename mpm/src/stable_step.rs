@@ -1,0 +1,100 @@
+//! Bounds on the step.
+
+use crate::basis::{self, Stencil};
+use crate::grid::Shape;
+use crate::{Error, Material, Numerics, Points};
+
+/// How large a step may be in the present state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StableStep {
+    /// Lower bound of the critical step (s), `2 / omega_max` with the grid's largest frequency
+    /// bounded by Gershgorin's theorem. On `m^-1/2 K m^-1/2`, the row of node i sums up to at most
+    ///
+    /// ```text
+    /// omega² <= max_i sum_p V_p M_p b_ip sum_j b_jp,   b_ip = |grad S_ip| / sqrt(m_i)
+    /// ```
+    ///
+    /// Rows of `m^-1 K` bound it as well, but without limit as a node of a spline becomes light:
+    /// there gradients vanish as the root of the mass only. Under USL the limit is up to a root of two
+    /// lower than `2 / omega_max`.
+    pub gershgorin: f64,
+    /// Time in which the fastest signal crosses a cell (s): `min_p cell / (c_p + |v_p|)`,
+    /// `c = sqrt(M / rho)`.
+    pub cfl: f64,
+    /// The point of that minimum.
+    pub point: usize,
+    /// Largest speed of a point (m/s).
+    pub speed: f64,
+    /// Largest norm of the strain rate, `sqrt(D : D)` (1/s).
+    pub strain_rate: f64,
+}
+
+impl StableStep {
+    /// Courant number of a step: `dt / cfl`. Half is safe for uGIMP and splines.
+    pub fn courant(&self, dt: f64) -> f64 {
+        dt / self.cfl
+    }
+}
+
+pub(crate) fn stable_step(
+    shape: &Shape,
+    numerics: &Numerics,
+    points: &Points,
+    material: &dyn Material,
+) -> Result<StableStep, Error> {
+    let cutoff = numerics.cutoff(points.check(shape)?, points.len());
+    let mut result = StableStep {
+        gershgorin: gershgorin(shape, numerics, cutoff, points, material),
+        cfl: f64::INFINITY,
+        point: 0,
+        speed: 0.0,
+        strain_rate: 0.0,
+    };
+    for p in 0..points.len() {
+        let speed = points.velocity[p].norm();
+        let wave_speed = (material.wave_modulus(p) / points.density(p)).sqrt();
+        let crossing = shape.cell / (wave_speed + speed);
+        if crossing < result.cfl {
+            result.cfl = crossing;
+            result.point = p;
+        }
+        result.speed = result.speed.max(speed);
+        let l = &points.velocity_gradient[p];
+        result.strain_rate = result.strain_rate.max(((l + l.transpose()) * 0.5).norm());
+    }
+    Ok(result)
+}
+
+fn gershgorin(
+    shape: &Shape,
+    numerics: &Numerics,
+    cutoff: f64,
+    points: &Points,
+    material: &dyn Material,
+) -> f64 {
+    let mut stencils = Vec::new();
+    basis::evaluate(numerics.basis, shape, &points.position, &mut stencils);
+    let (columns, width) = (shape.columns, numerics.basis.width());
+    let support = || (0..width).flat_map(|b| (0..width).map(move |a| (a, b)));
+    let node = |stencil: &Stencil, a: usize, b: usize| stencil.node + b * columns + a;
+
+    let mut mass = vec![0.0; columns * shape.rows];
+    for (stencil, m) in stencils.iter().zip(&points.mass) {
+        for (a, b) in support() {
+            mass[node(stencil, a, b)] += m * stencil.value(a, b);
+        }
+    }
+    let mut row_sum = vec![0.0; mass.len()];
+    for (p, stencil) in stencils.iter().enumerate() {
+        let weight = |(a, b): (usize, usize)| {
+            let m: f64 = mass[node(stencil, a, b)];
+            if m > cutoff { stencil.gradient(a, b).norm() / m.sqrt() } else { 0.0 }
+        };
+        let total: f64 = support().map(weight).sum();
+        let stiffness = points.volume[p] * material.wave_modulus(p);
+        for (a, b) in support() {
+            row_sum[node(stencil, a, b)] += stiffness * weight((a, b)) * total;
+        }
+    }
+    2.0 / row_sum.into_iter().fold(0.0, f64::max).sqrt()
+}

@@ -1,0 +1,207 @@
+//! The architecture of a network: its kind, sizes and connection radius, and the ten networks of
+//! the paper (Zhao, Chen, Zhao, CMAME 433, 2025, 117536, Table 6).
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::MlpShape;
+
+/// Names that [`ModelConfig::named`] knows from the paper's Table 6, in its order.
+pub const PAPER_NETWORKS: [&str; 10] = [
+    "baseline",
+    "hidden1",
+    "msg1",
+    "msg0",
+    "msg0-hidden1",
+    "frame4",
+    "frame4-msg0-hidden1",
+    "frame4-msg1",
+    "frame4-hidden1",
+    "frame4-msg1-hidden1-edgemsg",
+];
+
+/// Which network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ModelKind {
+    /// The temporal graph neural network simulator of the paper: one graph per frame.
+    Tgnns,
+    /// Graph network simulator of Sanchez-Gonzalez et al. (ICML 2020): one graph, of the last frame.
+    Gns,
+}
+
+/// Architecture of a network. The default is the paper's Baseline.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ModelConfig {
+    pub kind: ModelKind,
+    /// Dimensions of space n_d, 2 or 3.
+    pub dimensions: usize,
+    /// Width of all latent states.
+    pub width: usize,
+    /// Hidden layers of each MLP.
+    pub hidden_layers: usize,
+    /// Message-passing layers after the last frame's own (TGNNS).
+    pub message_layers: usize,
+    /// Frames in a window, the newest of which is advanced.
+    pub frames: usize,
+    /// Carry edge states from frame to frame along edges that persist (TGNNS, `edgemsg`).
+    pub edge_message: bool,
+    /// Slope of LeakyReLU for negative arguments (TGNNS; the GNS has ReLU).
+    pub leaky_slope: f64,
+    /// Points closer than this are neighbours [m].
+    pub connection_radius: f64,
+    /// Message-passing layers (GNS).
+    pub gns_layers: usize,
+}
+
+impl Default for ModelConfig {
+    fn default() -> Self {
+        Self {
+            kind: ModelKind::Tgnns,
+            dimensions: 2,
+            width: 128,
+            hidden_layers: 2,
+            message_layers: 2,
+            frames: 6,
+            edge_message: false,
+            leaky_slope: 0.1,
+            connection_radius: 0.25,
+            gns_layers: 10,
+        }
+    }
+}
+
+/// A value of a [`ModelConfig`] that no network can have.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("model: `{key}` is {value}, it must be {range}")]
+pub struct ConfigError {
+    pub key: &'static str,
+    pub value: f64,
+    pub range: &'static str,
+}
+
+impl ModelConfig {
+    /// One of [`PAPER_NETWORKS`] in two dimensions, or `gns`.
+    pub fn named(name: &str) -> Option<Self> {
+        let tgnns = |hidden_layers, message_layers, frames, edge_message| Self {
+            hidden_layers,
+            message_layers,
+            frames,
+            edge_message,
+            ..Self::default()
+        };
+        Some(match name {
+            "baseline" => tgnns(2, 2, 6, false),
+            "hidden1" => tgnns(1, 2, 6, false),
+            "msg1" => tgnns(2, 1, 6, false),
+            "msg0" => tgnns(2, 0, 6, false),
+            "msg0-hidden1" => tgnns(1, 0, 6, false),
+            "frame4" => tgnns(2, 2, 4, false),
+            "frame4-msg0-hidden1" => tgnns(1, 0, 4, false),
+            "frame4-msg1" => tgnns(2, 1, 4, false),
+            "frame4-hidden1" => tgnns(1, 2, 4, false),
+            "frame4-msg1-hidden1-edgemsg" => tgnns(1, 1, 4, true),
+            "gns" => Self { kind: ModelKind::Gns, ..Self::default() },
+            _ => return None,
+        })
+    }
+
+    /// Number of trainable parameters.
+    pub fn parameter_count(&self) -> usize {
+        let states = |n: usize| self.mlp(n * self.width, self.width).parameter_count();
+        let encoder = |features| self.mlp(features, self.width).parameter_count();
+        let message_layer = states(3) + states(2);
+        let decoder = self.decoder().parameter_count();
+        match self.kind {
+            ModelKind::Tgnns => {
+                encoder(self.first_node_features())
+                    + encoder(self.later_node_features())
+                    + encoder(self.first_edge_features())
+                    + encoder(self.later_edge_features())
+                    + states(2)
+                    + (self.frames + self.message_layers) * message_layer
+                    + decoder
+                    + if self.edge_message {
+                        encoder(self.width + self.later_edge_features())
+                    } else {
+                        0
+                    }
+            }
+            ModelKind::Gns => {
+                encoder(self.gns_node_features())
+                    + encoder(self.first_edge_features())
+                    + self.gns_layers * message_layer
+                    + decoder
+            }
+        }
+    }
+
+    /// Rejects sizes that no network can have, so that building one cannot fail.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let whole = |key, value: usize, low: usize, high: usize, range| {
+            if (low..=high).contains(&value) {
+                Ok(())
+            } else {
+                Err(ConfigError { key, value: value as f64, range })
+            }
+        };
+        whole("dimensions", self.dimensions, 2, 3, "2 or 3")?;
+        whole("width", self.width, 2, 4096, "from 2 to 4096")?;
+        whole("hidden_layers", self.hidden_layers, 1, 16, "from 1 to 16")?;
+        whole("message_layers", self.message_layers, 0, 64, "from 0 to 64")?;
+        whole("frames", self.frames, 2, 64, "from 2 to 64")?;
+        whole("gns_layers", self.gns_layers, 1, 64, "from 1 to 64")?;
+        let real = |key, value: f64, valid: bool, range| {
+            if valid { Ok(()) } else { Err(ConfigError { key, value, range }) }
+        };
+        let (slope, radius) = (self.leaky_slope, self.connection_radius);
+        real("leaky_slope", slope, (0.0..=1.0).contains(&slope), "from 0 to 1")?;
+        real("connection_radius", radius, radius > 0.0 && radius.is_finite(), "positive (metres)")
+    }
+
+    /// Distances to the 2 n_d walls.
+    pub fn first_node_features(&self) -> usize {
+        2 * self.dimensions
+    }
+
+    /// Velocity and distances to the walls.
+    pub fn later_node_features(&self) -> usize {
+        3 * self.dimensions
+    }
+
+    /// Direction and distance.
+    pub fn first_edge_features(&self) -> usize {
+        self.dimensions + 1
+    }
+
+    /// Relative velocity, direction and distance.
+    pub fn later_edge_features(&self) -> usize {
+        2 * self.dimensions + 1
+    }
+
+    /// All velocities of the window and the distances to the walls.
+    pub fn gns_node_features(&self) -> usize {
+        (self.frames + 1) * self.dimensions
+    }
+
+    /// An MLP of this network that ends in LayerNorm.
+    pub(crate) fn mlp(&self, input: usize, output: usize) -> MlpShape {
+        let slope = match self.kind {
+            ModelKind::Tgnns => self.leaky_slope,
+            ModelKind::Gns => 0.0,
+        };
+        MlpShape {
+            input,
+            width: self.width,
+            hidden_layers: self.hidden_layers,
+            output,
+            norm: true,
+            slope,
+        }
+    }
+
+    /// The MLP from a node's state to its normalised acceleration; without LayerNorm.
+    pub(crate) fn decoder(&self) -> MlpShape {
+        MlpShape { norm: false, ..self.mlp(self.width, self.dimensions) }
+    }
+}

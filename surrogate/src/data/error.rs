@@ -1,0 +1,68 @@
+//! What can be wrong with training data.
+
+use std::path::PathBuf;
+
+use dempm::trajectory::TrajectoryError;
+
+/// An error that names the file.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum DataError {
+    /// The folder cannot be listed.
+    #[error("{}: cannot list the folder", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The folder has no trajectory in it.
+    #[error("{}: no trajectory files (*.h5) in this folder", path.display())]
+    #[diagnostic(help("make some with `dempm run SCENE.toml -o FOLDER/NAME.h5`"))]
+    Empty {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A trajectory cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    /// A trajectory that has too few frames.
+    #[error("{}: {found} frames, but a window with stride {stride} needs {needed}", path.display())]
+    TooShort {
+        /// The trajectory file.
+        path: PathBuf,
+        /// Its frames.
+        found: usize,
+        /// Frames from one frame of a window to the next.
+        stride: usize,
+        /// Frames that a window and its target span.
+        needed: usize,
+    },
+    /// A position that is not a number.
+    #[error("{}: frame {frame}: the position of point {point} is not finite", path.display())]
+    NotFinite {
+        /// The trajectory file.
+        path: PathBuf,
+        /// The frame.
+        frame: usize,
+        /// The point.
+        point: usize,
+    },
+    /// A trajectory that cannot be mixed with the others.
+    #[error("{}: {what} is {found}, but {} has {expected}", path.display(), other.display())]
+    #[diagnostic(help(
+        "all trajectories of a training need the same domain and time between frames"
+    ))]
+    Mixed {
+        /// The trajectory file.
+        path: PathBuf,
+        /// The file it is compared with.
+        other: PathBuf,
+        /// What differs.
+        what: &'static str,
+        /// Its value in `path`.
+        found: String,
+        /// Its value in `other`.
+        expected: String,
+    },
+}

@@ -1,0 +1,24 @@
+//! From trajectory files to training batches.
+//!
+//! Files ([`Recording`]) -> windows of frames with the frame that follows ([`DataSet`]) -> shuffled
+//! ([`Order`]), mirrored, noisy and normalised ([`Recipe`]) -> [`Batch`]es, made ahead of time on
+//! another thread ([`Prefetch`]). A batch is a function of the seed and its number alone, so a
+//! training resumes where it was without any state of the data.
+
+mod batch;
+mod error;
+mod files;
+mod mirror;
+mod noise;
+mod order;
+mod prefetch;
+mod statistics;
+mod windows;
+
+pub use batch::{Batch, Recipe};
+pub use error::DataError;
+pub use files::{DataFolder, Recording, trajectories_in};
+pub use order::Order;
+pub use prefetch::Prefetch;
+pub use statistics::{Statistics, Welford};
+pub use windows::{DataSet, Example, Shape};

@@ -1,0 +1,46 @@
+//! Batches made on another thread while the model learns from earlier ones.
+
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::thread;
+
+use super::{Batch, DataError, DataSet, Order, Recipe};
+
+/// Batches that wait at most.
+const AHEAD: usize = 3;
+
+/// Makes batches ahead of time, in order. The thread ends when this is dropped.
+pub struct Prefetch<T> {
+    batches: Receiver<Result<T, DataError>>,
+}
+
+impl<T: Send + 'static> Prefetch<T> {
+    /// Begins with the batch of `step`; `prepare` is the last thing done on the thread.
+    pub fn start(
+        data: DataSet,
+        recipe: Recipe,
+        step: u64,
+        prepare: impl Fn(Batch) -> T + Send + 'static,
+    ) -> Self {
+        let (send, batches) = sync_channel(AHEAD);
+        thread::spawn(move || {
+            let mut order = Order::new(recipe.seed, data.len());
+            for step in step.. {
+                let batch = recipe.batch(&data, &mut order, step).map(&prepare);
+                let failed = batch.is_err();
+                // Nobody listens any more once the training ends.
+                if send.send(batch).is_err() || failed {
+                    break;
+                }
+            }
+        });
+        Self { batches }
+    }
+
+    /// Waits for the next batch; `None` if the thread died.
+    ///
+    /// # Errors
+    /// If a file could not be read.
+    pub fn next(&self) -> Result<Option<T>, DataError> {
+        self.batches.recv().ok().transpose()
+    }
+}

@@ -1,0 +1,127 @@
+//! Mean and standard deviation of velocities and accelerations, for the normalisation.
+
+use super::{DataError, DataSet};
+use crate::features::Normalisation;
+
+/// Less than any motion of grains per frame, m: keeps a direction in which nothing moves finite.
+const NO_MOTION: f64 = 1e-9;
+
+/// Running mean and variance in double precision, after Welford: no differences of large sums.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Welford {
+    count: u64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Welford {
+    /// Takes a value into account.
+    pub fn add(&mut self, value: f64) {
+        self.count += 1;
+        let before = value - self.mean;
+        self.mean += before / self.count as f64;
+        self.squares += before * (value - self.mean);
+    }
+
+    /// The number of values.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The mean.
+    pub fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// The standard deviation.
+    pub fn deviation(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { (self.squares / self.count as f64).sqrt() }
+    }
+
+    /// As though every value had come with its negative.
+    fn symmetric(self) -> Self {
+        let count = self.count as f64;
+        Self { mean: 0.0, squares: self.squares + count * self.mean * self.mean, ..self }
+    }
+}
+
+/// Statistics of the targets of a data set: per component, differences of positions per frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// First differences, m/frame.
+    pub velocity: [Welford; 2],
+    /// Second differences, m/frame².
+    pub acceleration: [Welford; 2],
+}
+
+impl Statistics {
+    /// Goes through all frames of all files once. `without_gravity`: accelerations relative to
+    /// free fall.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn measure(data: &DataSet, without_gravity: bool) -> Result<Self, DataError> {
+        let mut statistics = Self::default();
+        let stride = data.shape().stride;
+        let interval = data.frame_interval();
+        for recording in data.recordings() {
+            let fall = recording.header().gravity.map(|g| g * interval * interval);
+            for first in 0..stride.min(recording.frames()) {
+                let mut before: Option<Vec<f64>> = None;
+                let mut velocity: Option<Vec<f64>> = None;
+                for frame in (first..recording.frames()).step_by(stride) {
+                    let now = recording.positions(frame)?;
+                    let present: Option<Vec<f64>> =
+                        before.map(|before| now.iter().zip(before).map(|(x, b)| x - b).collect());
+                    for (place, &v) in present.iter().flatten().enumerate() {
+                        statistics.velocity[place % 2].add(v);
+                        if let Some(past) = &velocity {
+                            let gravity = if without_gravity { fall[place % 2] } else { 0.0 };
+                            statistics.acceleration[place % 2].add(v - past[place] - gravity);
+                        }
+                    }
+                    velocity = present;
+                    before = Some(now);
+                }
+            }
+        }
+        Ok(statistics)
+    }
+
+    /// With the mirror images of all trajectories.
+    pub fn mirrored(mut self) -> Self {
+        self.velocity[0] = self.velocity[0].symmetric();
+        self.acceleration[0] = self.acceleration[0].symmetric();
+        self
+    }
+
+    /// What a model sees as one: the noise of the training is part of it.
+    pub fn normalisation(&self, noise: f64) -> Normalisation {
+        let mean = |of: [Welford; 2]| of.map(|w| w.mean()).to_vec();
+        let deviation = |of: [Welford; 2]| of.map(|w| w.deviation().hypot(noise).max(NO_MOTION));
+        Normalisation {
+            velocity_mean: mean(self.velocity),
+            velocity_std: deviation(self.velocity).to_vec(),
+            acceleration_mean: mean(self.acceleration),
+            acceleration_std: deviation(self.acceleration).to_vec(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_spread_about_a_large_mean() {
+        let mut welford = Welford::default();
+        for k in 0..1000 {
+            welford.add(1.0e6 + f64::from(k % 2));
+        }
+        assert!((welford.mean() - 1_000_000.5).abs() < 1e-9);
+        assert!((welford.deviation() - 0.5).abs() < 1e-9, "{}", welford.deviation());
+        let symmetric = welford.symmetric();
+        assert_eq!(symmetric.mean(), 0.0);
+        assert!((symmetric.deviation() / 1_000_000.5 - 1.0).abs() < 1e-9);
+    }
+}

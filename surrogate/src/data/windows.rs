@@ -1,0 +1,185 @@
+//! Windows of frames, each with the frame that follows it.
+
+use std::path::PathBuf;
+
+use super::{DataError, Recording};
+
+/// What a window is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Frames that the model sees.
+    pub frames: usize,
+    /// Frames of the file from one frame of a window to the next: 1, 2, 3, 6 and 10 give the
+    /// paper's data sets 1 to 5. Windows start at every frame of the file, so a coarser data set
+    /// is cut into interleaved trajectories and has about as many windows as the finest.
+    pub stride: usize,
+}
+
+impl Shape {
+    /// Frames of the file from the first of a window to its target.
+    fn span(self) -> usize {
+        self.frames * self.stride
+    }
+}
+
+/// A window and the frame after it. Positions are in m, x and y of the points in turn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Example {
+    /// The number of material points.
+    pub points: usize,
+    /// Frame after frame, the oldest first.
+    pub positions: Vec<f64>,
+    /// The frame after the last one.
+    pub next: Vec<f64>,
+    /// Gravity, m/frame².
+    pub gravity: [f64; 2],
+}
+
+impl Example {
+    /// Numbers in one frame.
+    pub fn values(&self) -> usize {
+        2 * self.points
+    }
+
+    /// Second difference of the positions around the last frame, m/frame².
+    pub fn acceleration(&self) -> Vec<f64> {
+        let (before, last) = self.last_two();
+        let rows = self.next.iter().zip(last).zip(before);
+        rows.map(|((next, last), before)| (next - last) - (last - before)).collect()
+    }
+
+    /// Difference of the last two frames, m/frame.
+    pub fn velocity(&self) -> Vec<f64> {
+        let (before, last) = self.last_two();
+        last.iter().zip(before).map(|(last, before)| last - before).collect()
+    }
+
+    fn last_two(&self) -> (&[f64], &[f64]) {
+        let (rest, last) = self.positions.split_at(self.positions.len() - self.values());
+        (&rest[rest.len() - self.values()..], last)
+    }
+}
+
+/// All windows of several trajectories.
+///
+/// Positions of the first files are held in memory as far as `memory` allows; windows of the other
+/// files are read from the disk whenever they are asked for.
+pub struct DataSet {
+    recordings: Vec<Recording>,
+    shape: Shape,
+}
+
+impl DataSet {
+    /// Opens the files and checks that they belong together; `memory` is in bytes.
+    ///
+    /// # Errors
+    /// If a file cannot be read, is too short for a window or differs from the first in its domain
+    /// or the time between frames.
+    pub fn open(paths: &[PathBuf], shape: Shape, memory: usize) -> Result<Self, DataError> {
+        let mut recordings: Vec<Recording> = Vec::with_capacity(paths.len());
+        let mut left = memory;
+        for path in paths {
+            let mut recording = Recording::open(path)?;
+            if recording.frames() <= shape.span() {
+                return Err(DataError::TooShort {
+                    path: path.clone(),
+                    found: recording.frames(),
+                    stride: shape.stride,
+                    needed: shape.span() + 1,
+                });
+            }
+            if let Some(first) = recordings.first() {
+                check_alike(first, &recording)?;
+            }
+            if let Some(rest) = left.checked_sub(recording.bytes()) {
+                recording.hold()?;
+                left = rest;
+            }
+            recordings.push(recording);
+        }
+        Ok(Self { recordings, shape })
+    }
+
+    /// The number of windows.
+    pub fn len(&self) -> usize {
+        self.recordings.iter().map(|recording| self.windows(recording)).sum()
+    }
+
+    /// Whether there is no window; a data set of at least one file has some.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The files.
+    pub fn recordings(&self) -> &[Recording] {
+        &self.recordings
+    }
+
+    /// What windows are made of.
+    pub fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// Time between frames of a window, s.
+    pub fn frame_interval(&self) -> f64 {
+        self.recordings.first().map_or(f64::NAN, |recording| {
+            recording.header().frame_interval * self.shape.stride as f64
+        })
+    }
+
+    /// Extent of the domain along x and y, m.
+    pub fn bounds(&self) -> [[f64; 2]; 2] {
+        let size = self.recordings.first().map_or([f64::NAN; 2], |r| r.header().domain);
+        size.map(|length| [0.0, length])
+    }
+
+    /// Reads a window, counted through all files.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn example(&self, window: usize) -> Result<Example, DataError> {
+        let mut first = window;
+        let mut files = self.recordings.iter();
+        let recording = loop {
+            let recording = files.next().expect("the window is one of the data set");
+            match first.checked_sub(self.windows(recording)) {
+                Some(rest) => first = rest,
+                None => break recording,
+            }
+        };
+        let mut positions = Vec::new();
+        for frame in 0..self.shape.frames {
+            positions.extend(recording.positions(first + frame * self.shape.stride)?);
+        }
+        let next = recording.positions(first + self.shape.span())?;
+        let interval = self.frame_interval();
+        let gravity = recording.header().gravity.map(|g| g * interval * interval);
+        Ok(Example { points: recording.points(), positions, next, gravity })
+    }
+
+    fn windows(&self, recording: &Recording) -> usize {
+        recording.frames() - self.shape.span()
+    }
+}
+
+fn check_alike(first: &Recording, other: &Recording) -> Result<(), DataError> {
+    let (a, b) = (first.header(), other.header());
+    let mixed = |what, found: String, expected: String| DataError::Mixed {
+        path: other.path().to_owned(),
+        other: first.path().to_owned(),
+        what,
+        found,
+        expected,
+    };
+    if a.domain != b.domain {
+        return Err(mixed("the domain", format!("{:?} m", b.domain), format!("{:?} m", a.domain)));
+    }
+    if a.frame_interval != b.frame_interval {
+        return Err(mixed(
+            "the time between frames",
+            format!("{} s", b.frame_interval),
+            format!("{} s", a.frame_interval),
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,303 @@
+//! Input features of the networks, computed on the host in float32.
+//!
+//! Standardisation, unit directions and the 0 in place of the distance to a far wall are the
+//! paper's; that distances to walls are divided by the connection radius is our choice. The GNS
+//! has the features of Sanchez-Gonzalez et al. (2020): displacement / radius in place of the
+//! direction, and distances to walls clipped to ±1 radius.
+
+use std::cmp::Ordering;
+
+use burn::tensor::backend::Backend;
+use burn::tensor::{Int, Tensor, TensorData};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::config::{ModelConfig, ModelKind};
+use crate::graph::{RadiusGraph, radius_graph};
+
+/// Means and standard deviations of a training set, per component of space. Velocities are
+/// x_k - x_(k-1) [m/frame] and accelerations x_(k+1) - 2 x_k + x_(k-1) [m/frame^2]. Standard
+/// deviations are positive.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Normalisation {
+    pub velocity_mean: Vec<f64>,
+    pub velocity_std: Vec<f64>,
+    pub acceleration_mean: Vec<f64>,
+    pub acceleration_std: Vec<f64>,
+}
+
+/// Consecutive frames of one trajectory.
+#[derive(Clone, Copy, Debug)]
+pub struct Window<'a> {
+    /// frames x points x dimensions [m], oldest frame first.
+    pub positions: &'a [f32],
+    pub points: usize,
+}
+
+/// Features and graph of one frame of a batch: the graphs of the windows side by side, the points
+/// of each numbered after those of the one before. Edges are in order of receiver, then sender.
+#[derive(Clone, Debug)]
+pub struct FrameInput<B: Backend> {
+    /// points x node features.
+    pub nodes: Tensor<B, 2>,
+    /// edges x edge features.
+    pub edges: Tensor<B, 2>,
+    /// Sender w of each edge.
+    pub sender: Tensor<B, 1, Int>,
+    /// Receiver v of each edge.
+    pub receiver: Tensor<B, 1, Int>,
+    /// Edges in common with the previous frame, for networks that carry edge states.
+    pub persistence: Option<Persistence<B>>,
+}
+
+/// A frame's edges parted into those that the previous frame's graph has too and new ones.
+#[derive(Clone, Debug)]
+pub struct Persistence<B: Backend> {
+    /// The persistent edges, and
+    pub persistent: Tensor<B, 1, Int>,
+    /// what they are in the previous frame.
+    pub previous: Tensor<B, 1, Int>,
+    /// The new edges.
+    pub new: Tensor<B, 1, Int>,
+    /// Where each edge is in the list of persistent edges followed by new ones.
+    pub place: Tensor<B, 1, Int>,
+}
+
+/// What a network reads: one frame for each of the window (TGNNS) or its last (GNS).
+#[derive(Clone, Debug)]
+pub struct WindowInput<B: Backend> {
+    pub frames: Vec<FrameInput<B>>,
+    /// Points of all windows together.
+    pub points: usize,
+}
+
+/// Features and graphs of several windows as one batch. `bounds` are the lower and upper wall of
+/// each direction [m].
+///
+/// # Panics
+/// If a window's positions are not `config.frames` x points x `config.dimensions`, or the
+/// normalisation or the bounds have other dimensions.
+pub fn window_input<B: Backend>(
+    windows: &[Window],
+    config: &ModelConfig,
+    norm: &Normalisation,
+    bounds: &[[f64; 2]],
+    device: &B::Device,
+) -> WindowInput<B> {
+    assert_eq!(bounds.len(), config.dimensions);
+    assert_eq!(norm.velocity_mean.len(), config.dimensions);
+    assert_eq!(norm.velocity_std.len(), config.dimensions);
+    for window in windows {
+        assert_eq!(window.positions.len(), config.frames * window.points * config.dimensions);
+    }
+    let features = Features { config, norm, bounds };
+    let first = match config.kind {
+        ModelKind::Tgnns => 0,
+        ModelKind::Gns => config.frames - 1,
+    };
+    let batches: Vec<HostFrame> = (first..config.frames)
+        .into_par_iter()
+        .map(|frame| {
+            let parts: Vec<_> =
+                windows.par_iter().map(|window| features.frame(window, frame)).collect();
+            HostFrame::side_by_side(parts)
+        })
+        .collect();
+    let points = windows.iter().map(|window| window.points).sum();
+    let frames = batches
+        .iter()
+        .enumerate()
+        .map(|(k, frame)| {
+            let before = if config.edge_message && k > 0 { batches.get(k - 1) } else { None };
+            frame.to_device(features.columns(first + k), before, device)
+        })
+        .collect();
+    WindowInput { frames, points }
+}
+
+/// What all frames have in common.
+struct Features<'a> {
+    config: &'a ModelConfig,
+    norm: &'a Normalisation,
+    bounds: &'a [[f64; 2]],
+}
+
+impl Features<'_> {
+    /// Features of a node and of an edge.
+    fn columns(&self, frame: usize) -> [usize; 2] {
+        let config = self.config;
+        match config.kind {
+            ModelKind::Tgnns if frame > 0 => {
+                [config.later_node_features(), config.later_edge_features()]
+            }
+            ModelKind::Tgnns => [config.first_node_features(), config.first_edge_features()],
+            ModelKind::Gns => [config.gns_node_features(), config.first_edge_features()],
+        }
+    }
+
+    fn frame(&self, window: &Window, frame: usize) -> HostFrame {
+        let stride = window.points * self.config.dimensions;
+        let at = |k: usize| &window.positions[k * stride..(k + 1) * stride];
+        let graph =
+            radius_graph(at(frame), self.config.dimensions, self.config.connection_radius as f32);
+        let (mut nodes, mut edges) = (Vec::new(), Vec::new());
+        let steps = match self.config.kind {
+            ModelKind::Tgnns => frame..frame + 1,
+            ModelKind::Gns => 1..frame + 1,
+        };
+        for point in 0..window.points {
+            for k in steps.clone().filter(|&k| k > 0) {
+                self.velocity(at(k - 1), at(k), point, &mut nodes);
+            }
+            self.wall_distances(at(frame), point, &mut nodes);
+        }
+        let moving = self.config.kind == ModelKind::Tgnns && frame > 0;
+        for (receiver, sender) in graph.pairs() {
+            if moving {
+                self.relative_velocity(at(frame - 1), at(frame), receiver, sender, &mut edges);
+            }
+            self.separation(at(frame), receiver, sender, &mut edges);
+        }
+        HostFrame::new(window.points, nodes, edges, &graph)
+    }
+
+    /// (x_k - x_(k-1) - mean) / std of one point.
+    fn velocity(&self, before: &[f32], now: &[f32], point: usize, features: &mut Vec<f32>) {
+        let d = self.config.dimensions;
+        features.extend((0..d).map(|k| {
+            let step = now[point * d + k] - before[point * d + k];
+            (step - self.norm.velocity_mean[k] as f32) / self.norm.velocity_std[k] as f32
+        }));
+    }
+
+    /// Velocity of the sender less that of the receiver, / std.
+    fn relative_velocity(
+        &self,
+        before: &[f32],
+        now: &[f32],
+        receiver: usize,
+        sender: usize,
+        features: &mut Vec<f32>,
+    ) {
+        let d = self.config.dimensions;
+        features.extend((0..d).map(|k| {
+            let step = |point: usize| now[point * d + k] - before[point * d + k];
+            (step(sender) - step(receiver)) / self.norm.velocity_std[k] as f32
+        }));
+    }
+
+    /// Distances to the lower and upper wall of each direction, in radii.
+    fn wall_distances(&self, now: &[f32], point: usize, features: &mut Vec<f32>) {
+        let d = self.config.dimensions;
+        let radius = self.config.connection_radius as f32;
+        let scaled = |distance: f32| match self.config.kind {
+            ModelKind::Tgnns if distance > radius => 0.0,
+            ModelKind::Tgnns => distance / radius,
+            ModelKind::Gns => (distance / radius).clamp(-1.0, 1.0),
+        };
+        for (k, [lower, upper]) in self.bounds.iter().enumerate() {
+            let x = now[point * d + k];
+            features.extend([scaled(x - *lower as f32), scaled(*upper as f32 - x)]);
+        }
+    }
+
+    /// From receiver to sender: direction (GNS: displacement / radius) and distance / radius.
+    /// Points at the same place have direction 0.
+    fn separation(&self, now: &[f32], receiver: usize, sender: usize, features: &mut Vec<f32>) {
+        let d = self.config.dimensions;
+        let radius = self.config.connection_radius as f32;
+        let displacement = |k: usize| now[sender * d + k] - now[receiver * d + k];
+        let distance = (0..d).map(|k| displacement(k).powi(2)).sum::<f32>().sqrt();
+        let unit = match self.config.kind {
+            ModelKind::Tgnns if distance > 0.0 => distance,
+            _ => radius,
+        };
+        features.extend((0..d).map(|k| displacement(k) / unit));
+        features.push(distance / radius);
+    }
+}
+
+/// A frame's features and edges before they go to the device.
+struct HostFrame {
+    points: usize,
+    nodes: Vec<f32>,
+    edges: Vec<f32>,
+    /// (receiver, sender), ascending.
+    pairs: Vec<(i32, i32)>,
+}
+
+impl HostFrame {
+    fn new(points: usize, nodes: Vec<f32>, edges: Vec<f32>, graph: &RadiusGraph) -> Self {
+        let pairs = graph.pairs().map(|(receiver, sender)| (receiver as i32, sender as i32));
+        Self { points, nodes, edges, pairs: pairs.collect() }
+    }
+
+    /// The graphs of several windows as one graph without edges between them.
+    fn side_by_side(parts: Vec<HostFrame>) -> Self {
+        let mut whole = Self { points: 0, nodes: Vec::new(), edges: Vec::new(), pairs: Vec::new() };
+        for part in parts {
+            let offset = whole.points as i32;
+            whole.points += part.points;
+            whole.nodes.extend(part.nodes);
+            whole.edges.extend(part.edges);
+            whole.pairs.extend(part.pairs.iter().map(|(v, w)| (v + offset, w + offset)));
+        }
+        whole
+    }
+
+    fn to_device<B: Backend>(
+        &self,
+        columns: [usize; 2],
+        previous: Option<&HostFrame>,
+        device: &B::Device,
+    ) -> FrameInput<B> {
+        FrameInput {
+            nodes: matrix(&self.nodes, [self.points, columns[0]], device),
+            edges: matrix(&self.edges, [self.pairs.len(), columns[1]], device),
+            sender: indices(self.pairs.iter().map(|pair| pair.1), device),
+            receiver: indices(self.pairs.iter().map(|pair| pair.0), device),
+            persistence: previous.map(|previous| self.persistence(previous, device)),
+        }
+    }
+
+    /// Merges two ascending lists of edges.
+    fn persistence<B: Backend>(&self, before: &HostFrame, device: &B::Device) -> Persistence<B> {
+        let (mut persistent, mut previous, mut new) = (Vec::new(), Vec::new(), Vec::new());
+        let mut old = 0;
+        for (edge, pair) in self.pairs.iter().enumerate() {
+            while before.pairs.get(old).is_some_and(|p| p.cmp(pair) == Ordering::Less) {
+                old += 1;
+            }
+            if before.pairs.get(old) == Some(pair) {
+                persistent.push(edge as i32);
+                previous.push(old as i32);
+            } else {
+                new.push(edge as i32);
+            }
+        }
+        let mut place = vec![0; self.pairs.len()];
+        for (k, &edge) in persistent.iter().chain(&new).enumerate() {
+            place[edge as usize] = k as i32;
+        }
+        Persistence {
+            persistent: indices(persistent, device),
+            previous: indices(previous, device),
+            new: indices(new, device),
+            place: indices(place, device),
+        }
+    }
+}
+
+fn matrix<B: Backend>(values: &[f32], shape: [usize; 2], device: &B::Device) -> Tensor<B, 2> {
+    Tensor::from_data(TensorData::new(values.to_vec(), shape), device)
+}
+
+fn indices<B: Backend>(
+    values: impl IntoIterator<Item = i32>,
+    device: &B::Device,
+) -> Tensor<B, 1, Int> {
+    let values: Vec<i32> = values.into_iter().collect();
+    let length = values.len();
+    Tensor::from_data(TensorData::new(values, [length]), device)
+}

@@ -1,0 +1,18 @@
+//! The learned simulator: trajectories -> graphs -> TGNNS -> training and rollout.
+
+pub mod backend;
+pub mod chart;
+pub mod config;
+pub mod constraints;
+pub mod data;
+pub mod eval;
+pub mod features;
+pub mod graph;
+pub mod metrics;
+pub mod model;
+pub mod rollout;
+pub mod simulator;
+pub mod start;
+pub mod stats;
+pub mod train;
+pub mod weights;

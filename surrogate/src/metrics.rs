@@ -1,0 +1,122 @@
+//! How far a trajectory is from another one, frame by frame.
+
+/// The errors of one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrameError {
+    /// Time, s.
+    pub time: f64,
+    /// Mean over the points of |r - r*|², in units of the box: its width is 1.
+    pub mse: f64,
+    /// Front (largest x) less the true one, m.
+    pub front: f64,
+    /// Root mean square difference of the height profiles, m.
+    pub height: f64,
+    /// Distance between the centres of mass, m.
+    pub centre: f64,
+}
+
+impl FrameError {
+    /// Compares positions with the true ones. `width` is that of the domain, `spacing` the width
+    /// of the strips of a height profile, m.
+    pub fn between(
+        predicted: &[[f64; 2]],
+        truth: &[[f64; 2]],
+        time: f64,
+        width: f64,
+        spacing: f64,
+    ) -> Self {
+        let count = truth.len().max(1) as f64;
+        let square = |(p, t): (&[f64; 2], &[f64; 2])| (p[0] - t[0]).powi(2) + (p[1] - t[1]).powi(2);
+        let squares: f64 = predicted.iter().zip(truth).map(square).sum();
+        let front = |of: &[[f64; 2]]| of.iter().map(|x| x[0]).fold(f64::MIN, f64::max);
+        let centre =
+            |k: usize| predicted.iter().zip(truth).map(|(p, t)| p[k] - t[k]).sum::<f64>() / count;
+        Self {
+            time,
+            mse: squares / count / (width * width),
+            front: front(predicted) - front(truth),
+            height: profile_difference(predicted, truth, width, spacing),
+            centre: centre(0).hypot(centre(1)),
+        }
+    }
+}
+
+/// Root mean square difference of the largest y in strips of the domain, over the strips in which
+/// either has a point; where one has none its height is 0.
+fn profile_difference(a: &[[f64; 2]], b: &[[f64; 2]], width: f64, spacing: f64) -> f64 {
+    let strips = (width / spacing).ceil().max(1.0) as usize;
+    let profile = |points: &[[f64; 2]]| {
+        let mut top = vec![None; strips];
+        for [x, y] in points {
+            // Casting saturates, so points left of the domain are in the first strip.
+            let strip = &mut top[((x / spacing) as usize).min(strips - 1)];
+            *strip = Some(strip.map_or(*y, |top: f64| top.max(*y)));
+        }
+        top
+    };
+    let pairs = profile(a).into_iter().zip(profile(b));
+    let differences: Vec<f64> = pairs
+        .filter(|(a, b)| a.is_some() || b.is_some())
+        .map(|(a, b)| (a.unwrap_or(0.0) - b.unwrap_or(0.0)).powi(2))
+        .collect();
+    (differences.iter().sum::<f64>() / differences.len().max(1) as f64).sqrt()
+}
+
+/// The errors of a rollout, in the order of frames.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// What was rolled out.
+    pub case: String,
+    /// Numbers of the frames, from the first of the trajectory.
+    pub frames: Vec<usize>,
+    /// Their errors.
+    pub errors: Vec<FrameError>,
+    /// What ended the rollout early.
+    pub failure: Option<String>,
+}
+
+impl Errors {
+    /// Mean of the MSE over all frames; infinite if the rollout ended early.
+    pub fn mean(&self) -> f64 {
+        if self.failure.is_some() || self.errors.is_empty() {
+            return f64::INFINITY;
+        }
+        self.errors.iter().map(|e| e.mse).sum::<f64>() / self.errors.len() as f64
+    }
+
+    /// Largest MSE of all frames, and its frame.
+    pub fn peak(&self) -> (f64, usize) {
+        let frames = self.errors.iter().zip(&self.frames);
+        let largest = frames.max_by(|(a, _), (b, _)| a.mse.total_cmp(&b.mse));
+        largest.map_or((f64::NAN, 0), |(error, &frame)| (error.mse, frame))
+    }
+
+    /// The errors of the last frame.
+    pub fn last(&self) -> FrameError {
+        self.errors.last().copied().unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shift_is_measured_in_all_ways() {
+        let truth: Vec<[f64; 2]> = (0..8).map(|k| [0.25 + 0.5 * f64::from(k), 1.0]).collect();
+        let predicted: Vec<[f64; 2]> = truth.iter().map(|[x, y]| [x + 0.03, y - 0.04]).collect();
+        let error = FrameError::between(&predicted, &truth, 1.5, 10.0, 0.5);
+        assert!((error.mse - 0.05_f64.powi(2) / 100.0).abs() < 1e-15);
+        assert!((error.front - 0.03).abs() < 1e-12);
+        assert!((error.height - 0.04).abs() < 1e-12);
+        assert!((error.centre - 0.05).abs() < 1e-12);
+        let same = FrameError::between(&truth, &truth, 1.5, 10.0, 0.5);
+        assert_eq!([same.mse, same.front, same.height, same.centre], [0.0; 4]);
+    }
+
+    #[test]
+    fn a_strip_that_one_leaves_empty_counts() {
+        let difference = profile_difference(&[[0.5, 2.0]], &[[1.5, 2.0]], 2.0, 1.0);
+        assert_eq!(difference, 2.0);
+    }
+}

@@ -1,0 +1,53 @@
+//! The networks, in plain Burn operations: readable, on any backend, and the reference for faster
+//! implementations.
+
+mod blocks;
+mod gns;
+mod message;
+mod mlp;
+mod tgnns;
+
+use burn::module::Module;
+use burn::tensor::Tensor;
+use burn::tensor::backend::Backend;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+pub use gns::Gns;
+pub use message::MessageLayer;
+pub use mlp::{Mlp, MlpShape};
+pub use tgnns::Tgnns;
+
+use crate::config::{ModelConfig, ModelKind};
+use crate::features::WindowInput;
+
+/// A network of either kind.
+#[derive(Module, Debug)]
+#[allow(clippy::large_enum_variant)] // a handful exist at a time
+pub enum Model<B: Backend> {
+    Tgnns(Tgnns<B>),
+    Gns(Gns<B>),
+}
+
+impl<B: Backend> Model<B> {
+    /// A network with random weights, the same for the same seed on every device.
+    ///
+    /// # Panics
+    /// If the configuration is not valid ([`ModelConfig::validate`]).
+    pub fn new(config: &ModelConfig, seed: u64, device: &B::Device) -> Self {
+        config.validate().expect("a valid configuration");
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        match config.kind {
+            ModelKind::Tgnns => Self::Tgnns(Tgnns::new(config, &mut rng, device)),
+            ModelKind::Gns => Self::Gns(Gns::new(config, &mut rng, device)),
+        }
+    }
+
+    /// Normalised acceleration of the last frame, points x dimensions.
+    pub fn forward(&self, input: &WindowInput<B>) -> Tensor<B, 2> {
+        match self {
+            Self::Tgnns(network) => network.forward(input),
+            Self::Gns(network) => network.forward(input),
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! A trained network with what it takes to use it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use dempm::trajectory::{WriteError, write_atomically};
+use serde::{Deserialize, Serialize};
+
+use crate::backend::{Cpu, Device, device};
+use crate::config::ModelConfig;
+use crate::features::{Normalisation, Window, window_input};
+use crate::model::Model;
+use crate::weights::{self, WeightsError};
+
+/// What a model was trained for; kept with its weights.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Training {
+    /// Time between frames, s.
+    pub frame_interval: f64,
+    /// Whether it predicts accelerations relative to free fall.
+    pub without_gravity: bool,
+    /// Training steps made.
+    pub steps: u64,
+}
+
+/// A network that predicts accelerations.
+pub struct Simulator {
+    pub model: Model<Cpu>,
+    pub config: ModelConfig,
+    pub normalisation: Normalisation,
+    pub training: Training,
+    pub device: Device,
+}
+
+/// A file of weights that cannot be used.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum SimulatorError {
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Write(#[from] WriteError),
+    #[error("{path}: the weights lack `{KEY}`, or it is damaged")]
+    #[diagnostic(help("weights have to come from `surrogate train`"))]
+    Training { path: String },
+}
+
+/// The entry of a file of weights that holds [`Training`].
+const KEY: &str = "training";
+
+impl Simulator {
+    /// Loads what [`save`](Self::save) wrote.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is damaged.
+    pub fn load(path: &Path) -> Result<Self, SimulatorError> {
+        let device = device();
+        let (model, config, normalisation, extra) = weights::load(path, &device)?;
+        let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
+        let training = training
+            .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
+        Ok(Self { model, config, normalisation, training, device })
+    }
+
+    /// Writes the weights and everything else, whole or not at all.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), SimulatorError> {
+        let training = serde_json::to_string(&self.training)
+            .map_err(|_| SimulatorError::Training { path: path.display().to_string() })?;
+        write_atomically(path, |temporary| {
+            let extra = BTreeMap::from([(KEY.to_owned(), training)]);
+            Ok(weights::save(temporary, &self.model, &self.config, &self.normalisation, extra)?)
+        })
+    }
+
+    /// Accelerations of the points of a window in m/frame², x and y in turn. `gravity` is in
+    /// m/frame², `domain` is the size of the domain.
+    pub fn accelerations(
+        &self,
+        window: &[f32],
+        points: usize,
+        domain: [f64; 2],
+        gravity: [f64; 2],
+    ) -> Vec<f64> {
+        let windows = [Window { positions: window, points }];
+        let bounds = domain.map(|length| [0.0, length]);
+        let input =
+            window_input::<Cpu>(&windows, &self.config, &self.normalisation, &bounds, &self.device);
+        let output = self.model.forward(&input).into_data();
+        let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
+        let scale = |(place, a): (usize, f32)| {
+            let axis = place % 2;
+            let fall = if self.training.without_gravity { gravity[axis] } else { 0.0 };
+            f64::from(a) * acceleration_std[axis] + acceleration_mean[axis] + fall
+        };
+        output.iter::<f32>().enumerate().map(scale).collect()
+    }
+}

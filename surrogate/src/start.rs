@@ -1,0 +1,138 @@
+//! The frames that a rollout starts from: simulated, or taken from a trajectory.
+
+use std::path::{Path, PathBuf};
+
+use dempm::scene::{Scene, SceneError};
+use dempm::simulation::{Simulation, SimulationError};
+use dempm::trajectory::{Header, Points, Trajectory, TrajectoryError, utc_now};
+
+use crate::simulator::Simulator;
+
+/// Relative difference of times that is rounding.
+const ROUNDING: f64 = 1e-6;
+
+/// Frames as a model wants them, and where they came from.
+pub struct Start {
+    /// The scene: its walls and boxes.
+    pub scene: Scene,
+    /// The run that it stands for.
+    pub header: Header,
+    /// What never changes of the points.
+    pub points: Points,
+    /// Positions, m, frame after frame, the oldest first.
+    pub positions: Vec<Vec<[f64; 2]>>,
+    /// Velocities of the same, m/s.
+    pub velocities: Vec<Vec<[f64; 2]>>,
+    /// Time of the first of them, s.
+    pub time: f64,
+    /// Frames to the end of the scene or trajectory, those above included.
+    pub frames: usize,
+}
+
+/// Frames that a rollout cannot start from.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum StartError {
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Simulation(#[from] SimulationError),
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    #[error("{place}: the model has a frame every {model} s, which is no multiple of {found} s")]
+    Interval { place: String, model: f64, found: f64 },
+    #[error("{}: from frame {first} on there are {found} frames {stride} apart, but the model starts from {needed}", path.display())]
+    TooShort { path: PathBuf, first: usize, found: usize, stride: usize, needed: usize },
+    #[error("{place}: the position of point {point} in frame {frame} is not finite")]
+    NotFinite { place: String, frame: usize, point: usize },
+}
+
+impl Start {
+    /// Simulates the first frames of a scene.
+    ///
+    /// # Errors
+    /// If the simulation fails or its step does not divide the time between the model's frames.
+    pub fn from_scene(scene: Scene, simulator: &Simulator) -> Result<Self, StartError> {
+        let interval = simulator.training.frame_interval;
+        let steps = stride(interval, scene.step, || format!("{}: `step`", scene.name))?;
+        let frames = (scene.duration / interval * (1.0 + ROUNDING)) as usize + 1;
+        let mut simulation = Simulation::new(scene.clone())?;
+        let mut start = Self {
+            header: simulation.header(utc_now()),
+            points: simulation.static_points(),
+            scene,
+            positions: Vec::new(),
+            velocities: Vec::new(),
+            time: 0.0,
+            frames: frames.max(simulator.config.frames),
+        };
+        for frame in 0..simulator.config.frames {
+            for _ in 0..if frame == 0 { 0 } else { steps } {
+                simulation.advance()?;
+            }
+            let now = simulation.frame();
+            start.positions.push(now.position);
+            start.velocities.push(now.velocity);
+        }
+        Ok(start)
+    }
+
+    /// Takes frames of a trajectory, from frame `first` on.
+    ///
+    /// # Errors
+    /// If the file cannot be read, its frames do not fit those of the model or are too few.
+    pub fn from_trajectory(
+        path: &Path,
+        first: usize,
+        simulator: &Simulator,
+    ) -> Result<Self, StartError> {
+        let trajectory = Trajectory::open(path)?;
+        let header = trajectory.header().clone();
+        let place = path.display().to_string();
+        let stride =
+            stride(simulator.training.frame_interval, header.frame_interval, || place.clone())?;
+        let found = trajectory.frames().saturating_sub(first).div_ceil(stride);
+        let needed = simulator.config.frames;
+        if found < needed {
+            return Err(StartError::TooShort {
+                path: path.to_owned(),
+                first,
+                found,
+                stride,
+                needed,
+            });
+        }
+        let mut start = Self {
+            scene: Scene::parse(&header.scene, &format!("{place}, scene"))?,
+            header,
+            points: trajectory.points().clone(),
+            positions: Vec::new(),
+            velocities: Vec::new(),
+            time: trajectory.time()[first],
+            frames: found,
+        };
+        for frame in (first..).step_by(stride).take(needed) {
+            let now = trajectory.frame(frame)?;
+            if let Some(point) = now.position.iter().position(|x| !x.iter().all(|x| x.is_finite()))
+            {
+                return Err(StartError::NotFinite { place, frame, point });
+            }
+            start.positions.push(now.position);
+            start.velocities.push(now.velocity);
+        }
+        Ok(start)
+    }
+}
+
+/// How many times `short` (s) fits into `long`, a whole number.
+pub fn stride(long: f64, short: f64, place: impl FnOnce() -> String) -> Result<usize, StartError> {
+    let ratio = long / short;
+    let whole = ratio.round();
+    if whole >= 1.0 && (ratio - whole).abs() <= ROUNDING * whole {
+        Ok(whole as usize)
+    } else {
+        Err(StartError::Interval { place: place(), model: long, found: short })
+    }
+}

@@ -1,0 +1,60 @@
+//! `surrogate stats`: what a training would see in a folder of trajectories.
+
+use std::path::PathBuf;
+
+use miette::bail;
+
+use crate::data::{DataFolder, DataSet, Shape, Statistics, Welford};
+
+/// Arguments of `surrogate stats`.
+#[derive(clap::Args)]
+pub struct StatsArgs {
+    /// Folder with trajectory files (*.h5), or with train/ and valid/
+    data: PathBuf,
+    /// Frames of a window
+    #[arg(long, default_value_t = 6, value_parser = clap::value_parser!(u64).range(2..=100))]
+    frames: u64,
+    /// Take every n-th frame
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    stride: u64,
+}
+
+/// Prints statistics of the training files.
+///
+/// # Errors
+/// If a file cannot be read, does not fit the others or holds no motion.
+pub fn stats(args: &StatsArgs) -> miette::Result<()> {
+    let folder = DataFolder::open(&args.data)?;
+    let shape = Shape { frames: args.frames as usize, stride: args.stride as usize };
+    let data = DataSet::open(&folder.train, shape, 0)?;
+    for recording in data.recordings() {
+        println!(
+            "{:<40}{:>6} points{:>6} frames",
+            recording.path().display(),
+            recording.points(),
+            recording.frames()
+        );
+    }
+    println!(
+        "{} files to train with, {} to validate; {} windows of {} frames, {} s apart",
+        folder.train.len(),
+        folder.valid.len(),
+        data.len(),
+        shape.frames,
+        data.frame_interval()
+    );
+    let statistics = Statistics::measure(&data, false)?;
+    let Statistics { velocity, acceleration } = statistics;
+    println!("{:<16}{:>14}{:>14}{:>12}", "", "mean", "deviation", "values");
+    let line = |name: &str, w: Welford| {
+        println!("{name:<16}{:>14.4e}{:>14.4e}{:>12}", w.mean(), w.deviation(), w.count());
+    };
+    line("v_x [m/frame]", velocity[0]);
+    line("v_y [m/frame]", velocity[1]);
+    line("a_x [m/frame²]", acceleration[0]);
+    line("a_y [m/frame²]", acceleration[1]);
+    if velocity.iter().chain(&acceleration).all(|w| w.deviation() == 0.0) {
+        bail!("{}: nothing moves in these trajectories", args.data.display());
+    }
+    Ok(())
+}

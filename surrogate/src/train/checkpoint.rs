@@ -1,0 +1,97 @@
+//! Checkpoints: everything that a training needs to go on as though it had never stopped.
+
+use std::path::{Path, PathBuf};
+
+use dempm::trajectory::{WriteError, write_atomically};
+use serde::{Deserialize, Serialize};
+
+use super::engine::State;
+use super::log::Log;
+use crate::features::Normalisation;
+
+const MAGIC: &str = "DEMPM surrogate training";
+const VERSION: u32 = 1;
+
+/// The state of a training and what it belongs to. Batches are a function of seed and step, so
+/// they need no state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    magic: String,
+    version: u32,
+    identity: Identity,
+    pub state: State,
+    pub log: Log,
+    /// The best score of a validation so far.
+    pub best: Option<f64>,
+}
+
+/// What must not change while a training is interrupted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    /// The configuration.
+    pub config: String,
+    /// Names, points and frames of the training files.
+    pub files: Vec<(String, u64, u64)>,
+    /// Their statistics: other contents have others.
+    pub normalisation: Normalisation,
+}
+
+/// Why a checkpoint could not be used.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum CheckpointError {
+    #[error("{}: cannot read the checkpoint", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{}: not a checkpoint of this version of surrogate, or damaged", path.display())]
+    #[diagnostic(help("start again with --overwrite"))]
+    Format { path: PathBuf },
+    #[error("{}: {what} changed since the training began", path.display())]
+    #[diagnostic(help("undo the change, or start again with --overwrite"))]
+    Changed { path: PathBuf, what: &'static str },
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Write(#[from] WriteError),
+}
+
+impl Checkpoint {
+    /// A checkpoint of this moment.
+    pub fn new(identity: Identity, state: State, log: Log, best: Option<f64>) -> Self {
+        Self { magic: MAGIC.to_owned(), version: VERSION, identity, state, log, best }
+    }
+
+    /// Writes it, whole or not at all.
+    ///
+    /// # Errors
+    /// If the file cannot be written; an older checkpoint is then untouched.
+    pub fn write(&self, path: &Path) -> Result<(), CheckpointError> {
+        write_atomically(path, |temporary| {
+            let written = postcard::to_allocvec(self)
+                .map_err(std::io::Error::other)
+                .and_then(|bytes| std::fs::write(temporary, bytes));
+            written.map_err(|source| {
+                WriteError { path: path.to_owned(), action: "write it", source }.into()
+            })
+        })
+    }
+
+    /// Reads the checkpoint of a training.
+    ///
+    /// # Errors
+    /// If there is none, it is damaged, or it belongs to another training.
+    pub fn read(path: &Path, identity: &Identity) -> Result<Self, CheckpointError> {
+        let bytes = std::fs::read(path)
+            .map_err(|source| CheckpointError::Read { path: path.to_owned(), source })?;
+        let format = || CheckpointError::Format { path: path.to_owned() };
+        let read: Self = postcard::from_bytes(&bytes).map_err(|_| format())?;
+        if read.magic != MAGIC || read.version != VERSION {
+            return Err(format());
+        }
+        let changed = |what| CheckpointError::Changed { path: path.to_owned(), what };
+        if read.identity.config != identity.config {
+            return Err(changed("the configuration has"));
+        }
+        if read.identity != *identity {
+            return Err(changed("the training data have"));
+        }
+        Ok(read)
+    }
+}

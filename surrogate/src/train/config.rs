@@ -1,0 +1,241 @@
+//! Training files: what to train and how, as TOML. `docs/surrogate.md` describes every key.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use miette::{NamedSource, SourceSpan};
+use serde::{Deserialize, Serialize};
+
+use super::schedule::Schedule;
+use crate::config::{ModelConfig, PAPER_NETWORKS};
+
+/// A training. The defaults are those of the paper.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainConfig {
+    /// Seed of weights, order, noise and mirror images.
+    pub seed: u64,
+    /// A network of the paper by name; or else `model`.
+    pub network: Option<String>,
+    /// A network by its sizes.
+    pub model: Option<ModelConfig>,
+    /// Training steps.
+    pub steps: u64,
+    /// Windows in a step.
+    pub batch: usize,
+    /// Decay of a moving average of the weights, which then is what is validated and saved; 0
+    /// for none.
+    pub ema: f64,
+    pub data: Data,
+    pub schedule: Schedule,
+    pub validation: Validation,
+    /// Steps between lines of the log.
+    pub log_every: u64,
+}
+
+/// How examples are made of the trajectories.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Data {
+    /// Take every n-th frame.
+    pub stride: usize,
+    /// Standard deviation of the noise on the last velocity, m/frame.
+    pub noise: f64,
+    /// Add mirror images.
+    pub mirror: bool,
+    /// Learn accelerations relative to free fall.
+    pub subtract_gravity: bool,
+    /// Memory for positions, MB; what does not fit is read from the files again and again.
+    pub memory: usize,
+}
+
+/// When and how rollouts judge the model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Validation {
+    /// Steps between validations.
+    pub every: u64,
+    /// Frames of a rollout at most; 0 for all.
+    pub frames: usize,
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            network: None,
+            model: None,
+            steps: 1_000_000,
+            batch: 2,
+            ema: 0.0,
+            data: Data::default(),
+            schedule: Schedule::default(),
+            validation: Validation::default(),
+            log_every: 100,
+        }
+    }
+}
+
+impl Default for Data {
+    fn default() -> Self {
+        Self { stride: 1, noise: 3e-4, mirror: false, subtract_gravity: false, memory: 1024 }
+    }
+}
+
+impl Default for Validation {
+    fn default() -> Self {
+        Self { every: 5000, frames: 0 }
+    }
+}
+
+/// A training file that cannot be used.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum ConfigError {
+    #[error("{}: cannot read it", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{file}: {message}")]
+    Syntax {
+        file: String,
+        message: String,
+        #[source_code]
+        text: Arc<NamedSource<String>>,
+        #[label("here")]
+        place: Option<SourceSpan>,
+    },
+    #[error("{file}: `{key}` is {value}, but it must be {range}")]
+    Range { file: String, key: &'static str, value: String, range: String },
+    #[error("{file}: `network` and [model] are both given")]
+    #[diagnostic(help("a network has either a name or sizes"))]
+    Both { file: String },
+    #[error("{file}")]
+    Model { file: String, source: crate::config::ConfigError },
+}
+
+impl TrainConfig {
+    /// Reads and validates a training file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is wrong; the error names the key.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// Validates the text of a training file; `file` stands for it in messages.
+    ///
+    /// # Errors
+    /// If it is wrong; the error names the key.
+    pub fn parse(text: &str, file: &str) -> Result<Self, ConfigError> {
+        let config: Self = toml::from_str(text).map_err(|error| ConfigError::Syntax {
+            file: file.to_owned(),
+            message: error.message().to_owned(),
+            text: Arc::new(NamedSource::new(file, text.to_owned()).with_language("TOML")),
+            place: error.span().map(Into::into),
+        })?;
+        config.check(file)?;
+        Ok(config)
+    }
+
+    /// The network to train.
+    ///
+    /// # Errors
+    /// If its name or sizes are wrong.
+    fn network(&self, file: &str) -> Result<ModelConfig, ConfigError> {
+        match (&self.network, &self.model) {
+            (Some(_), Some(_)) => Err(ConfigError::Both { file: file.to_owned() }),
+            (None, model) => Ok(model.clone().unwrap_or_default()),
+            (Some(name), None) => ModelConfig::named(name).ok_or_else(|| ConfigError::Range {
+                file: file.to_owned(),
+                key: "network",
+                value: format!("{name:?}"),
+                range: format!("one of {}, gns", PAPER_NETWORKS.join(", ")),
+            }),
+        }
+    }
+
+    /// The network of a validated training.
+    pub fn model(&self) -> ModelConfig {
+        self.network("").expect("the configuration is valid")
+    }
+
+    fn check(&self, file: &str) -> Result<(), ConfigError> {
+        let model = self.network(file)?;
+        model.validate().map_err(|source| ConfigError::Model { file: file.to_owned(), source })?;
+        let Schedule { rate, final_rate, decay_steps, .. } = self.schedule;
+        let limits = [
+            ("steps", self.steps as f64, 1.0, 1e12),
+            ("batch", self.batch as f64, 1.0, 4096.0),
+            ("ema", self.ema, 0.0, 0.999_999_9),
+            ("log_every", self.log_every as f64, 1.0, 1e9),
+            ("data.stride", self.data.stride as f64, 1.0, 1e4),
+            ("data.noise", self.data.noise, 0.0, 1e3),
+            ("data.memory", self.data.memory as f64, 0.0, 1e7),
+            ("schedule.rate", rate, 1e-12, 1.0),
+            ("schedule.final_rate", final_rate, 0.0, rate),
+            ("schedule.decay_steps", decay_steps, 1.0, 1e12),
+            ("validation.every", self.validation.every as f64, 1.0, 1e12),
+            ("model.dimensions", model.dimensions as f64, 2.0, 2.0),
+            ("model.frames", model.frames as f64, 2.0, 100.0),
+        ];
+        for (key, value, low, high) in limits {
+            if !(low..=high).contains(&value) {
+                let range = match low == high {
+                    true => format!("{low}"),
+                    false => format!("from {low} to {high}"),
+                };
+                let (file, value) = (file.to_owned(), value.to_string());
+                return Err(ConfigError::Range { file, key, value, range });
+            }
+        }
+        Ok(())
+    }
+
+    /// What a checkpoint compares: all that changes the steps made so far. More steps may be asked
+    /// for where the rate does not depend on their number.
+    pub(super) fn identity(&self) -> String {
+        let mut same = self.clone();
+        if !same.schedule.depends_on_steps() {
+            same.steps = 0;
+        }
+        serde_json::to_string(&same).expect("a configuration is plain data")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(text: &str) -> String {
+        let error = TrainConfig::parse(text, "training.toml").unwrap_err();
+        format!("{:?}", miette::Report::new(error))
+    }
+
+    #[test]
+    fn an_empty_file_is_the_paper() {
+        let config = TrainConfig::parse("", "training.toml").unwrap();
+        assert_eq!(config, TrainConfig::default());
+        assert_eq!(config.model(), ModelConfig::named("baseline").unwrap());
+    }
+
+    #[test]
+    fn errors_name_file_and_key() {
+        for (text, key) in [
+            ("step = 5", "step"),
+            ("steps = \"many\"", "steps"),
+            ("batch = 0", "batch"),
+            ("network = \"huge\"", "network"),
+            ("network = \"msg0\"\n[model]\nwidth = 8", "network"),
+            ("[model]\nwidth = 0", "width"),
+            ("[model]\ndimensions = 3", "model.dimensions"),
+            ("[data]\nnoise = -1.0", "data.noise"),
+            ("[schedule]\nfinal_rate = 1.0", "schedule.final_rate"),
+            ("[schedule]\nkind = \"linear\"", "linear"),
+            ("[validation]\neach = 3", "each"),
+        ] {
+            let message = message(text);
+            assert!(message.contains("training.toml"), "{message}");
+            assert!(message.contains(key), "{message}");
+        }
+    }
+}

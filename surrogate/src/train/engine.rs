@@ -1,0 +1,124 @@
+//! What computes a training step: network, gradients and optimiser on one device.
+
+use burn::tensor::{Tensor, TensorData};
+use serde::{Deserialize, Serialize};
+
+use super::adam::Adam;
+use super::parameters::{gradients, weights, with_weights};
+use crate::backend::{Cpu, CpuAutodiff, Device, device};
+use crate::config::ModelConfig;
+use crate::data::Batch;
+use crate::features::{Normalisation, Window, WindowInput, window_input};
+use crate::model::Model;
+
+/// Keeps the loss finite when nothing accelerates.
+const SMALLEST_TARGET: f32 = 1e-12;
+
+/// Everything that changes in training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    pub weights: Vec<f32>,
+    pub adam: Adam,
+    /// Moving average of the weights, if there is one.
+    pub average: Option<Vec<f32>>,
+    /// Steps made.
+    pub step: u64,
+}
+
+/// Network and optimiser in training.
+pub struct Engine {
+    model: Model<CpuAutodiff>,
+    state: State,
+    decay: f64,
+    /// Losses that nobody has read yet.
+    losses: Vec<Tensor<Cpu, 1>>,
+}
+
+/// A batch on the device, as a graph.
+pub struct Prepared {
+    input: WindowInput<CpuAutodiff>,
+    targets: Tensor<CpuAutodiff, 2>,
+}
+
+/// Builds the graphs of a batch; runs ahead of the training on another thread.
+pub fn prepare(
+    batch: &Batch,
+    config: &ModelConfig,
+    normalisation: &Normalisation,
+    bounds: &[[f64; 2]],
+) -> Prepared {
+    let device: Device = device();
+    let windows = batch.windows.iter().zip(&batch.points);
+    let windows: Vec<Window> =
+        windows.map(|(positions, &points)| Window { positions, points }).collect();
+    let input = window_input(&windows, config, normalisation, bounds, &device);
+    let shape = [batch.targets.len() / 2, 2];
+    let targets = Tensor::from_data(TensorData::new(batch.targets.clone(), shape), &device);
+    Prepared { input, targets }
+}
+
+impl Engine {
+    /// A network with random weights. `decay` is that of the moving average, 0 for none.
+    pub fn new(config: &ModelConfig, seed: u64, decay: f64) -> Self {
+        let model = Model::new(config, seed, &device());
+        let weights = weights(&model);
+        let adam = Adam::new(weights.len());
+        let average = (decay > 0.0).then(|| weights.clone());
+        let state = State { weights, adam, average, step: 0 };
+        Self { model, state, decay, losses: Vec::new() }
+    }
+
+    /// Continues from a state; `false` if it is that of another network.
+    #[must_use]
+    pub fn resume(&mut self, state: State) -> bool {
+        let count = self.state.weights.len();
+        let lengths = [Some(&state.weights), state.average.as_ref()];
+        if lengths.into_iter().flatten().any(|list| list.len() != count)
+            || state.adam.len() != count
+            || state.average.is_some() != self.state.average.is_some()
+        {
+            return false;
+        }
+        self.model = with_weights(self.model.clone(), &state.weights);
+        self.state = state;
+        true
+    }
+
+    /// Where the training is.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// One step: loss sum (a - a*)² / sum (a*)², its gradients, Adam.
+    pub fn step(&mut self, batch: Prepared, rate: f64) {
+        let scale = batch.targets.clone().powi_scalar(2).sum().clamp_min(SMALLEST_TARGET);
+        let error = self.model.forward(&batch.input) - batch.targets;
+        let loss = error.powi_scalar(2).sum() / scale;
+        self.losses.push(loss.clone().inner());
+        let gradients = gradients(&self.model, &loss.backward());
+        self.state.adam.step(&mut self.state.weights, &gradients, rate);
+        self.model = with_weights(self.model.clone(), &self.state.weights);
+        self.state.step += 1;
+        if let Some(average) = &mut self.state.average {
+            // Early on the average follows, lest it remembers the random start.
+            let step = self.state.step as f64;
+            let decay = self.decay.min((1.0 + step) / (10.0 + step)) as f32;
+            for (mean, weight) in average.iter_mut().zip(&self.state.weights) {
+                *mean = decay * *mean + (1.0 - decay) * weight;
+            }
+        }
+    }
+
+    /// The losses since this was last asked for. Reading waits for the device, so do it rarely.
+    pub fn take_losses(&mut self) -> Vec<f64> {
+        let losses = std::mem::take(&mut self.losses);
+        losses.into_iter().map(|loss| f64::from(loss.into_scalar())).collect()
+    }
+
+    /// The network to use: with averaged weights if there are any.
+    pub fn model(&self) -> Model<Cpu> {
+        use burn::module::AutodiffModule;
+        let weights = self.state.average.as_ref().unwrap_or(&self.state.weights);
+        with_weights(self.model.valid(), weights)
+    }
+}

@@ -1,0 +1,98 @@
+//! The record of a training: losses and validations, as tables and a chart.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use dempm::trajectory::{WriteError, write_atomically};
+use plotters::prelude::SeriesLabelPosition;
+use serde::{Deserialize, Serialize};
+
+use crate::chart::{Chart, ChartError, Line};
+
+/// What was logged up to a step. It is part of a checkpoint, so a resumed training has one log.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Log {
+    rows: Vec<Row>,
+    validations: Vec<(u64, f64)>,
+    /// Sum and number of losses since the last row.
+    pending: (f64, u64),
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Row {
+    step: u64,
+    loss: f64,
+    rate: f64,
+}
+
+impl Log {
+    /// Takes losses into account for the next row.
+    pub fn add(&mut self, losses: &[f64]) {
+        for loss in losses {
+            self.pending.0 += loss;
+            self.pending.1 += 1;
+        }
+    }
+
+    /// Ends a row after `step` steps: the mean of the losses since the last one.
+    pub fn row(&mut self, step: u64, rate: f64) -> f64 {
+        let loss = self.pending.0 / self.pending.1.max(1) as f64;
+        self.pending = (0.0, 0);
+        self.rows.push(Row { step, loss, rate });
+        loss
+    }
+
+    /// Takes the score of a validation.
+    pub fn validation(&mut self, step: u64, mse: f64) {
+        self.validations.push((step, mse));
+    }
+
+    /// Losses of the rows.
+    pub fn losses(&self) -> impl Iterator<Item = f64> + '_ {
+        self.rows.iter().map(|row| row.loss)
+    }
+
+    /// Writes `log.csv`, `validation.csv` and `loss.svg`.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), ChartError> {
+        let mut losses = "step,loss,rate\n".to_owned();
+        for Row { step, loss, rate } in &self.rows {
+            // Writing to a string cannot fail.
+            let _ = writeln!(losses, "{step},{loss:.6e},{rate:.6e}");
+        }
+        let mut validations = "step,mse\n".to_owned();
+        for (step, mse) in &self.validations {
+            let _ = writeln!(validations, "{step},{mse:.6e}");
+        }
+        for (name, text) in [("log.csv", losses), ("validation.csv", validations)] {
+            let path = folder.join(name);
+            write_atomically(&path, |temporary| {
+                std::fs::write(temporary, text).map_err(|source| WriteError {
+                    path: path.clone(),
+                    action: "write it",
+                    source,
+                })
+            })?;
+        }
+        self.chart().write(&folder.join("loss.svg"))
+    }
+
+    fn chart(&self) -> Chart {
+        let line =
+            |name: &str, points, reference| Line { name: name.to_owned(), points, reference };
+        let losses = self.rows.iter().map(|row| (row.step as f64, row.loss)).collect();
+        let validations = self.validations.iter().map(|&(step, mse)| (step as f64, mse)).collect();
+        Chart {
+            title: "Training".to_owned(),
+            x: "step".to_owned(),
+            y: "loss, MSE".to_owned(),
+            lines: vec![
+                line("loss", losses, false),
+                line("MSE of validation rollouts [box²]", validations, true),
+            ],
+            legend: SeriesLabelPosition::UpperRight,
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! `surrogate train`: a network learns from trajectories, with progress, checkpoints and validation.
+
+mod adam;
+mod checkpoint;
+mod config;
+mod engine;
+mod log;
+mod parameters;
+mod progress;
+mod schedule;
+mod sitting;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use miette::{Context, IntoDiagnostic, bail};
+
+pub use self::config::{ConfigError, TrainConfig};
+pub use self::parameters::{gradients, weights, with_weights};
+pub use self::schedule::{Decay, Schedule};
+use self::sitting::Sitting;
+
+/// Arguments of `surrogate train`.
+#[derive(clap::Args)]
+pub struct TrainArgs {
+    /// Training file (TOML)
+    config: PathBuf,
+    /// Folder of trajectory files (*.h5), or with train/ and valid/
+    #[arg(long)]
+    data: PathBuf,
+    /// Folder for models, log and checkpoint
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Continue an interrupted training; the result is the same, bit by bit
+    #[arg(long)]
+    resume: bool,
+    /// Start again even if the folder has a training
+    #[arg(long, conflicts_with = "resume")]
+    overwrite: bool,
+    /// Seconds between checkpoints, at least
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    checkpoint_interval: f64,
+}
+
+/// Trains a network.
+///
+/// # Errors
+/// A wrong configuration, unusable data, a training that diverges or a file that cannot be written.
+pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
+    let config = TrainConfig::load(&args.config)?;
+    let interval = Duration::try_from_secs_f64(args.checkpoint_interval)
+        .into_diagnostic()
+        .wrap_err("--checkpoint-interval")?;
+    if !args.resume && !args.overwrite && sitting::checkpoint_in(&args.output).exists() {
+        bail!(
+            help = "--resume continues it, --overwrite starts again",
+            "{}: a training is there already",
+            args.output.display()
+        );
+    }
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&interrupted);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
+        .into_diagnostic()
+        .wrap_err("cannot handle Ctrl-C")?;
+    let mut sitting = Sitting::start(config, &args.data, &args.output, args.resume)?;
+    sitting.advance(&interrupted, interval)
+}

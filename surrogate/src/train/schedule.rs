@@ -1,0 +1,92 @@
+//! The learning rate of each step.
+
+use std::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+/// How the learning rate falls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Decay {
+    /// By a factor of ten every `decay_steps`, towards `final_rate`: the paper's.
+    #[default]
+    Exponential,
+    /// Along half a cosine to `final_rate` at the last step.
+    Cosine,
+}
+
+/// The learning rate over the steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Schedule {
+    pub kind: Decay,
+    /// Rate at the start.
+    pub rate: f64,
+    /// Rate that it falls to.
+    pub final_rate: f64,
+    /// Steps in which an exponential decay divides the rate by ten.
+    pub decay_steps: f64,
+    /// Steps in which the rate first grows from zero.
+    pub warm_up: u64,
+}
+
+impl Default for Schedule {
+    fn default() -> Self {
+        Self {
+            kind: Decay::Exponential,
+            rate: 1e-4,
+            final_rate: 1e-6,
+            decay_steps: 5e6,
+            warm_up: 0,
+        }
+    }
+}
+
+impl Schedule {
+    /// The rate of a step of `steps`, the first of which is 0.
+    pub fn at(&self, step: u64, steps: u64) -> f64 {
+        let part = match self.kind {
+            Decay::Exponential => 0.1_f64.powf(step as f64 / self.decay_steps),
+            Decay::Cosine => {
+                let length = steps.saturating_sub(self.warm_up).max(1) as f64;
+                let done = step.saturating_sub(self.warm_up) as f64 / length;
+                0.5 * (1.0 + (PI * done.min(1.0)).cos())
+            }
+        };
+        let grown = (step + 1) as f64 / (self.warm_up + 1) as f64;
+        grown.min(1.0) * (self.final_rate + (self.rate - self.final_rate) * part)
+    }
+
+    /// Whether the rate of a step depends on how many there will be.
+    pub(super) fn depends_on_steps(&self) -> bool {
+        self.kind == Decay::Cosine
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_paper() {
+        let schedule = Schedule::default();
+        assert_eq!(schedule.at(0, 1), 1e-4);
+        let expected = (1e-4 - 1e-6) * 0.1 + 1e-6;
+        assert!((schedule.at(5_000_000, 1) / expected - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn warm_up_and_cosine() {
+        let schedule = Schedule {
+            kind: Decay::Cosine,
+            rate: 1.0,
+            final_rate: 0.1,
+            warm_up: 9,
+            decay_steps: 1.0,
+        };
+        assert!((schedule.at(0, 109) - 0.1).abs() < 1e-12);
+        assert!((schedule.at(9, 109) - 1.0).abs() < 1e-12);
+        assert!((schedule.at(59, 109) - 0.55).abs() < 1e-12);
+        assert!((schedule.at(109, 109) - 0.1).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,301 @@
+//! `dempm run` as a user meets it: a scene becomes a trajectory, whatever happens on the way.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use assert_cmd::cargo::cargo_bin;
+use dempm::trajectory::Trajectory;
+use tempfile::TempDir;
+
+/// A collapse small enough to run in a second.
+fn scene(directory: &Path, duration: f64) -> PathBuf {
+    let text = format!(
+        r#"
+        title = "Tiny column"
+        duration = {duration}
+        frame_interval = 0.005
+        [domain]
+        size = [1.0, 0.5]
+        cell = 0.125
+        [[column]]
+        size = [0.25, 0.375]
+        [rve]
+        discs = 60
+        [output]
+        fields = ["stress", "solid_fraction", "coordination", "inertial_number"]
+        "#
+    );
+    let path = directory.join("tiny.toml");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn dempm(directory: &Path) -> Command {
+    let mut command = Command::new(cargo_bin("dempm"));
+    command.current_dir(directory).env("DEMPM_CACHE_DIR", directory.join("cache"));
+    command
+}
+
+/// The standard error of a command that has to fail with this exit code.
+fn fails(command: &mut Command, code: i32) -> String {
+    let output = command.output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{error}");
+    error
+}
+
+/// Every number of every frame, as bits.
+fn bits(path: &Path) -> Vec<u64> {
+    let trajectory = Trajectory::open(path).unwrap();
+    let mut bits = Vec::new();
+    for index in 0..trajectory.frames() {
+        let frame = trajectory.frame(index).unwrap();
+        bits.push(frame.time.to_bits());
+        bits.extend(frame.position.iter().flatten().map(|x| x.to_bits()));
+        bits.extend(frame.velocity.iter().flatten().map(|x| x.to_bits()));
+        let stress = frame.stress.expect("the scene asks for stress");
+        bits.extend(stress.iter().flatten().map(|x| u64::from(x.to_bits())));
+    }
+    bits
+}
+
+#[test]
+fn a_scene_becomes_a_trajectory_and_a_summary() {
+    let directory = TempDir::new().unwrap();
+    let scene = scene(directory.path(), 0.1);
+    let output = dempm(directory.path()).arg("run").arg(&scene).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let summary = String::from_utf8_lossy(&output.stdout);
+    for line in ["front", "final height", "runout", "stable macro step", "wall time", "disc-steps"]
+    {
+        assert!(summary.contains(line), "{summary}");
+    }
+
+    let trajectory = Trajectory::open(&directory.path().join("tiny.h5")).unwrap();
+    assert_eq!(trajectory.frames(), 21);
+    assert_eq!(trajectory.points().mass.len(), 24);
+    assert_eq!(trajectory.status(), "finished");
+    let first = trajectory.frame(0).unwrap();
+    let last = trajectory.frame(20).unwrap();
+    assert_eq!(last.time, 0.1);
+    // The column starts with the stress of its depth, and falls down and outwards.
+    let base: f64 = first.stress.as_ref().unwrap()[..4].iter().map(|s| f64::from(s[3])).sum();
+    let depth = 0.375 - 0.03125;
+    let expected = -2650.0 * 0.84 * 9.81 * depth;
+    assert!((base / 4.0 / expected - 1.0).abs() < 0.05, "{} {expected}", base / 4.0);
+    let mean = |frame: &dempm::trajectory::Frame, k: usize| {
+        frame.position.iter().map(|x| x[k]).sum::<f64>() / 24.0
+    };
+    assert!(mean(&last, 1) < mean(&first, 1));
+    assert!(mean(&last, 0) > mean(&first, 0));
+    assert!(!directory.path().join("tiny.ckpt").exists(), "a finished run leaves no checkpoint");
+}
+
+/// Killed without warning at some moment, the file is readable and the resumed run is bit by bit
+/// the run that was never interrupted.
+#[test]
+fn a_killed_run_resumes_bitwise() {
+    let directory = TempDir::new().unwrap();
+    let scene = scene(directory.path(), 0.4);
+    let run = |output: &str, more: &[&str]| {
+        let mut command = dempm(directory.path());
+        command.arg("run").arg(&scene).args(["-o", output, "--checkpoint-interval", "0"]);
+        command.args(more).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    };
+    assert!(run("whole.h5", &[]).status().unwrap().success());
+
+    let cut = directory.path().join("cut.h5");
+    let mut child = run("cut.h5", &[]).spawn().unwrap();
+    let mut kills = 0;
+    loop {
+        // Wait for progress beyond what the last kill left, then kill again.
+        let before = Trajectory::open(&cut).map_or(0, |t| t.frames());
+        let start = Instant::now();
+        let finished = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                assert!(status.success());
+                break true;
+            }
+            if Trajectory::open(&cut).is_ok_and(|t| t.frames() > before + 5) {
+                break false;
+            }
+            assert!(start.elapsed() < Duration::from_secs(60), "no progress");
+            sleep(Duration::from_millis(5));
+        };
+        if finished {
+            break;
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        kills += 1;
+        Trajectory::open(&cut).expect("readable after kill -9");
+        child = run("cut.h5", &["--resume"]).spawn().unwrap();
+    }
+    assert!(kills > 0, "the run was too short to be killed");
+    assert_eq!(bits(&cut), bits(&directory.path().join("whole.h5")));
+}
+
+#[test]
+#[cfg(unix)]
+fn ctrl_c_leaves_a_checkpoint() {
+    let directory = TempDir::new().unwrap();
+    let scene = scene(directory.path(), 20.0);
+    let mut child = dempm(directory.path())
+        .arg("run")
+        .arg(&scene)
+        .args(["-o", "stopped.h5"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    while !directory.path().join("stopped.ckpt").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "ended early");
+        sleep(Duration::from_millis(5));
+    }
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--resume"));
+    Trajectory::open(&directory.path().join("stopped.h5")).unwrap();
+}
+
+#[test]
+fn nothing_is_overwritten_by_accident() {
+    let directory = TempDir::new().unwrap();
+    let scene = scene(directory.path(), 0.005);
+    let run = || {
+        let mut command = dempm(directory.path());
+        command.arg("run").arg(&scene).args(["-o", "kept.h5"]);
+        command
+    };
+    assert!(run().status().unwrap().success());
+    let before = std::fs::read(directory.path().join("kept.h5")).unwrap();
+    let error = fails(&mut run(), 1);
+    assert!(error.contains("kept.h5") && error.contains("--overwrite"), "{error}");
+    assert_eq!(before, std::fs::read(directory.path().join("kept.h5")).unwrap());
+    let error = fails(run().arg("--resume"), 1);
+    assert!(error.contains("nothing to resume"), "{error}");
+    assert!(run().arg("--overwrite").status().unwrap().success());
+}
+
+#[test]
+fn a_checkpoint_of_another_scene_is_refused() {
+    let directory = TempDir::new().unwrap();
+    let scene_file = scene(directory.path(), 20.0);
+    let mut child = dempm(directory.path())
+        .arg("run")
+        .arg(&scene_file)
+        .args(["-o", "one.h5"])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    while !directory.path().join("one.ckpt").exists() {
+        sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    scene(directory.path(), 10.0);
+    let mut resume = dempm(directory.path());
+    resume.arg("run").arg(&scene_file).args(["-o", "one.h5", "--resume"]);
+    let error = fails(&mut resume, 1);
+    assert!(error.contains("another scene"), "{error}");
+    // A damaged checkpoint is an error too, not a crash.
+    std::fs::write(directory.path().join("one.ckpt"), b"not a checkpoint").unwrap();
+    let error = fails(&mut resume, 1);
+    assert!(error.contains("one.ckpt"), "{error}");
+}
+
+#[test]
+fn a_wrong_scene_says_where() {
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("wrong.toml");
+    std::fs::write(&path, "duration = 1.0\n[domain]\nsise = [1.0, 1.0]\n").unwrap();
+    let error = fails(dempm(directory.path()).arg("run").arg(&path), 1);
+    assert!(error.contains("wrong.toml:3") && error.contains("sise"), "{error}");
+    assert!(!directory.path().join("wrong.h5").exists());
+    let error = fails(dempm(directory.path()).args(["run", "missing.toml"]), 1);
+    assert!(error.contains("missing.toml"), "{error}");
+}
+
+/// Different numbers of threads give the same bits.
+#[test]
+fn threads_do_not_change_the_result() {
+    let directory = TempDir::new().unwrap();
+    let scene = scene(directory.path(), 0.05);
+    for threads in ["1", "3"] {
+        let status = dempm(directory.path())
+            .arg("run")
+            .arg(&scene)
+            .args(["-o", &format!("{threads}.h5")])
+            .env("RAYON_NUM_THREADS", threads)
+            .stdout(Stdio::null())
+            .status()
+            .unwrap();
+        assert!(status.success());
+    }
+    let [one, three] = ["1.h5", "3.h5"].map(|name| bits(&directory.path().join(name)));
+    assert_eq!(one, three);
+}
+
+/// On a GPU: closer to the run on the CPU than a run with another packing is, the same bits after
+/// an interrupt, and checkpoints that go from one to the other.
+#[test]
+fn gpu_runs_resume_and_agree_with_the_cpu() {
+    let directory = TempDir::new().unwrap();
+    let scene = scene(directory.path(), 2.0);
+    let run = |output: &str, device: &str, more: &[&str]| {
+        let mut command = dempm(directory.path());
+        command.arg("run").arg(&scene).args(["-o", output, "--device", device]).args(more);
+        command.args(["--checkpoint-interval", "0"]).stdout(Stdio::null());
+        command
+    };
+    let first = run("gpu.h5", "cuda", &[]).output().unwrap();
+    if !first.status.success() {
+        let reason = String::from_utf8_lossy(&first.stderr).into_owned();
+        assert!(std::env::var_os("DEMPM_REQUIRE_GPU").is_none(), "{reason}");
+        assert!(reason.contains("GPU") || reason.contains("CUDA"), "{reason}");
+        eprintln!("skipped: {}", reason.trim());
+        return;
+    }
+    assert!(run("cpu.h5", "cpu", &[]).status().unwrap().success());
+    let [gpu, cpu] = ["gpu.h5", "cpu.h5"].map(|name| directory.path().join(name));
+    let text = std::fs::read_to_string(&scene).unwrap();
+    std::fs::write(directory.path().join("seed.toml"), format!("seed = 7\n{text}")).unwrap();
+    let mut other = dempm(directory.path());
+    other.args(["run", "seed.toml", "--device", "cpu"]).stdout(Stdio::null());
+    assert!(other.status().unwrap().success());
+    let noise = distance(&cpu, &directory.path().join("seed.h5"));
+    assert!(distance(&gpu, &cpu) < noise, "{} {noise}", distance(&gpu, &cpu));
+
+    // Interrupted on one device, resumed on another.
+    for (from, to) in [("cuda", "cuda"), ("cpu", "cuda"), ("cuda", "cpu")] {
+        let name = format!("{from}-{to}.h5");
+        let file = directory.path().join(&name);
+        let mut child = run(&name, from, &[]).stderr(Stdio::null()).spawn().unwrap();
+        while !Trajectory::open(&file).is_ok_and(|t| t.frames() > 1) {
+            assert!(child.try_wait().unwrap().is_none(), "ended before it could be killed");
+            sleep(Duration::from_millis(1));
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert!(run(&name, to, &["--resume"]).status().unwrap().success());
+        if from == to {
+            assert_eq!(bits(&file), bits(&gpu));
+        } else {
+            assert!(distance(&file, &cpu) < noise, "{} {noise}", distance(&file, &cpu));
+        }
+    }
+}
+
+/// Root mean square distance of the points of two runs after 0.05 s (m), before chaos has made it
+/// as large as that of any two runs.
+fn distance(a: &Path, b: &Path) -> f64 {
+    let [a, b] = [a, b].map(|path| {
+        let trajectory = Trajectory::open(path).unwrap();
+        trajectory.frame(10).unwrap().position
+    });
+    let square = |(x, y): (&[f64; 2], &[f64; 2])| (x[0] - y[0]).powi(2) + (x[1] - y[1]).powi(2);
+    (a.iter().zip(&b).map(square).sum::<f64>() / a.len() as f64).sqrt()
+}
