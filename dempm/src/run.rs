@@ -238,6 +238,7 @@ impl Sitting {
             if interrupted.load(Ordering::Relaxed) {
                 return End::Interrupted;
             }
+            let before = self.simulation.state.step;
             if let Err(error) = self.simulation.advance() {
                 return End::Failed(error);
             }
@@ -252,7 +253,7 @@ impl Sitting {
             }
             self.bar.set_position(step as u64);
             if let Some(total) = &self.total {
-                total.inc(self.simulation.state.points.len() as u64);
+                total.inc(((step - before) * self.simulation.state.points.len()) as u64);
             }
             let due = if interval.is_zero() {
                 frame_done

@@ -141,3 +141,18 @@ fn cases(scenes: &Path) -> miette::Result<Vec<Case>> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scenes_of_the_paper_are_valid_without_their_files() {
+        let cases = cases(Path::new("paper")).unwrap();
+        assert_eq!(cases.len(), 39);
+        let penetration = cases.last().unwrap();
+        // 90 000 steps of 5120 points.
+        assert_eq!(penetration.work(), 460_800_000);
+        assert_eq!(penetration.file(Path::new("d")), Path::new("d/test/penetration.h5"));
+    }
+}
