@@ -11,6 +11,7 @@ pub mod html;
 pub mod map;
 pub mod progress;
 pub mod report;
+pub mod scene;
 pub mod section;
 pub mod sections;
 pub mod table;
