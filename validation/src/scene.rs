@@ -27,11 +27,10 @@ mod tests {
 
     #[test]
     fn keys_are_set_in_tables_old_and_new() {
-        let text = with("seed = 1\n[rve]\ndiscs = 400\n", &[
-            ("seed", 2.into()),
-            ("rve.discs", 100.into()),
-            ("material.kind", "mu-i".into()),
-        ]);
+        let text = with(
+            "seed = 1\n[rve]\ndiscs = 400\n",
+            &[("seed", 2.into()), ("rve.discs", 100.into()), ("material.kind", "mu-i".into())],
+        );
         let table: Table = text.parse().unwrap();
         assert_eq!(table["seed"].as_integer(), Some(2));
         assert_eq!(table["rve"]["discs"].as_integer(), Some(100));
