@@ -12,7 +12,7 @@ use miette::{Context, IntoDiagnostic, bail};
 use crate::checkpoint;
 use crate::device::Device;
 use crate::record::STABLE_STEP;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;
 use crate::trajectory::{Frame, TrajectoryWriter, utc_now};
@@ -96,10 +96,7 @@ struct Sitting {
 impl Sitting {
     fn start(scene: Scene, output: PathBuf, args: &RunArgs) -> miette::Result<Self> {
         let checkpoint = checkpoint::path_beside(&output);
-        let gpu = match &scene.material {
-            Material::Rve(_) => args.device.open().into_diagnostic()?,
-            Material::MuI(_) | Material::Elastic(_) => None,
-        };
+        let gpu = args.device.open().into_diagnostic()?;
         let place = |simulation: &mut Simulation| match &gpu {
             Some(device) => simulation.move_to(device),
             None => Ok(()),
