@@ -1,6 +1,7 @@
 //! Hierarchical MPM x DEM: scene file -> simulation -> trajectory file.
 pub mod check;
 pub mod checkpoint;
+pub mod cuda;
 pub mod dataset;
 pub mod device;
 pub mod element;

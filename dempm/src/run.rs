@@ -12,7 +12,7 @@ use miette::{Context, IntoDiagnostic, bail};
 use crate::checkpoint;
 use crate::device::Device;
 use crate::record::STABLE_STEP;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;
 use crate::trajectory::{Frame, TrajectoryWriter, utc_now};
@@ -58,10 +58,7 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
         None => PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("h5"),
     };
     let options = Options {
-        device: match &scene.material {
-            Material::Rve(_) => args.device.open().into_diagnostic()?,
-            Material::MuI(_) | Material::Elastic(_) => None,
-        },
+        device: args.device.open().into_diagnostic()?,
         resume: args.resume,
         overwrite: args.overwrite,
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
