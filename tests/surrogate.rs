@@ -357,6 +357,7 @@ fn a_broken_model_says_where_it_broke() {
                 acceleration_std: vec![size; 2],
             },
             training: Training { frame_interval: 0.01, without_gravity: false, steps: 0 },
+            mirror: false,
             device: device(),
         };
         simulator.save(&here.join("model.safetensors")).unwrap();

@@ -140,6 +140,9 @@ pub struct RolloutArgs {
     /// Frames of the result, the first ones included [default: as many as scene or trajectory have]
     #[arg(long)]
     frames: Option<usize>,
+    /// Average each prediction with the mirrored one of the mirrored window
+    #[arg(long)]
+    mirror: bool,
     /// Trajectory file to write (HDF5)
     #[arg(short, long)]
     output: PathBuf,
@@ -160,7 +163,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
-    let simulator = Simulator::load(&args.model)?;
+    let simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
     let prepared = Instant::now();
     let start = match (&args.scene, &args.from) {
         (Some(scene), _) => Start::from_scene(Scene::load(scene)?, &simulator)?,

@@ -29,6 +29,8 @@ pub struct Simulator {
     pub config: ModelConfig,
     pub normalisation: Normalisation,
     pub training: Training,
+    /// Averages with the mirrored prediction of the mirrored window.
+    pub mirror: bool,
     pub device: Device,
 }
 
@@ -59,7 +61,7 @@ impl Simulator {
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
-        Ok(Self { model, config, normalisation, training, device })
+        Ok(Self { model, config, normalisation, training, mirror: false, device })
     }
 
     /// Writes the weights and everything else, whole or not at all.
@@ -77,7 +79,30 @@ impl Simulator {
 
     /// Accelerations of the points of a window in m/frame², x and y in turn. `gravity` is in
     /// m/frame², `domain` is the size of the domain.
+    ///
+    /// With `mirror`, a(X) becomes (a(X) + M a(M X)) / 2 with the reflection M of left and right:
+    /// the mirrored window then has the mirrored accelerations, whatever the network has learnt.
     pub fn accelerations(
+        &self,
+        window: &[f32],
+        points: usize,
+        domain: [f64; 2],
+        gravity: [f64; 2],
+    ) -> Vec<f64> {
+        let straight = self.predict(window, points, domain, gravity);
+        if !self.mirror {
+            return straight;
+        }
+        let width = domain[0] as f32;
+        let image: Vec<f32> =
+            window.as_chunks::<2>().0.iter().flat_map(|[x, y]| [width - x, *y]).collect();
+        let mirrored = self.predict(&image, points, domain, [-gravity[0], gravity[1]]);
+        let pairs = straight.as_chunks::<2>().0.iter().zip(mirrored.as_chunks::<2>().0);
+        pairs.flat_map(|(a, b)| [(a[0] - b[0]) / 2.0, (a[1] + b[1]) / 2.0]).collect()
+    }
+
+    /// What the network says.
+    fn predict(
         &self,
         window: &[f32],
         points: usize,

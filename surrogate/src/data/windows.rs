@@ -54,6 +54,19 @@ impl Example {
         last.iter().zip(before).map(|(last, before)| last - before).collect()
     }
 
+    /// The positions as a model gets them.
+    pub fn window(&self) -> Vec<f32> {
+        self.positions.iter().map(|&x| x as f32).collect()
+    }
+
+    /// Keeps the first `frames` frames and the one after them; gives all frames after them.
+    pub(super) fn shorten(&mut self, frames: usize) -> Vec<f64> {
+        let mut future = self.positions.split_off(frames * self.values());
+        future.append(&mut self.next);
+        self.next = future[..self.values()].to_vec();
+        future
+    }
+
     fn last_two(&self) -> (&[f64], &[f64]) {
         let (rest, last) = self.positions.split_at(self.positions.len() - self.values());
         (&rest[rest.len() - self.values()..], last)

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::engine::State;
 use super::log::Log;
+use super::tcp::Fingerprint;
 use crate::features::Normalisation;
 
 const MAGIC: &str = "DEMPM surrogate training";
@@ -34,6 +35,14 @@ pub struct Identity {
     pub files: Vec<(String, u64, u64)>,
     /// Their statistics: other contents have others.
     pub normalisation: Normalisation,
+}
+
+impl Identity {
+    /// A hash by which processes know that they are about to make the same step.
+    pub fn fingerprint(&self, step: u64) -> Fingerprint {
+        let bytes = postcard::to_allocvec(&(self, step)).expect("an identity is plain data");
+        *blake3::hash(&bytes).as_bytes()
+    }
 }
 
 /// Why a checkpoint could not be used.
