@@ -7,12 +7,14 @@ use super::{DataError, DataSet, Draft, Order};
 use crate::features::Normalisation;
 
 /// Windows and what should follow, ready for the model.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Batch {
     /// Positions of each window, m, frame after frame, the oldest first.
     pub windows: Vec<Vec<f32>>,
     /// Points of each window.
     pub points: Vec<usize>,
+    /// Features of the points of each window that never change.
+    pub statics: Vec<Vec<f32>>,
     /// Normalised accelerations of the points of all windows.
     pub targets: Vec<f32>,
 }
@@ -89,7 +91,7 @@ impl Recipe {
 
     /// What the model gets of examples.
     pub fn batch(&self, draft: &Draft) -> Batch {
-        let mut batch = Batch { windows: Vec::new(), points: Vec::new(), targets: Vec::new() };
+        let mut batch = Batch::default();
         let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
         for example in &draft.examples {
             let targets = example.acceleration().into_iter().enumerate().map(|(place, a)| {
@@ -100,6 +102,7 @@ impl Recipe {
             batch.targets.extend(targets);
             batch.points.push(example.points);
             batch.windows.push(example.window());
+            batch.statics.push(example.statics.clone());
         }
         batch
     }

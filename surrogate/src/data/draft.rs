@@ -55,6 +55,7 @@ mod tests {
             positions: (0..5).flat_map(fall).collect(),
             next: fall(5).to_vec(),
             gravity: [0.0, -0.5],
+            statics: Vec::new(),
         };
         let future = example.shorten(2);
         assert_eq!(example.next, fall(2));

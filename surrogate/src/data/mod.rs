@@ -22,5 +22,5 @@ pub use error::DataError;
 pub use files::{DataFolder, Recording, trajectories_in};
 pub use order::Order;
 pub use prefetch::Prefetch;
-pub use statistics::{Statistics, Welford};
+pub use statistics::{Statistics, Welford, further_features};
 pub use windows::{DataSet, Example, Shape};

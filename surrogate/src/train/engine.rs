@@ -55,9 +55,10 @@ impl Preparation {
     /// Builds the graphs of a batch; may run ahead of the training on another thread.
     pub fn prepare(&self, batch: &Batch) -> Prepared {
         let device: Device = device();
-        let windows = batch.windows.iter().zip(&batch.points);
-        let windows: Vec<Window> =
-            windows.map(|(positions, &points)| Window { positions, points }).collect();
+        let windows = batch.windows.iter().zip(&batch.points).zip(&batch.statics);
+        let windows: Vec<Window> = windows
+            .map(|((positions, &points), statics)| Window { positions, points, statics })
+            .collect();
         let input =
             window_input(&windows, &self.config, &self.normalisation, &self.bounds, &device);
         let shape = [batch.targets.len() / 2, 2];

@@ -7,6 +7,8 @@ mod engine;
 mod log;
 mod parameters;
 mod progress;
+#[cfg(test)]
+mod rank_tests;
 mod ranks;
 mod schedule;
 mod sitting;

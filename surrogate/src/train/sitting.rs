@@ -16,10 +16,9 @@ use super::progress;
 use super::ranks::{AllReduce, Alone, Place};
 use super::tcp::Tcp;
 use crate::backend::{Cpu, device};
-use crate::data::{
-    DataFolder, DataSet, Draft, Example, Prefetch, Recipe, Shape, Shard, Statistics,
-};
+use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
+use crate::features::Window;
 use crate::model::Model;
 use crate::simulator::{Simulator, Training};
 
@@ -76,25 +75,10 @@ impl Sitting {
         let files = DataFolder::open(data)?;
         let frames = model.frames + config.pushforward.steps;
         let shape = Shape { frames, stride: config.data.stride };
-        let data = DataSet::open(&files.train, shape, config.data.memory << 20)?;
+        let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
+            .with_statics(&model.node_features)?;
         let frame_interval = data.frame_interval();
-
-        let mut statistics = Statistics::measure(&data, config.data.subtract_gravity)?;
-        if config.data.mirror {
-            statistics = statistics.mirrored();
-        }
-        let identity = Identity {
-            config: format!("{} on {size}", config.identity()),
-            files: data
-                .recordings()
-                .iter()
-                .map(|r| {
-                    let name = r.path().file_name().unwrap_or_default().to_string_lossy();
-                    (name.into_owned(), r.points() as u64, r.frames() as u64)
-                })
-                .collect(),
-            normalisation: statistics.normalisation(config.data.noise),
-        };
+        let identity = Identity::of(&config, &data, size)?;
 
         let mut engine = Engine::new(&model, config.seed, config.ema);
         let (mut log, mut best) = (Log::default(), None);
@@ -241,8 +225,9 @@ impl Sitting {
         let simulator = self.simulator(self.engine.network());
         let domain = self.preparation.bounds.map(|[_, length]| length);
         draft.push_forward(|example| {
-            let Example { points, gravity, .. } = *example;
-            simulator.accelerations(&example.window(), points, domain, gravity)
+            let (positions, statics) = (&example.window(), &example.statics);
+            let window = Window { positions, points: example.points, statics };
+            simulator.accelerations(&window, domain, example.gravity)
         })
     }
 
