@@ -1,0 +1,94 @@
+//! What a run says about itself while it goes on: the first time that it leaves the region in which
+//! the method is sound.
+
+use crate::record::STABLE_STEP;
+use crate::simulation::{SceneMaterial, Simulation};
+use crate::trajectory::Frame;
+
+/// Mechanical energy may grow by this part of what the scene started with before a run says so:
+/// packings and elastic bodies store less than that under their own weight.
+const ENERGY_TOLERANCE: f64 = 0.05;
+
+/// What a run says of a step (s) beyond the bound (s) up to which it is stable for certain.
+pub fn beyond_bound(step: f64, bound: f64) -> Option<String> {
+    (step > bound).then(|| {
+        format!(
+            "the step of {step:.2e} s exceeds the bound {bound:.2e} s up to which it is certain to \
+             be stable"
+        )
+    })
+}
+
+/// Looks at every frame of a run. Each kind of doubt is said once.
+#[derive(Clone, Debug, Default)]
+pub struct Watch {
+    /// Smallest bound on the macro step in any frame (s), once there was one.
+    stable_step: Option<f64>,
+    /// Mechanical energy of the first frame, potential energy counted from the floor (J/m).
+    start_energy: Option<f64>,
+    energy: bool,
+    overlap: bool,
+    thin: bool,
+}
+
+impl Watch {
+    /// Smallest bound on the macro step in any frame (s); infinite before the first.
+    pub fn stable_step(&self) -> f64 {
+        self.stable_step.unwrap_or(f64::INFINITY)
+    }
+
+    /// What there is to say about the present frame of a simulation.
+    pub fn observe(&mut self, simulation: &Simulation, frame: &Frame) -> Vec<String> {
+        let mut said = Vec::new();
+        let time = frame.time;
+        let mut say = |text: String| said.push(format!("at t = {time:.3} s {text}"));
+        self.observe_step(simulation.scene.step, frame, &mut say);
+        self.observe_energy(frame, &mut say);
+        if let SceneMaterial::Rve(rve) = &simulation.state.material {
+            let (tally, p) = (&rve.tally, rve.parameters());
+            if tally.overlap_steps > 0 && !self.overlap {
+                self.overlap = true;
+                say(format!(
+                    "discs overlap by {:.2} of a radius, more than overlap_warning = {}",
+                    tally.max_overlap, p.overlap_warning
+                ));
+            }
+            if tally.thin_steps > 0 && !self.thin {
+                self.thin = true;
+                say(format!(
+                    "cells of packings are thinner than {} diameters ({:.1} mm) and are not \
+                     sheared further",
+                    p.thin_width,
+                    1e3 * tally.min_width
+                ));
+            }
+        }
+        said
+    }
+
+    /// Whether the macro step is still certain to be stable.
+    fn observe_step(&mut self, step: f64, frame: &Frame, say: &mut impl FnMut(String)) {
+        let Some(&bound) = frame.budget.get(STABLE_STEP) else { return };
+        if self.stable_step() >= step && let Some(doubt) = beyond_bound(step, bound) {
+            say(doubt);
+        }
+        self.stable_step = Some(self.stable_step().min(bound));
+    }
+
+    /// Nothing but the plate and what material has stored can add to the mechanical energy.
+    fn observe_energy(&mut self, frame: &Frame, say: &mut impl FnMut(String)) {
+        let scalar = |name: &str| frame.budget.get(name).copied().unwrap_or_default();
+        let energy =
+            scalar("kinetic_energy") + scalar("potential_energy") - scalar("plate_work");
+        let start = *self.start_energy.get_or_insert(energy);
+        let gain = energy - start;
+        if start != 0.0 && gain > ENERGY_TOLERANCE * start.abs() && !self.energy {
+            self.energy = true;
+            let percent = 100.0 * gain / start.abs();
+            say(format!(
+                "the mechanical energy is {percent:.0} % above that of the start: a shorter step \
+                 or a transfer that dissipates more may be needed"
+            ));
+        }
+    }
+}

@@ -1,0 +1,2 @@
+//! Validation of the direct solver and the learned simulator.
+pub mod stability;
