@@ -1,2 +1,17 @@
-//! Validation of the direct solver and the learned simulator.
-pub mod stability;
+//! The validation report: what the solver and the learned simulators do, measured, beside what
+//! theory, experiments and the paper say.
+
+pub mod block;
+pub mod chart;
+pub mod command;
+pub mod compare;
+pub mod context;
+pub mod figure;
+pub mod html;
+pub mod map;
+pub mod progress;
+pub mod report;
+pub mod section;
+pub mod sections;
+pub mod table;
+pub mod work;
