@@ -19,6 +19,20 @@ pub fn beyond_bound(step: f64, bound: f64) -> Option<String> {
     })
 }
 
+/// What a run says of an overlap, as part of a radius, beyond the one to warn at.
+pub fn overlap(largest: f64, warning: f64) -> String {
+    format!("discs overlap by {largest:.2} of a radius, more than overlap_warning = {warning}")
+}
+
+/// What a run says of cells thinner than so many mean diameters; `width` (m) is the smallest.
+pub fn thin(diameters: f64, width: f64) -> String {
+    format!(
+        "cells of packings are thinner than {diameters} diameters ({:.1} mm) and are not sheared \
+         further",
+        1e3 * width
+    )
+}
+
 /// Looks at every frame of a run. Each kind of doubt is said once.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
@@ -48,19 +62,11 @@ impl Watch {
             let (tally, p) = (&rve.tally, rve.parameters());
             if tally.overlap_steps > 0 && !self.overlap {
                 self.overlap = true;
-                say(format!(
-                    "discs overlap by {:.2} of a radius, more than overlap_warning = {}",
-                    tally.max_overlap, p.overlap_warning
-                ));
+                say(overlap(tally.max_overlap, p.overlap_warning));
             }
             if tally.thin_steps > 0 && !self.thin {
                 self.thin = true;
-                say(format!(
-                    "cells of packings are thinner than {} diameters ({:.1} mm) and are not \
-                     sheared further",
-                    p.thin_width,
-                    1e3 * tally.min_width
-                ));
+                say(thin(p.thin_width, tally.min_width));
             }
         }
         said

@@ -1,5 +1,6 @@
 //! What the program says of a scene before it runs.
 
+use dempm::check::Needs;
 use dempm::scene::{Scene, SceneError};
 
 use super::study::StudyError;
@@ -28,4 +29,13 @@ pub fn parse(name: &str, text: &str) -> Result<Scene, StudyError> {
         };
         StudyError::Scene { name: name.into(), reason }
     })
+}
+
+/// Errors, warnings, and what `dempm check` doubts.
+pub fn checked(text: &str) -> Option<String> {
+    let scene = Scene::parse(text, "scene.toml");
+    // The rate only enters the estimated duration.
+    let doubts = scene.map_or(Vec::new(), |scene| Needs::of(&scene, 1.0).warnings);
+    let all: Vec<String> = said(text).into_iter().chain(doubts).collect();
+    (!all.is_empty()).then(|| all.join("; "))
 }

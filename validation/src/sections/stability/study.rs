@@ -1,67 +1,62 @@
 //! What a study finds, as plain data.
 
+use serde::{Deserialize, Serialize};
+
 use super::outcome::Outcome;
 use super::threshold::Threshold;
+use crate::context::Suite;
 
-/// How much is done: for a first look in seconds, or to the tolerance that is published.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Size {
-    Quick,
-    Full,
-}
-
-impl Size {
-    /// One of two values.
-    pub fn pick<T>(self, quick: T, full: T) -> T {
-        match self {
-            Self::Quick => quick,
-            Self::Full => full,
-        }
+/// One of two values: for a first look in seconds, or to the tolerance that is published.
+pub fn pick<T>(suite: Suite, quick: T, full: T) -> T {
+    match suite {
+        Suite::Quick => quick,
+        Suite::Full => full,
     }
 }
 
 /// A method pushed until it fails.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Study {
-    /// Short name, for files.
-    pub name: &'static str,
-    pub title: &'static str,
     /// What was run, and what counts as failure.
     pub method: String,
     pub findings: Vec<Finding>,
     pub maps: Vec<Map>,
     pub charts: Vec<Chart>,
     pub pictures: Vec<Picture>,
+    /// What follows from the numbers, or remains unexplained.
+    pub notes: Vec<String>,
 }
 
 /// One threshold.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     /// What was pushed.
     pub case: String,
     /// The parameter, with its unit.
-    pub parameter: &'static str,
+    pub parameter: String,
     pub measured: Threshold,
     /// The same by theory, and by which.
-    pub theory: Option<(f64, &'static str)>,
+    pub theory: Option<(f64, String)>,
     /// The end of a run just beyond the threshold (at its end, if there was none).
     pub beyond: Outcome,
 }
 
 /// Outcomes over two parameters.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Map {
     pub title: String,
     pub x: Axis,
     pub y: Axis,
     /// `outcomes[row][column]` at `y.values[row]` and `x.values[column]`.
     pub outcomes: Vec<Vec<Outcome>>,
-    /// The border by theory: name and `(x, y)`.
-    pub theory: Option<(String, Vec<[f64; 2]>)>,
+    /// A measured number to go with each outcome; may be empty.
+    pub numbers: Vec<Vec<f64>>,
+    /// How to read it, and the theory it is compared with.
+    pub caption: String,
 }
 
 /// The values of one parameter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Axis {
     /// Name with unit.
     pub label: String,
@@ -83,16 +78,18 @@ impl Axis {
 }
 
 /// Curves over one parameter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
     pub title: String,
     pub x: String,
     pub y: String,
     pub log: [bool; 2],
     pub curves: Vec<Curve>,
+    /// How to read it.
+    pub caption: String,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
     pub name: String,
     pub points: Vec<[f64; 2]>,
@@ -111,7 +108,7 @@ impl Curve {
 }
 
 /// Points or discs at one moment.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Picture {
     pub title: String,
     /// What the colour shows, with unit.
@@ -129,7 +126,7 @@ pub struct Picture {
 }
 
 /// A study that could not be made.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum StudyError {
     #[error(transparent)]
     Dem(#[from] dem::Error),

@@ -4,8 +4,9 @@ use mpm::{Basis, Domain, Elastic, ElasticParameters, Numerics, Points, Scheme, S
 use rayon::prelude::*;
 
 use super::outcome::Outcome;
-use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Size, Study, StudyError};
-use super::threshold::{bisect, log_range};
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
+use super::threshold::{Threshold, bisect, log_range};
+use crate::context::Suite;
 
 pub const BASES: [Basis; 4] = [Basis::Linear, Basis::Gimp, Basis::Quadratic, Basis::Cubic];
 
@@ -127,16 +128,14 @@ fn shaken(basis: Basis, scheme: Scheme) -> Result<Body, StudyError> {
 }
 
 /// Critical step of the single point over `dx / c`, measured.
-pub fn single_threshold(basis: Basis, xi: f64, tolerance: f64) -> super::threshold::Threshold {
+pub fn single_threshold(basis: Basis, xi: f64, tolerance: f64) -> Threshold {
     let unit = crossing_time(0.0);
     bisect(1.0e-3, 10.0, tolerance, |c| single(basis, xi).is_ok_and(|mut b| b.stays(c * unit)))
 }
 
-pub fn study(size: Size) -> Result<Study, StudyError> {
-    let tolerance = size.pick(0.03, 0.005);
+pub fn study(suite: Suite) -> Result<Study, StudyError> {
+    let tolerance = pick(suite, 0.03, 0.005);
     let mut study = Study {
-        name: "mpm-step",
-        title: "MPM: the step",
         method: format!(
             "Elastic bodies under FLIP, disturbed by 1e-9; unstable when the disturbance grows by \
              {GROWTH:.0}. Steps in units of dx/c, the time a wave takes through a cell. The solver \
@@ -145,14 +144,14 @@ pub fn study(size: Size) -> Result<Study, StudyError> {
         ),
         ..Study::default()
     };
-    singles(size, tolerance, &mut study)?;
+    singles(suite, tolerance, &mut study)?;
     blocks(tolerance, &mut study)?;
     Ok(study)
 }
 
-fn singles(size: Size, tolerance: f64, study: &mut Study) -> Result<(), StudyError> {
+fn singles(suite: Suite, tolerance: f64, study: &mut Study) -> Result<(), StudyError> {
     let unit = crossing_time(0.0);
-    let places = size.pick(8, 20);
+    let places = pick(suite, 8, 20);
     let xi: Vec<f64> = (0..places).map(|k| 0.5 + 0.499 * k as f64 / (places - 1) as f64).collect();
     let curves: Vec<[Curve; 2]> = BASES
         .par_iter()
@@ -173,6 +172,7 @@ fn singles(size: Size, tolerance: f64, study: &mut Study) -> Result<(), StudyErr
         y: "critical step, dx/c".into(),
         log: [false, true],
         curves: curves.into_iter().flatten().collect(),
+        caption: "Lines: √2/ω with ω² = c² Σ (∂S)²/S, by theory.".into(),
     });
     for basis in BASES {
         for x in [0.5, 0.99] {
@@ -180,14 +180,14 @@ fn singles(size: Size, tolerance: f64, study: &mut Study) -> Result<(), StudyErr
             let beyond = 1.1 * measured.value().unwrap_or(10.0);
             study.findings.push(Finding {
                 case: format!("{}, single point at {x} of its cell, USL", name(basis)),
-                parameter: "step, dx/c",
+                parameter: "step, dx/c".into(),
                 measured,
-                theory: Some((single_theory(basis, x), "sqrt 2 / w, w² = c² Σ (∂S)²/S")),
+                theory: Some((single_theory(basis, x), "√2/ω, ω² = c² Σ (∂S)²/S".into())),
                 beyond: single(basis, x)?.outcome(beyond * unit)?,
             });
         }
     }
-    let steps = log_range(0.03, 3.0, size.pick(10, 24));
+    let steps = log_range(0.03, 3.0, pick(suite, 10, 24));
     for basis in [Basis::Linear, Basis::Quadratic] {
         let row = |&c: &f64| -> Result<Vec<Outcome>, StudyError> {
             xi.iter().map(|&x| single(basis, x)?.outcome(c * unit)).collect()
@@ -197,10 +197,8 @@ fn singles(size: Size, tolerance: f64, study: &mut Study) -> Result<(), StudyErr
             x: Axis::new("place in its cell (0.5: centre, 1: face)", xi.clone()),
             y: Axis::new("step, dx/c", steps.clone()),
             outcomes: steps.par_iter().map(row).collect::<Result<_, _>>()?,
-            theory: Some((
-                "sqrt 2 / w".into(),
-                xi.iter().map(|&x| [x, single_theory(basis, x)]).collect(),
-            )),
+            numbers: Vec::new(),
+            caption: "Theory: unstable above √2/ω, the reference line of the chart.".into(),
         });
     }
     Ok(())
@@ -211,7 +209,7 @@ pub fn block_threshold(
     basis: Basis,
     scheme: Scheme,
     tolerance: f64,
-) -> Result<(super::threshold::Threshold, f64), StudyError> {
+) -> Result<(Threshold, f64), StudyError> {
     let bound = shaken(basis, scheme)?.bound()?;
     let stays = |b: f64| shaken(basis, scheme).is_ok_and(|mut body| body.stays(b * bound));
     Ok((bisect(0.3, 20.0, tolerance, stays), bound / crossing_time(0.2)))
@@ -230,10 +228,10 @@ fn blocks(tolerance: f64, study: &mut Study) -> Result<(), StudyError> {
             let case = format!("{}, shaken block, {scheme_name}", name(basis));
             let picture = (basis == Basis::Quadratic && scheme == Scheme::Musl)
                 .then(|| picture(&body.points, format!("{case}: 10 % beyond the limit, at the end")));
-            let theory = (1.0, "at least the bound");
+            let theory = (1.0, "at least the bound".into());
             let finding = Finding {
                 case: format!("{case} (bound: {bound:.3} dx/c)"),
-                parameter: "step, Gershgorin bounds",
+                parameter: "step, Gershgorin bounds".into(),
                 measured,
                 theory: Some(theory),
                 beyond: outcome,

@@ -1,7 +1,11 @@
 //! How one run ended, and what the program said about it.
 
+use serde::{Deserialize, Serialize};
+
+use crate::map;
+
 /// The end of one run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Outcome {
     /// It did what it should, and there was nothing to say.
     Stable,
@@ -11,15 +15,6 @@ pub enum Outcome {
     Failed { message: String },
     /// It is wrong, and the program said nothing.
     Silent { symptom: String },
-}
-
-/// The kinds of [`Outcome`], from good to bad.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
-    Stable,
-    Warned,
-    Failed,
-    Silent,
 }
 
 impl Outcome {
@@ -34,18 +29,19 @@ impl Outcome {
         }
     }
 
-    pub fn kind(&self) -> Kind {
+    /// As the report's maps show it.
+    pub fn kind(&self) -> map::Outcome {
         match self {
-            Self::Stable => Kind::Stable,
-            Self::Warned { .. } => Kind::Warned,
-            Self::Failed { .. } => Kind::Failed,
-            Self::Silent { .. } => Kind::Silent,
+            Self::Stable => map::Outcome::Stable,
+            Self::Warned { .. } => map::Outcome::Warned,
+            Self::Failed { .. } => map::Outcome::Failed,
+            Self::Silent { .. } => map::Outcome::Silent,
         }
     }
 
     /// Whether the result can be used: stable or warned of.
     pub fn works(&self) -> bool {
-        self.kind() <= Kind::Warned
+        matches!(self, Self::Stable | Self::Warned { .. })
     }
 
     /// What was said, or the symptom about which nothing was.
@@ -58,15 +54,18 @@ impl Outcome {
     }
 }
 
-impl Kind {
-    pub const ALL: [Self; 4] = [Self::Stable, Self::Warned, Self::Failed, Self::Silent];
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Stable => "stable",
-            Self::Warned => "warned",
-            Self::Failed => "failed",
-            Self::Silent => "failed silently",
-        }
+    #[test]
+    fn an_outcome_is_judged_by_symptom_and_message() {
+        let text = |t: &str| Some(t.to_owned());
+        assert_eq!(Outcome::of(None, None), Outcome::Stable);
+        let warned = Outcome::of(None, text("doubt"));
+        assert!(warned.works() && warned.text() == "doubt");
+        let failed = Outcome::of(text("wrong"), text("error"));
+        assert!(!failed.works() && failed.text() == "wrong: “error”");
+        assert_eq!(Outcome::of(text("wrong"), None).kind(), map::Outcome::Silent);
     }
 }

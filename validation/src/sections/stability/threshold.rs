@@ -1,7 +1,11 @@
 //! Where a method stops working, by bisection.
 
+use serde::{Deserialize, Serialize};
+
+use crate::table::number;
+
 /// A parameter value at which something changes, as far as it is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Threshold {
     /// It works at the first value and not at the second.
     Between(f64, f64),
@@ -42,27 +46,14 @@ impl std::fmt::Display for Threshold {
                 let value = (works * fails).sqrt();
                 let half = 0.5 * (fails - works).abs();
                 if half < 0.05 * value.abs() {
-                    write!(f, "{}", short(value))
+                    write!(f, "{}", number(value))
                 } else {
-                    write!(f, "{} to {}", short(works), short(fails))
+                    write!(f, "{} to {}", number(works), number(fails))
                 }
             }
-            Self::Beyond(value) => write!(f, "none up to {}", short(value)),
-            Self::Before(value) => write!(f, "below {}", short(value)),
+            Self::Beyond(value) => write!(f, "none up to {}", number(value)),
+            Self::Before(value) => write!(f, "below {}", number(value)),
         }
-    }
-}
-
-/// Three significant digits.
-pub fn short(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    let exponent = value.abs().log10().floor() as i32;
-    if (-3..5).contains(&exponent) {
-        format!("{value:.*}", usize::try_from(2 - exponent).unwrap_or(0))
-    } else {
-        format!("{value:.2e}")
     }
 }
 
@@ -119,12 +110,9 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_short() {
-        assert_eq!(
-            [0.012_345, 1.0, 123.4, 0.0, 1.0e-7, 4.0e6].map(short),
-            ["0.0123", "1.00", "123", "0", "1.00e-7", "4.00e6"]
-        );
-        assert_eq!(Threshold::Between(0.99, 1.01).to_string(), "1.00");
-        assert_eq!(Threshold::Between(1.0, 2.0).to_string(), "1.00 to 2.00");
+    fn a_narrow_bracket_is_one_number() {
+        assert_eq!(Threshold::Between(0.99, 1.01).to_string(), "1");
+        assert_eq!(Threshold::Between(1.0, 2.0).to_string(), "1 to 2");
+        assert_eq!(Threshold::Beyond(3.0).to_string(), "none up to 3");
     }
 }
