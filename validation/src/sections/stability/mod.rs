@@ -12,6 +12,7 @@ mod dem_shear;
 mod dem_size;
 mod dem_step;
 mod dem_thin;
+mod learned;
 mod mpm_crossing;
 mod mpm_step;
 mod mpm_transfer;
@@ -27,9 +28,13 @@ pub use outcome::Outcome;
 pub use study::{Study, StudyError};
 pub use threshold::Threshold;
 
+use miette::IntoDiagnostic;
+use surrogate::simulator::Simulator;
+
 use crate::block::Block;
-use crate::context::{Context, Suite};
+use crate::context::{Context, Model, Suite};
 use crate::section::Section;
+use crate::work::hash_of_file;
 
 /// The sections of the chapter.
 pub fn all() -> Vec<Box<dyn Section>> {
@@ -45,6 +50,11 @@ pub fn all() -> Vec<Box<dyn Section>> {
         direct("DEM: size of the RVE", dem_size::study, 5.0),
         direct("DEM: f32 against f64", dem_precision::study, 5.0),
         direct("Tall columns", columns::study, 15.0),
+        pushed("Learned: length of the rollout", learned::length::study, 25.0),
+        pushed("Learned: height, width, velocity", learned::range::study, 25.0),
+        pushed("Learned: noise, mirror images, frames", learned::disturbed::study, 15.0),
+        pushed("Learned: walls", learned::walls::study, 5.0),
+        pushed("Learned: rest and penetration", learned::at_rest::study, 15.0),
     ]
 }
 
@@ -84,6 +94,72 @@ impl Section for Direct {
         let made = context.cached(self.title, &key(context), estimate, || Ok((self.study)(suite)?))?;
         Ok(render::blocks(&made)?)
     }
+}
+
+/// A study of a learned simulator.
+struct Learned {
+    title: &'static str,
+    study: fn(Suite, &Simulator) -> Result<Study, StudyError>,
+    /// Expected time of the quick size with the tiny example (s).
+    seconds: f64,
+}
+
+fn pushed(
+    title: &'static str,
+    study: fn(Suite, &Simulator) -> Result<Study, StudyError>,
+    seconds: f64,
+) -> Box<dyn Section> {
+    Box::new(Learned { title, study, seconds })
+}
+
+impl Learned {
+    /// The models that are pushed: all, or in the quick size the first.
+    fn models(&self, context: &Context) -> Vec<Model> {
+        let count = study::pick(context.suite, 1, usize::MAX);
+        context.models.iter().take(count).cloned().collect()
+    }
+}
+
+impl Section for Learned {
+    fn title(&self) -> &'static str {
+        self.title
+    }
+
+    fn estimate(&self, context: &Context) -> f64 {
+        let missing = |model: &&Model| {
+            !model_key(context, model).is_ok_and(|key| context.work.has_cached(self.title, &key))
+        };
+        let models = self.models(context);
+        let each = self.seconds * study::pick(context.suite, 1.0, FULL);
+        models.iter().filter(missing).count() as f64 * each
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let models = self.models(context);
+        if models.is_empty() {
+            return Ok(vec![Block::missing(
+                self.title,
+                "there is no model",
+                "give a folder with `--models`; `surrogate train` makes one",
+            )]);
+        }
+        let mut blocks = Vec::new();
+        for model in models {
+            let (suite, key) = (context.suite, model_key(context, &model)?);
+            let mut made = context.cached(self.title, &key, self.seconds, || {
+                Ok((self.study)(suite, &learned::roll::load(&model.path)?)?)
+            })?;
+            made.name_model(&model.name);
+            blocks.push(Block::Heading(model.name));
+            blocks.extend(render::blocks(&made)?);
+        }
+        Ok(blocks)
+    }
+}
+
+/// A study of a model depends on the model too.
+fn model_key(context: &Context, model: &Model) -> miette::Result<String> {
+    Ok(format!("{} {}", key(context), hash_of_file(&model.path).into_diagnostic()?))
 }
 
 /// A study depends on its size and on the program.

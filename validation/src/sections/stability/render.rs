@@ -1,7 +1,7 @@
 //! Studies as blocks of the report.
 
-use super::study::{Axis, Chart, Finding, Map, Study};
 use super::snapshot;
+use super::study::{Axis, Chart, Map, Study};
 use crate::block::{Block, Figure, Table};
 use crate::chart::{self, ChartError, Mark, Series};
 use crate::map;
@@ -14,7 +14,7 @@ use crate::table::number;
 pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
     let mut blocks = vec![Block::text(&study.method)];
     if !study.findings.is_empty() {
-        blocks.push(Block::Table(table(&study.findings)));
+        blocks.push(Block::Table(table(study)));
     }
     for map in &study.maps {
         blocks.push(Block::Map(rendered(map)));
@@ -32,10 +32,11 @@ pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
     Ok(blocks)
 }
 
-fn table(findings: &[Finding]) -> Table {
+fn table(study: &Study) -> Table {
     let columns = ["pushed", "parameter", "threshold", "theory", "formula", "beyond it", "what was said"];
-    let mut table = Table::new("Thresholds", columns);
-    for finding in findings {
+    let title = study.of.as_ref().map_or("Thresholds".into(), |model| format!("Thresholds ({model})"));
+    let mut table = Table::new(title, columns);
+    for finding in &study.findings {
         let (value, formula) = match &finding.theory {
             Some((value, formula)) => (number(*value), formula.clone()),
             None => Default::default(),

@@ -25,6 +25,19 @@ pub struct Study {
     pub pictures: Vec<Picture>,
     /// What follows from the numbers, or remains unexplained.
     pub notes: Vec<String>,
+    /// The model that was pushed, if it is one.
+    pub of: Option<String>,
+}
+
+impl Study {
+    /// Adds the name of a model to all titles, which have to be unique in a section.
+    pub fn name_model(&mut self, name: &str) {
+        self.of = Some(name.to_owned());
+        let maps = self.maps.iter_mut().map(|map| &mut map.title);
+        let charts = self.charts.iter_mut().map(|chart| &mut chart.title);
+        let pictures = self.pictures.iter_mut().map(|picture| &mut picture.title);
+        maps.chain(charts).chain(pictures).for_each(|title| *title += &format!(" ({name})"));
+    }
 }
 
 /// One threshold.
