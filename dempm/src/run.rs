@@ -224,7 +224,10 @@ impl Sitting {
                 if self.checkpoint.exists() {
                     std::fs::remove_file(&self.checkpoint).into_diagnostic()?;
                 }
-                print!("{}", summary::summary(&self.simulation, self.watch.stable_step(), &self.output));
+                print!(
+                    "{}",
+                    summary::summary(&self.simulation, self.watch.stable_step(), &self.output)
+                );
                 Ok(ExitCode::SUCCESS)
             }
             End::Interrupted => {

@@ -75,7 +75,9 @@ impl Watch {
     /// Whether the macro step is still certain to be stable.
     fn observe_step(&mut self, step: f64, frame: &Frame, say: &mut impl FnMut(String)) {
         let Some(&bound) = frame.budget.get(STABLE_STEP) else { return };
-        if self.stable_step() >= step && let Some(doubt) = beyond_bound(step, bound) {
+        if self.stable_step() >= step
+            && let Some(doubt) = beyond_bound(step, bound)
+        {
             say(doubt);
         }
         self.stable_step = Some(self.stable_step().min(bound));
@@ -84,8 +86,7 @@ impl Watch {
     /// Nothing but the plate and what material has stored can add to the mechanical energy.
     fn observe_energy(&mut self, frame: &Frame, say: &mut impl FnMut(String)) {
         let scalar = |name: &str| frame.budget.get(name).copied().unwrap_or_default();
-        let energy =
-            scalar("kinetic_energy") + scalar("potential_energy") - scalar("plate_work");
+        let energy = scalar("kinetic_energy") + scalar("potential_energy") - scalar("plate_work");
         let start = *self.start_energy.get_or_insert(energy);
         let gain = energy - start;
         if start != 0.0 && gain > ENERGY_TOLERANCE * start.abs() && !self.energy {
@@ -96,5 +97,48 @@ impl Watch {
                  or a transfer that dissipates more may be needed"
             ));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    const SCENE: &str = "duration = 0.1\n[domain]\nsize = [2.0, 1.0]\n[[column]]\n\
+                         size = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n";
+
+    #[test]
+    fn each_doubt_is_said_once() {
+        let scene = Scene::parse(SCENE, "scene.toml").unwrap();
+        let simulation = Simulation::new(scene).unwrap();
+        let mut watch = Watch::default();
+        let mut frame = simulation.frame();
+        assert_eq!(watch.observe(&simulation, &frame), Vec::<String>::new());
+        let bound = watch.stable_step();
+        assert!(bound > simulation.scene.step && bound.is_finite());
+
+        // All potential energy again as kinetic energy.
+        frame.budget.insert("kinetic_energy".into(), frame.budget["potential_energy"]);
+        frame.budget.insert(STABLE_STEP.into(), 0.5 * simulation.scene.step);
+        let said = watch.observe(&simulation, &frame);
+        assert_eq!(said.len(), 2, "{said:?}");
+        assert!(said[0].contains("exceeds the bound 5.00e-5 s"), "{said:?}");
+        assert!(said[1].contains("energy is 100 % above"), "{said:?}");
+        assert_eq!(watch.observe(&simulation, &frame), Vec::<String>::new());
+        assert_eq!(watch.stable_step(), 0.5 * simulation.scene.step);
+    }
+
+    #[test]
+    fn a_plate_may_add_energy() {
+        let scene = Scene::parse(SCENE, "scene.toml").unwrap();
+        let simulation = Simulation::new(scene).unwrap();
+        let mut watch = Watch::default();
+        let mut frame = simulation.frame();
+        watch.observe(&simulation, &frame);
+        let energy = frame.budget["potential_energy"];
+        frame.budget.insert("kinetic_energy".into(), energy);
+        frame.budget.insert("plate_work".into(), energy);
+        assert_eq!(watch.observe(&simulation, &frame), Vec::<String>::new());
     }
 }

@@ -15,7 +15,7 @@ use miette::{Context, IntoDiagnostic, bail};
 use crate::constraints::Constraints;
 use crate::simulator::Simulator;
 use crate::start::Start;
-use crate::watch::Watch;
+use crate::watch::{self, Watch};
 
 /// A prediction that makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, miette::Diagnostic)]
@@ -189,6 +189,9 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
 
+    for doubt in watch::doubts(&simulator, &start) {
+        eprintln!("{doubt}");
+    }
     let mut writer = begin(&args.output, &args.model, &simulator, &start)?;
     let mut rollout = Rollout::new(&simulator, &start);
     for (frame, (x, v)) in start.positions.iter().zip(&start.velocities).enumerate() {

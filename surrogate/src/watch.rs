@@ -3,6 +3,7 @@
 
 use std::collections::HashMap;
 
+use crate::simulator::Simulator;
 use crate::start::Start;
 
 /// Mechanical energy may grow by this part of that of the start.
@@ -12,6 +13,44 @@ const ENERGY_TOLERANCE: f64 = 0.05;
 const DENSER: f64 = 2.0;
 /// Part of the points that may be in such places.
 const CROWDED: f64 = 0.05;
+
+/// Root mean square of velocities or accelerations in units of the training's standard deviations
+/// (1 in training) from which on a start is unlike all training.
+const STRANGE: f64 = 4.0;
+
+/// What there is to say of a start before anything is predicted from it.
+pub fn doubts(simulator: &Simulator, start: &Start) -> Vec<String> {
+    let mut said = Vec::new();
+    if !start.scene.obstacles.is_empty() || start.scene.plate.is_some() {
+        said.push(
+            "obstacles and plates stop points that touch them: the network itself does not see them"
+                .to_owned(),
+        );
+    }
+    let [.., first, second, third] = start.positions.as_slice() else { return said };
+    let n = &simulator.normalisation;
+    let free_fall = start.scene.gravity.map(|g| g * simulator.training.frame_interval.powi(2));
+    let fall = if simulator.training.without_gravity { free_fall } else { [0.0; 2] };
+    let rms = |value: &dyn Fn(usize, usize) -> f64| {
+        let axis = |k: usize| (0..third.len()).map(|p| value(p, k).powi(2)).sum::<f64>();
+        ((axis(0) + axis(1)) / (2.0 * third.len().max(1) as f64)).sqrt()
+    };
+    let velocity =
+        |p: usize, k: usize| (third[p][k] - second[p][k] - n.velocity_mean[k]) / n.velocity_std[k];
+    let acceleration = |p: usize, k: usize| {
+        let a = third[p][k] - 2.0 * second[p][k] + first[p][k];
+        (a - fall[k] - n.acceleration_mean[k]) / n.acceleration_std[k]
+    };
+    for (what, size) in [("fast", rms(&velocity)), ("much accelerated", rms(&acceleration))] {
+        if size > STRANGE {
+            said.push(format!(
+                "the start is {size:.0} times as {what} as the training data were on average: do \
+                 not trust the prediction"
+            ));
+        }
+    }
+    said
+}
 
 /// Looks at every frame of a rollout. Each kind of doubt is said once.
 pub struct Watch {
@@ -92,5 +131,62 @@ impl Watch {
         }
         let crowded = counts.values().filter(|&&n| f64::from(n) > DENSER * 4.0).sum::<u32>();
         f64::from(crowded) / now.len().max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dempm::scene::Scene;
+    use dempm::simulation::Simulation;
+
+    use super::*;
+
+    const INTERVAL: f64 = 0.01;
+
+    /// A block that hangs in the air for two frames.
+    fn start() -> Start {
+        let text = "duration = 0.1\n[domain]\nsize = [2.0, 2.0]\n[[column]]\ncorner = [0.5, 1.0]\n\
+                    size = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n";
+        let scene = Scene::parse(text, "scene.toml").unwrap();
+        let simulation = Simulation::new(scene.clone()).unwrap();
+        let frame = simulation.frame();
+        Start {
+            scene,
+            header: simulation.header(String::new()),
+            points: simulation.static_points(),
+            positions: vec![frame.position.clone(), frame.position],
+            velocities: vec![frame.velocity.clone(), frame.velocity],
+            time: 0.0,
+            frames: 2,
+        }
+    }
+
+    #[test]
+    fn a_free_fall_is_believed() {
+        let start = start();
+        let mut watch = Watch::new(&start, INTERVAL);
+        let (mut before, mut now) = (start.positions[0].clone(), start.positions[1].clone());
+        for frame in 2..20 {
+            let fall = |(x, b): (&[f64; 2], &[f64; 2])| {
+                [x[0], 2.0 * x[1] - b[1] - 9.81 * INTERVAL * INTERVAL]
+            };
+            let next = now.iter().zip(&before).map(fall).collect();
+            before = std::mem::replace(&mut now, next);
+            assert_eq!(watch.observe(frame, &before, &now), Vec::<String>::new());
+        }
+    }
+
+    #[test]
+    fn what_no_material_does_is_said_once() {
+        let start = start();
+        let mut watch = Watch::new(&start, INTERVAL);
+        let up: Vec<[f64; 2]> = start.positions[1].iter().map(|x| [x[0], x[1] + 0.1]).collect();
+        let said = watch.observe(2, &start.positions[1], &up);
+        assert!(said.len() == 1 && said[0].contains("mechanical energy"), "{said:?}");
+        // The same points on a quarter of the area.
+        let dense: Vec<[f64; 2]> = up.iter().map(|x| x.map(|x| 0.5 * x)).collect();
+        let said = watch.observe(3, &up, &dense);
+        assert!(said.len() == 1 && said[0].contains("packed 2 times"), "{said:?}");
+        assert_eq!(watch.observe(4, &up, &dense), Vec::<String>::new());
     }
 }

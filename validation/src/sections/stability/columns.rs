@@ -4,6 +4,7 @@ use dempm::simulation::{SceneMaterial, Simulation, SimulationError};
 use dempm::watch::Watch;
 use rayon::prelude::*;
 
+use super::learned::roll::window;
 use super::outcome::Outcome;
 use super::scene;
 use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
@@ -53,14 +54,14 @@ fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
         fall.overlap = rve.tally.max_overlap;
     }
     let points = &simulation.state.points;
-    let [width, height] = simulation.scene.domain.size;
+    let position: Vec<[f64; 2]> = points.position.iter().map(|&x| x.into()).collect();
     fall.picture = Picture {
         title: format!("{name}, at t = {:.2} s", simulation.time()),
         colour: "pressure, kPa".into(),
-        position: points.position.iter().map(|&x| x.into()).collect(),
+        window: window(simulation.scene.domain.size, [&position, &[]]),
+        position,
         value: points.stress.iter().map(|s| -0.5e-3 * s.trace()).collect(),
         radius: vec![0.5 * simulation.scene.domain.spacing()],
-        window: [0.0, 0.0, width, height],
         ..Picture::default()
     };
     Ok(fall)
@@ -69,7 +70,10 @@ fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
 /// An error with its causes.
 fn chain(error: &dyn std::error::Error) -> String {
     let causes = std::iter::successors(error.source(), |e| e.source());
-    std::iter::once(error.to_string()).chain(causes.map(ToString::to_string)).collect::<Vec<_>>().join(": ")
+    std::iter::once(error.to_string())
+        .chain(causes.map(ToString::to_string))
+        .collect::<Vec<_>>()
+        .join(": ")
 }
 
 fn said(fall: &Fall) -> Option<String> {
@@ -106,7 +110,8 @@ fn collapse(height: f64, transfer: &str) -> String {
 }
 
 fn falls(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
-    let heights = pick(suite, vec![1.0, 3.0, 6.0, 12.0], vec![1.0, 2.0, 3.0, 6.0, 12.0, 24.0, 48.0]);
+    let heights =
+        pick(suite, vec![1.0, 3.0, 6.0, 12.0], vec![1.0, 2.0, 3.0, 6.0, 12.0, 24.0, 48.0]);
     let transfers = [
         ("flip-apic, 500 1/s", "transfer = \"flip-apic\""),
         ("flip, 1 1/s", "transfer = \"flip\"\nrelaxation = 1.0"),
@@ -135,7 +140,12 @@ fn falls(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
             parameter: "height, m".into(),
             measured: Threshold::of_sweep(works),
             theory: None,
-            beyond: row.iter().find(|o| !o.works()).or(row.last()).cloned().unwrap_or(Outcome::Stable),
+            beyond: row
+                .iter()
+                .find(|o| !o.works())
+                .or(row.last())
+                .cloned()
+                .unwrap_or(Outcome::Stable),
         });
     }
     study.maps.push(Map {
@@ -192,7 +202,11 @@ fn shafts(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
             parameter: "height, m".into(),
             measured: Threshold::of_sweep(works),
             theory: None,
-            beyond: outcomes.iter().find(|o| **o != Outcome::Stable).cloned().unwrap_or(Outcome::Stable),
+            beyond: outcomes
+                .iter()
+                .find(|o| **o != Outcome::Stable)
+                .cloned()
+                .unwrap_or(Outcome::Stable),
         });
     }
     study.charts.push(Chart {
@@ -202,7 +216,10 @@ fn shafts(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
         log: [true, true],
         curves: vec![
             Curve::measured("shafts", points),
-            Curve::theory("mean overlap at twice the weight", [1.0, 10.0, 100.0, 1000.0].map(|k| [k, theory(k)]).into()),
+            Curve::theory(
+                "mean overlap at twice the weight",
+                [1.0, 10.0, 100.0, 1000.0].map(|k| [k, theory(k)]).into(),
+            ),
         ],
         caption: "Gravity is switched on at once.".into(),
     });

@@ -7,13 +7,13 @@ use rayon::prelude::*;
 
 use super::outcome::Outcome;
 use super::packing::{consolidated, picture};
-use super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
 use super::threshold::Threshold;
 use crate::context::Suite;
 
 const PRESSURE: f64 = 2.0e3;
-/// The solid fraction at which a recompacted packing carries its first pressure again may differ by
-/// this from that of its preparation.
+/// The solid fraction at which a recompacted packing carries its first pressure again may be off by
+/// this.
 const TOLERANCE: f64 = 0.02;
 
 /// A packing expanded to `expansion` times its area and compressed again, at a rate (1/s).
@@ -23,6 +23,7 @@ struct Cycle {
     prepared: f64,
     overlap: f64,
     free_steps: usize,
+    steps: usize,
     failure: Option<String>,
     picture: Picture,
 }
@@ -37,6 +38,7 @@ fn cycle(p: &RveParameters, expansion: f64, rate: f64) -> Result<Cycle, StudyErr
         prepared,
         overlap: 0.0,
         free_steps: 0,
+        steps: 2 * steps,
         failure: None,
         picture: Picture::default(),
     };
@@ -59,75 +61,98 @@ fn cycle(p: &RveParameters, expansion: f64, rate: f64) -> Result<Cycle, StudyErr
     cycle.free_steps = element.free_steps;
     cycle.picture = picture(
         &element.rve.packing,
-        format!("Recompacted from {expansion} times its area at {rate} 1/s, free_solid_fraction {}", p.free_solid_fraction),
+        format!(
+            "Recompacted from {expansion} times its area at {rate} 1/s, free_solid_fraction {}",
+            p.free_solid_fraction
+        ),
     );
     Ok(cycle)
 }
 
-fn judge(cycle: &Cycle, p: &RveParameters) -> Outcome {
+/// Judges a cycle by one whose discs flew on as a gas.
+fn judge(cycle: &Cycle, gas: &Cycle, p: &RveParameters) -> Outcome {
     if let Some(message) = &cycle.failure {
         return Outcome::Failed { message: message.clone() };
     }
-    let symptom = if cycle.returned.is_nan() {
-        Some("carries no pressure at its old area".to_owned())
-    } else {
-        let change = cycle.returned - cycle.prepared;
-        (change.abs() > TOLERANCE).then(|| format!("jams at a solid fraction {change:+.3} off"))
-    };
-    let free = (cycle.free_steps > 0)
-        .then(|| format!("{} RVE steps stress-free (free_solid_fraction = {})", cycle.free_steps, p.free_solid_fraction));
+    let change = cycle.returned - gas.returned;
+    // A negation, since a solid fraction that is no number is a failure.
+    let symptom = (!(change.abs() <= TOLERANCE))
+        .then(|| format!("jams at a solid fraction {change:+.3} off"));
+    let free = (cycle.free_steps > 0).then(|| {
+        let part = 100.0 * cycle.free_steps as f64 / cycle.steps as f64;
+        format!("stress-free {part:.0} % of RVE steps")
+    });
     let deep = (cycle.overlap > p.overlap_warning)
         .then(|| dempm::watch::overlap(cycle.overlap, p.overlap_warning));
     Outcome::of(symptom, deep.or(free))
 }
 
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let base = RveParameters { discs: pick(suite, 100, 400), ..RveParameters::default() };
+    let p = RveParameters { discs: pick(suite, 100, 400), ..RveParameters::default() };
+    let flying = RveParameters { free_solid_fraction: 0.0, ..p.clone() };
     let expansions = vec![1.02, 1.1, 1.2, 1.3, 1.6, 2.0, 4.0];
     let rates = vec![1.0, 10.0, 100.0];
-    let mut study = Study {
+    let cycles = |p: &RveParameters| -> Result<Vec<Vec<Cycle>>, StudyError> {
+        let row = |&rate: &f64| expansions.par_iter().map(|&e| cycle(p, e, rate)).collect();
+        rates.par_iter().map(row).collect()
+    };
+    let (rows, gas) = (cycles(&p)?, cycles(&flying)?);
+    let judged = |(row, gas): (&Vec<Cycle>, &Vec<Cycle>)| -> Vec<Outcome> {
+        row.iter().zip(gas).map(|(cycle, gas)| judge(cycle, gas, &p)).collect()
+    };
+    let outcomes: Vec<Vec<Outcome>> = rows.iter().zip(&gas).map(judged).collect();
+    let findings = rates.iter().zip(&outcomes).map(|(&rate, row)| Finding {
+        case: format!("recompaction at {rate} 1/s"),
+        parameter: "area over that of the start".into(),
+        measured: Threshold::of_sweep(expansions.iter().zip(row).map(|(&e, o)| (e, o.works()))),
+        theory: None,
+        beyond: row.iter().find(|o| !o.works()).or(row.last()).cloned().unwrap_or(Outcome::Stable),
+    });
+    let curve = |name: &str, rate: &f64, row: &Vec<Cycle>| {
+        let points = expansions.iter().zip(row).map(|(&e, c)| [e, c.returned]).collect();
+        Curve::measured(format!("{name}, {rate} 1/s"), points)
+    };
+    let mut curves = Vec::new();
+    for (rate, (row, gas)) in rates.iter().zip(rows.iter().zip(&gas)) {
+        curves.extend([curve("default", rate, row), curve("flying", rate, gas)]);
+    }
+    let prepared = rows[0][0].prepared;
+    curves.push(Curve::theory("as prepared", vec![[1.02, prepared], [4.0, prepared]]));
+    Ok(Study {
         method: format!(
             "A dense packing of {} discs at {:.0} kPa is expanded to so many times its area and \
-             compressed again until it carries that pressure. Failure: the solid fraction at that \
-             moment is more than {TOLERANCE} from that of the preparation. Below \
-             free_solid_fraction (0.70 by default) an RVE only keeps its area and restarts from its \
-             prepared packing; with 0 its discs fly on as a gas.",
-            base.discs,
+             compressed again until it carries that pressure. Below free_solid_fraction (0.70 by \
+             default) an RVE only keeps its area, and restarts from its prepared packing when dense \
+             enough. Failure: the solid fraction at which it carries the pressure again is more than \
+             {TOLERANCE} from that of discs that fly on as a gas (free_solid_fraction = 0).",
+            p.discs,
             PRESSURE / 1e3
         ),
-        ..Study::default()
-    };
-    for free_solid_fraction in [0.7, 0.0] {
-        let p = RveParameters { free_solid_fraction, ..base.clone() };
-        let rows: Vec<Vec<Cycle>> = rates
-            .par_iter()
-            .map(|&rate| expansions.par_iter().map(|&e| cycle(&p, e, rate)).collect())
-            .collect::<Result<_, StudyError>>()?;
-        let outcomes: Vec<Vec<Outcome>> =
-            rows.iter().map(|row| row.iter().map(|c| judge(c, &p)).collect()).collect();
-        for (&rate, row) in rates.iter().zip(&outcomes) {
-            let works = expansions.iter().zip(row).map(|(&e, o)| (e, o.works()));
-            study.findings.push(Finding {
-                case: format!("free_solid_fraction {free_solid_fraction}, {rate} 1/s"),
-                parameter: "area over that of the start".into(),
-                measured: Threshold::of_sweep(works),
-                theory: None,
-                beyond: row.iter().find(|o| !o.works()).or(row.last()).cloned().unwrap_or(Outcome::Stable),
-            });
-        }
-        study.maps.push(Map {
-            title: format!("Recompaction, free_solid_fraction {free_solid_fraction}"),
+        findings: findings.collect(),
+        maps: vec![Map {
+            title: "Recompaction".into(),
             numbers: rows.iter().map(|row| row.iter().map(|c| c.returned).collect()).collect(),
             outcomes,
             x: Axis::new("area over that of the start", expansions.clone()),
             y: Axis::new("strain rate, 1/s", rates.clone()),
-            caption: format!(
-                "Numbers: solid fraction at {:.0} kPa on the way back; {:.3} before.",
-                PRESSURE / 1e3,
-                rows[0][0].prepared
-            ),
-        });
-        study.pictures.extend(rows.into_iter().next_back().and_then(|row| row.into_iter().next_back()).map(|c| c.picture));
-    }
-    Ok(study)
+            caption: format!("Numbers: solid fraction on the way back; {prepared:.3} before."),
+        }],
+        charts: vec![Chart {
+            title: "Solid fraction of recompacted packings".into(),
+            x: "area over that of the start".into(),
+            y: "solid fraction at the old pressure".into(),
+            log: [false, false],
+            curves,
+            caption:
+                "A restart from the prepared packing is denser than what a gas becomes when it \
+                      is compressed slowly."
+                    .into(),
+        }],
+        pictures: [rows, gas]
+            .into_iter()
+            .filter_map(|rows| rows.into_iter().next()?.into_iter().next_back())
+            .map(|cycle| cycle.picture)
+            .collect(),
+        ..Study::default()
+    })
 }

@@ -20,7 +20,11 @@ struct Look {
 }
 
 /// Compresses a packing isotropically at an areal strain rate (1/s) in steps of 1/200.
-fn compress(p: &RveParameters, rate: f64, last: f64) -> Result<(Vec<Look>, Element<f64>), StudyError> {
+fn compress(
+    p: &RveParameters,
+    rate: f64,
+    last: f64,
+) -> Result<(Vec<Look>, Element<f64>), StudyError> {
     let step = 0.005;
     let macro_step = (step / rate).min(1.0e-4);
     let mut element = Element::new(consolidated(p, 1)?, p, macro_step)?;
@@ -57,7 +61,7 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
     let p = RveParameters { discs: pick(suite, 100, 400), ..RveParameters::default() };
     let rates = [1.0, 10.0, 100.0, 1000.0];
-    let last = 0.5;
+    let last = 1.0;
     let cases: Vec<(Vec<Look>, Element<f64>)> =
         rates.par_iter().map(|&rate| compress(&p, rate, last)).collect::<Result<_, _>>()?;
     let mut study = Study {
@@ -74,7 +78,9 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             let reached = looks.iter().position(|l| l.overlap > limit || l.failure.is_some());
             let measured = match reached {
                 Some(0) => Threshold::Before(looks[0].stiffness_number),
-                Some(k) => Threshold::Between(looks[k - 1].stiffness_number, looks[k].stiffness_number),
+                Some(k) => {
+                    Threshold::Between(looks[k - 1].stiffness_number, looks[k].stiffness_number)
+                }
                 None => Threshold::Beyond(looks.last().map_or(f64::NAN, |l| l.stiffness_number)),
             };
             study.findings.push(Finding {
@@ -86,9 +92,8 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             });
         }
     }
-    let strains: Vec<f64> = (1..=pick(suite, 10, 20))
-        .map(|k| last * f64::from(k) / pick(suite, 10.0, 20.0))
-        .collect();
+    let strains: Vec<f64> =
+        (1..=pick(suite, 10, 20)).map(|k| last * f64::from(k) / pick(suite, 10.0, 20.0)).collect();
     // Beyond its end a run has failed as at its end.
     let at = |looks: &[Look], strain: f64| {
         looks.iter().position(|l| l.strain >= strain - 1e-9).unwrap_or(looks.len() - 1)
@@ -126,7 +131,11 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             .collect(),
         caption: "The largest of some hundred overlaps is several times the mean.".into(),
     });
-    study.pictures.extend(cases.first().map(|(_, e)| picture(&e.rve.packing, "Over-compressed packing at the end".into())));
+    study.pictures.extend(
+        cases
+            .first()
+            .map(|(_, e)| picture(&e.rve.packing, "Over-compressed packing at the end".into())),
+    );
     Ok(study)
 }
 

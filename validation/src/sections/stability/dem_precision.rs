@@ -15,7 +15,11 @@ use crate::context::Suite;
 const TOLERANCE: f64 = 0.01;
 
 /// Stress (Pa) after a small shear at constant volume.
-fn stress<R: Real>(packing: &Packing<f64>, p: &RveParameters, strain: f64) -> Result<Matrix2<f64>, StudyError> {
+fn stress<R: Real>(
+    packing: &Packing<f64>,
+    p: &RveParameters,
+    strain: f64,
+) -> Result<Matrix2<f64>, StudyError> {
     let mut element = Element::<R>::new(packing.convert(), p, 1.0e-4)?;
     let stage = Stage::ConstantVolumeShear { shear_rate: 0.1, strain };
     element.run(&stage, f64::INFINITY, |_| ())?;
@@ -26,7 +30,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
     let p = RveParameters { discs: pick(suite, 100, 400), ..RveParameters::default() };
     let packing = consolidated(&p, 1)?;
     let pressures = vec![1.0, 10.0, 100.0, 1.0e3, 1.0e4, 1.0e5];
-    let strains = pick(suite, vec![1e-5, 1e-4, 1e-3, 1e-2], vec![1e-5, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2]);
+    let strains = pick(suite, vec![1e-5, 1e-4, 1e-3], vec![1e-5, 1e-4, 3e-4, 1e-3]);
     let rungs = dem::ladder(&p, 1, &packing, &pressures)?;
     let column = |&strain: &f64| -> Result<Vec<f64>, StudyError> {
         let difference = |rung: &dem::Rung| {
@@ -42,7 +46,8 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
         // A negation, since a difference that is no number is one.
         Outcome::of((!(*difference < TOLERANCE)).then_some(symptom), None)
     };
-    let outcomes: Vec<Vec<Outcome>> = rows.iter().map(|row| row.iter().map(judge).collect()).collect();
+    let outcomes: Vec<Vec<Outcome>> =
+        rows.iter().map(|row| row.iter().map(judge).collect()).collect();
     let resolution = f64::from(f32::EPSILON) * p.mean_diameter();
     let findings = strains.iter().zip(&rows).map(|(&strain, row)| {
         let sweep = pressures.iter().zip(row).rev().map(|(&p, &d)| (p, d < TOLERANCE));
@@ -51,7 +56,10 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             case: format!("after a shear of {strain}"),
             parameter: "vertical stress, Pa, at least".into(),
             measured: Threshold::of_sweep(sweep),
-            theory: Some((resolved(&p, resolution / TOLERANCE), "δ = ε d / 0.01, one contact alone".into())),
+            theory: Some((
+                resolved(&p, resolution / TOLERANCE),
+                "δ = ε d / 0.01, one contact alone".into(),
+            )),
             beyond: bad.unwrap_or(Outcome::Stable),
         }
     });
@@ -74,9 +82,10 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             y: "relative difference of stress".into(),
             log: [true, true],
             curves: strains.iter().zip(&rows).map(curve).collect(),
-            caption: "Beyond strains of about 1 % any two runs part, in whatever precision: packings \
-                      are chaotic."
-                .into(),
+            caption:
+                "Strains stay small: beyond about 1 % any two runs part, in whatever precision, \
+                      since packings are chaotic."
+                    .into(),
         }],
         maps: vec![Map {
             title: "f32 against f64: where they agree".into(),

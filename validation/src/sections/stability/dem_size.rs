@@ -1,7 +1,7 @@
 //! How few discs still make a material: scatter of the strength against the size of an RVE.
 
-use dem::element::{Element, Stage, sin_phi};
 use dem::RveParameters;
+use dem::element::{Element, Stage, sin_phi};
 use rayon::prelude::*;
 
 use super::outcome::Outcome;
@@ -86,9 +86,9 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
     // From large to small.
     let sweep = measured.iter().rev().map(|&[n, s]| (n, s < SCATTER));
     let worst = outcomes[0].iter().rev().find(|o| !o.works());
-    let refused = Threshold::of_sweep((2..400).rev().map(|n| {
-        (n as f64, !said(n).is_some_and(|text| text.contains("too few")))
-    }));
+    let refused = Threshold::of_sweep(
+        (2..400).rev().map(|n| (n as f64, !said(n).is_some_and(|text| text.contains("too few")))),
+    );
     let small = said(9).map_or(Outcome::Stable, |message| Outcome::Failed { message });
     Ok(Study {
         method: format!(
@@ -130,12 +130,22 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             y: Axis::new("seed", seeds.iter().map(|&s| s as f64).collect()),
             numbers: rows
                 .iter()
-                .map(|row| row.iter().map(|r| r.as_ref().map_or(f64::NAN, |([m, _], _)| *m)).collect())
+                .map(|row| {
+                    row.iter().map(|r| r.as_ref().map_or(f64::NAN, |([m, _], _)| *m)).collect()
+                })
                 .collect(),
             outcomes,
             caption: "Numbers: mean sin phi.".into(),
         }],
-        pictures: rows.into_iter().next().into_iter().flatten().flatten().map(|(_, p)| p).take(1).collect(),
+        pictures: rows
+            .into_iter()
+            .next()
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|(_, p)| p)
+            .take(1)
+            .collect(),
         ..Study::default()
     })
 }

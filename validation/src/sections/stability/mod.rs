@@ -91,7 +91,8 @@ impl Section for Direct {
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
         let (suite, estimate) = (context.suite, self.estimate(context));
-        let made = context.cached(self.title, &key(context), estimate, || Ok((self.study)(suite)?))?;
+        let made =
+            context.cached(self.title, &key(context), estimate, || Ok((self.study)(suite)?))?;
         Ok(render::blocks(&made)?)
     }
 }

@@ -3,14 +3,15 @@
 use std::f64::consts::PI;
 
 use mpm::{
-    Basis, Domain, Elastic, ElasticParameters, Mat2, Numerics, Points, Solver, Transfer, Vec2, Walls,
+    Basis, Domain, Elastic, ElasticParameters, Mat2, Numerics, Points, Solver, Transfer, Vec2,
+    Walls,
 };
 use rayon::prelude::*;
 
 use super::mpm_step::{BASES, name};
 use super::outcome::Outcome;
 use super::scene;
-use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
+use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
 use super::threshold::{bisect, log_range};
 use crate::context::Suite;
 
@@ -23,13 +24,13 @@ const ROUGH: f64 = 0.1;
 /// A free bar that vibrates in its first mode, `u = U cos(pi x / L) sin(pi c t / L)`, after a period
 /// and a half. Its ends move by `U` cells to both sides.
 fn vibrate(basis: Basis, amplitude: f64) -> Result<Points, StudyError> {
-    let numerics = Numerics { basis, transfer: Transfer::Flip { rate: 0.0 }, ..Numerics::default() };
+    let numerics =
+        Numerics { basis, transfer: Transfer::Flip { rate: 0.0 }, ..Numerics::default() };
     let domain = Domain { size: Vec2::new(LENGTH + 16.0, 1.0), walls: Walls::default(), cell: 1.0 };
     let mut solver = Solver::new(domain, numerics, Vec2::zeros(), vec![])?;
     let law = ElasticParameters { young_modulus: 1.0, poisson_ratio: 0.0 };
     let mut material = Elastic::new(law)?;
-    let mut points =
-        Points::rectangle(Vec2::new(8.0, 0.0), Vec2::new(8.0 + LENGTH, 1.0), 0.5, 1.0);
+    let mut points = Points::rectangle(Vec2::new(8.0, 0.0), Vec2::new(8.0 + LENGTH, 1.0), 0.5, 1.0);
     let k = PI / LENGTH;
     for (x, v) in points.position.iter().zip(&mut points.velocity) {
         v.x = amplitude * k * (k * (x.x - 8.0)).cos();
@@ -109,38 +110,43 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
              at cell faces, so a point that crosses one kicks the grid."
         ),
         findings: findings.collect(),
-        charts: vec![Chart {
-            title: "Roughness of the stress".into(),
-            x: "displacement, cells".into(),
-            y: "roughness of the stress".into(),
-            log: [true, true],
-            curves: curves.chain([Curve::theory("limit", limit)]).collect(),
-            caption: "A smooth half wave over 128 points has a roughness of 3e-4.".into(),
-        }],
+        charts: vec![
+            Chart {
+                title: "Roughness of the stress".into(),
+                x: "displacement, cells".into(),
+                y: "roughness of the stress".into(),
+                log: [true, true],
+                curves: curves.chain([Curve::theory("limit", limit)]).collect(),
+                caption: "A smooth half wave over 128 points has a roughness of 3e-4.".into(),
+            },
+            Chart {
+                title: "Stress along the bar when its ends moved by one cell".into(),
+                x: "place, cells".into(),
+                y: "stress over Young's modulus".into(),
+                log: [false, false],
+                curves: vec![profile(Basis::Linear)?, profile(Basis::Quadratic)?],
+                caption: "Points that crossed cell faces kick the grid of linear functions.".into(),
+            },
+        ],
         maps: vec![Map {
             title: "Cell crossing".into(),
             x: Axis::new("displacement, cells", amplitudes.clone()),
             y: Axis::named("basis", BASES.map(|b| name(b).to_owned()).into()),
             numbers: rows.iter().map(|row| row.iter().map(|(r, _)| *r).collect()).collect(),
-            outcomes: rows.into_iter().map(|row| row.into_iter().map(|(_, o)| o).collect()).collect(),
+            outcomes: rows
+                .into_iter()
+                .map(|row| row.into_iter().map(|(_, o)| o).collect())
+                .collect(),
             caption: "Numbers: roughness of the stress.".into(),
         }],
-        pictures: [Basis::Linear, Basis::Quadratic]
-            .into_iter()
-            .map(|basis| Ok(picture(&vibrate(basis, 1.0)?, basis)))
-            .collect::<Result<_, StudyError>>()?,
         ..Study::default()
     })
 }
 
-fn picture(points: &Points, basis: Basis) -> Picture {
-    Picture {
-        title: format!("Bar after points crossed a cell, {} basis", name(basis)),
-        colour: "stress over Young's modulus".into(),
-        position: points.position.iter().map(|&x| x.into()).collect(),
-        value: points.stress.iter().map(|s| s[(0, 0)]).collect(),
-        radius: vec![0.25],
-        window: [6.0, -1.0, LENGTH + 10.0, 2.0],
-        ..Picture::default()
-    }
+/// Stress over Young's modulus along the lower row of points.
+fn profile(basis: Basis) -> Result<Curve, StudyError> {
+    let points = vibrate(basis, 1.0)?;
+    let row = points.len() / 2;
+    let places = points.position[..row].iter().zip(&points.stress);
+    Ok(Curve::measured(name(basis), places.map(|(x, s)| [x.x - 8.0, s[(0, 0)]]).collect()))
 }

@@ -1,6 +1,9 @@
 //! The step of the MPM against its bounds, per basis and scheme.
 
-use mpm::{Basis, Domain, Elastic, ElasticParameters, Numerics, Points, Scheme, Solver, Transfer, Vec2, Walls};
+use mpm::{
+    Basis, Domain, Elastic, ElasticParameters, Numerics, Points, Scheme, Solver, Transfer, Vec2,
+    Walls,
+};
 use rayon::prelude::*;
 
 use super::outcome::Outcome;
@@ -42,9 +45,18 @@ struct Body {
 }
 
 impl Body {
-    fn new(points: Points, basis: Basis, scheme: Scheme, poisson_ratio: f64) -> Result<Self, StudyError> {
-        let numerics =
-            Numerics { basis, scheme, transfer: Transfer::Flip { rate: 0.0 }, ..Numerics::default() };
+    fn new(
+        points: Points,
+        basis: Basis,
+        scheme: Scheme,
+        poisson_ratio: f64,
+    ) -> Result<Self, StudyError> {
+        let numerics = Numerics {
+            basis,
+            scheme,
+            transfer: Transfer::Flip { rate: 0.0 },
+            ..Numerics::default()
+        };
         let domain = Domain { size: Vec2::new(2.0, 2.0), walls: Walls::default(), cell: CELL };
         let law = ElasticParameters { young_modulus: MODULUS, poisson_ratio };
         let mut body = Self {
@@ -82,9 +94,8 @@ impl Body {
         if self.stays(dt) {
             return Ok(Outcome::of(None, said));
         }
-        let error = (0..4000).find_map(|_| {
-            self.solver.advance(&mut self.points, &mut self.material, dt).err()
-        });
+        let error = (0..4000)
+            .find_map(|_| self.solver.advance(&mut self.points, &mut self.material, dt).err());
         let said = error.map(|e| e.to_string()).or(said);
         Ok(Outcome::of(Some("grows without bound".into()), said))
     }
@@ -156,13 +167,15 @@ fn singles(suite: Suite, tolerance: f64, study: &mut Study) -> Result<(), StudyE
     let curves: Vec<[Curve; 2]> = BASES
         .par_iter()
         .map(|&basis| {
-            let measured = xi.iter().filter_map(|&x| {
-                Some([x, single_threshold(basis, x, tolerance).value()?])
-            });
-            let theory = xi.iter().map(|&x| [x, single_theory(basis, x)]);
+            let measured = xi
+                .iter()
+                .filter_map(|&x| Some([x, single_threshold(basis, x, tolerance).value()?]));
+            let fine = (0..100).map(|k| 0.5 + 0.499 * f64::from(k) / 99.0);
+            let theory = fine.map(|x| [x, single_theory(basis, x)]);
+            let known = if basis == Basis::Linear { "theory" } else { "" };
             [
                 Curve::measured(name(basis), measured.collect()),
-                Curve::theory(format!("{}, theory", name(basis)), theory.collect()),
+                Curve::theory(known, theory.collect()),
             ]
         })
         .collect();
@@ -226,8 +239,9 @@ fn blocks(tolerance: f64, study: &mut Study) -> Result<(), StudyError> {
             let beyond = 1.1 * measured.value().unwrap_or(20.0);
             let outcome = body.outcome(beyond * body.bound()?)?;
             let case = format!("{}, shaken block, {scheme_name}", name(basis));
-            let picture = (basis == Basis::Quadratic && scheme == Scheme::Musl)
-                .then(|| picture(&body.points, format!("{case}: 10 % beyond the limit, at the end")));
+            let picture = (basis == Basis::Quadratic && scheme == Scheme::Musl).then(|| {
+                picture(&body.points, format!("{case}: 10 % beyond the limit, at the end"))
+            });
             let theory = (1.0, "at least the bound".into());
             let finding = Finding {
                 case: format!("{case} (bound: {bound:.3} dx/c)"),
@@ -255,5 +269,30 @@ fn picture(points: &Points, title: String) -> Picture {
         radius: vec![0.2 * CELL],
         window: [0.0, 0.0, 2.0, 2.0],
         ..Picture::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A single point is an oscillator of known frequency.
+    #[test]
+    fn a_single_point_becomes_unstable_where_theory_says() {
+        for (basis, xi) in [(Basis::Linear, 0.5), (Basis::Linear, 0.95), (Basis::Quadratic, 0.6)] {
+            let measured = single_threshold(basis, xi, 0.005).value().unwrap();
+            let theory = single_theory(basis, xi);
+            assert!((measured / theory - 1.0).abs() < 0.02, "{measured} against {theory}");
+        }
+        assert!((single_theory(Basis::Linear, 0.5) - 0.5_f64.sqrt()).abs() < 1e-12);
+    }
+
+    /// Whatever happens below the solver's bound is stable.
+    #[test]
+    fn the_bound_is_below_the_threshold() {
+        for scheme in [Scheme::Musl, Scheme::Usl] {
+            let (measured, _) = block_threshold(Basis::Quadratic, scheme, 0.1).unwrap();
+            assert!(measured.value().unwrap() > 1.0, "{measured}");
+        }
     }
 }

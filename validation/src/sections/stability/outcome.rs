@@ -24,7 +24,9 @@ impl Outcome {
         match (symptom, said) {
             (None, None) => Self::Stable,
             (None, Some(message)) => Self::Warned { message },
-            (Some(symptom), Some(said)) => Self::Failed { message: format!("{symptom}: “{said}”") },
+            (Some(symptom), Some(said)) => {
+                Self::Failed { message: format!("{symptom}: “{said}”") }
+            }
             (Some(symptom), None) => Self::Silent { symptom },
         }
     }

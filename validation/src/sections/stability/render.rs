@@ -33,8 +33,10 @@ pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
 }
 
 fn table(study: &Study) -> Table {
-    let columns = ["pushed", "parameter", "threshold", "theory", "formula", "beyond it", "what was said"];
-    let title = study.of.as_ref().map_or("Thresholds".into(), |model| format!("Thresholds ({model})"));
+    let columns =
+        ["pushed", "parameter", "threshold", "theory", "formula", "beyond it", "what was said"];
+    let title =
+        study.of.as_ref().map_or("Thresholds".into(), |model| format!("Thresholds ({model})"));
     let mut table = Table::new(title, columns);
     for finding in &study.findings {
         let (value, formula) = match &finding.theory {

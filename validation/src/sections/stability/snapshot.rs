@@ -48,7 +48,10 @@ fn draw(picture: &Picture) -> String {
     let mut dot = |x: [f64; 2], radius: f64, colour: &str| {
         let [x, y] = place(x);
         if x.is_finite() && y.is_finite() {
-            let _ = write!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{colour}\"/>");
+            let _ = write!(
+                svg,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{colour}\" stroke=\"#FFFFFF\" stroke-width=\"0.5\"/>"
+            );
         }
     };
     let radius = |k: usize| {
@@ -76,7 +79,10 @@ fn draw(picture: &Picture) -> String {
     for (k, colour) in COLOURS.iter().enumerate() {
         let x = 60 + 15 * k;
         let y = height + 14.0;
-        let _ = write!(svg, "<rect x=\"{x}\" y=\"{y:.0}\" width=\"15\" height=\"14\" fill=\"{colour}\"/>");
+        let _ = write!(
+            svg,
+            "<rect x=\"{x}\" y=\"{y:.0}\" width=\"15\" height=\"14\" fill=\"{colour}\"/>"
+        );
     }
     let y = height + 26.0;
     let _ = write!(

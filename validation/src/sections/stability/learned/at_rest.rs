@@ -2,10 +2,10 @@
 
 use surrogate::simulator::Simulator;
 
-use super::roll::{Direct, WRONG, column, difference, roll, text};
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::Threshold;
+use super::roll::{Direct, WRONG, column, difference, roll, text};
 use crate::context::Suite;
 
 /// A bed that moves faster than this (m/s) more than the direct solver's does is not at rest.
@@ -34,7 +34,11 @@ fn rest(simulator: &Simulator, depth: f64, frames: usize) -> Result<Case, StudyE
     let symptom = (number > CREEP + speed(&direct.positions))
         .then(|| format!("creeps at {:.0} mm/s", 1e3 * number))
         .or(rolled.error.clone());
-    let picture = rolled.picture(format!("Bed of {depth} m at rest, t = {:.2} s", last as f64 * interval), &direct.positions, &direct);
+    let picture = rolled.picture(
+        format!("Bed of {depth} m at rest, t = {:.2} s", last as f64 * interval),
+        &direct.positions,
+        &direct,
+    );
     Ok(Case { number, outcome: Outcome::of(symptom, rolled.said()), picture })
 }
 
@@ -54,7 +58,8 @@ fn push(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
     let direct = Direct::run("plate", &scene, interval, frames)?;
     let rolled = roll(simulator, &direct.start(simulator.config.frames), frames);
     let (number, outcome) = rolled.judge(&direct.positions);
-    let picture = rolled.picture(format!("Plate pushed in at {speed} m/s"), &direct.positions, &direct);
+    let picture =
+        rolled.picture(format!("Plate pushed in at {speed} m/s"), &direct.positions, &direct);
     Ok(Case { number, outcome, picture })
 }
 
@@ -65,12 +70,13 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let speeds = pick(suite, vec![5.0, 1.0, 0.5], vec![5.0, 2.0, 1.0, 0.5, 0.2, 0.1]);
     let beds: Vec<Case> =
         depths.iter().map(|&d| rest(simulator, d, frames)).collect::<Result<_, _>>()?;
-    let plates: Vec<Case> =
-        speeds.iter().map(|&v| push(simulator, v)).collect::<Result<_, _>>()?;
+    let plates: Vec<Case> = speeds.iter().map(|&v| push(simulator, v)).collect::<Result<_, _>>()?;
     let finding = |case: &str, parameter: &str, values: &[f64], cases: &[Case]| Finding {
         case: case.into(),
         parameter: parameter.into(),
-        measured: Threshold::of_sweep(values.iter().zip(cases).map(|(&v, c)| (v, c.outcome.works()))),
+        measured: Threshold::of_sweep(
+            values.iter().zip(cases).map(|(&v, c)| (v, c.outcome.works())),
+        ),
         theory: None,
         beyond: cases
             .iter()
@@ -102,7 +108,13 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
         ],
         maps: vec![
             map("Bed at rest", "depth, m", &depths, &beds, "Numbers: mean speed, m/s."),
-            map("Penetration", "velocity of the plate, m/s", &speeds, &plates, "Numbers: error over motion."),
+            map(
+                "Penetration",
+                "velocity of the plate, m/s",
+                &speeds,
+                &plates,
+                "Numbers: error over motion.",
+            ),
         ],
         pictures: [beds, plates]
             .into_iter()

@@ -5,10 +5,10 @@ use rand_chacha::ChaCha8Rng;
 use surrogate::simulator::Simulator;
 use surrogate::start::{Start, stride};
 
-use super::roll::{Direct, Frames, WRONG, column, difference, roll, text};
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::{Threshold, log_range};
+use super::roll::{Direct, Frames, WRONG, column, difference, roll, text};
 use crate::context::Suite;
 
 const DOMAIN: [f64; 2] = [4.0, 2.0];
@@ -87,10 +87,8 @@ fn noise(suite: Suite, simulator: &Simulator, direct: &Direct, frames: usize, st
 
 fn mirror(simulator: &Simulator, direct: &Direct, frames: usize, study: &mut Study) {
     let start = direct.start(simulator.config.frames);
-    let image = Start {
-        positions: mirrored(&start.positions),
-        ..direct.start(simulator.config.frames)
-    };
+    let image =
+        Start { positions: mirrored(&start.positions), ..direct.start(simulator.config.frames) };
     let straight = roll(simulator, &start, frames);
     let reflected = roll(simulator, &image, frames);
     let back = mirrored(&reflected.positions);

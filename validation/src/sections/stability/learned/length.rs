@@ -2,10 +2,10 @@
 
 use surrogate::simulator::Simulator;
 
-use super::roll::{Direct, WRONG, column, difference, roll, text};
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
 use super::super::threshold::Threshold;
+use super::roll::{Direct, WRONG, column, difference, roll, text};
 use crate::context::Suite;
 
 /// Time that trainings last (s): a collapse.
@@ -51,7 +51,10 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
                 beyond: beyond.unwrap_or(end),
             },
             Finding {
-                case: format!("residual creep in the last quarter ({:.1} mm/s in the direct solver)", creep(truth)),
+                case: format!(
+                    "residual creep in the last quarter ({:.1} mm/s in the direct solver)",
+                    creep(truth)
+                ),
                 parameter: "mean speed, mm/s".into(),
                 measured: Threshold::Between(creep(&rolled.positions), creep(&rolled.positions)),
                 theory: Some((0.0, "at rest".into())),

@@ -2,10 +2,10 @@
 
 use surrogate::simulator::Simulator;
 
-use super::roll::{Direct, WRONG, column, roll, text};
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::Threshold;
+use super::roll::{Direct, WRONG, column, roll, text};
 use crate::context::Suite;
 
 struct Case {
@@ -15,7 +15,12 @@ struct Case {
 }
 
 /// A column at the left wall, thrown to the right.
-fn run(simulator: &Simulator, size: [f64; 2], speed: f64, frames: usize) -> Result<Case, StudyError> {
+fn run(
+    simulator: &Simulator,
+    size: [f64; 2],
+    speed: f64,
+    frames: usize,
+) -> Result<Case, StudyError> {
     let [width, height] = size;
     let domain = [(width + 3.0).max(4.0), (height + 0.5).max(2.0)];
     let name = format!("column of {width} x {height} m at {speed} m/s");
@@ -79,7 +84,9 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
         });
         study.pictures.extend(cases.into_iter().next_back().map(|c| c.picture));
     }
-    study.pictures.extend(rows.into_iter().next_back().and_then(|r| r.into_iter().next_back()).map(|c| c.picture));
+    study.pictures.extend(
+        rows.into_iter().next_back().and_then(|r| r.into_iter().next_back()).map(|c| c.picture),
+    );
     Ok(study)
 }
 

@@ -8,7 +8,7 @@ use dempm::trajectory::{Header, Points};
 use surrogate::rollout::Rollout;
 use surrogate::simulator::Simulator;
 use surrogate::start::Start;
-use surrogate::watch::Watch;
+use surrogate::watch::{self, Watch};
 
 use super::super::outcome::Outcome;
 use super::super::scene;
@@ -57,7 +57,7 @@ impl Direct {
         let steps = (interval / scene.step).round() as usize;
         let mut simulation = Simulation::new(scene.clone()).map_err(|e| error(e.to_string()))?;
         let mut direct = Self {
-            header: simulation.header(String::new()),
+            header: Header { frame_interval: interval, ..simulation.header(String::new()) },
             points: simulation.static_points(),
             scene,
             positions: Vec::new(),
@@ -100,7 +100,11 @@ pub struct Rolled {
 pub fn roll(simulator: &Simulator, start: &Start, frames: usize) -> Rolled {
     let mut rollout = Rollout::new(simulator, start);
     let mut watch = Watch::new(start, simulator.training.frame_interval);
-    let mut rolled = Rolled { positions: start.positions.clone(), said: Vec::new(), error: None };
+    let mut rolled = Rolled {
+        positions: start.positions.clone(),
+        said: watch::doubts(simulator, start),
+        error: None,
+    };
     while rolled.positions.len() < frames {
         match rollout.advance() {
             Ok(next) => rolled.positions.push(next.to_vec()),
@@ -117,8 +121,7 @@ pub fn roll(simulator: &Simulator, start: &Start, frames: usize) -> Rolled {
 impl Rolled {
     /// What the program said, if anything.
     pub fn said(&self) -> Option<String> {
-        let all: Vec<&str> =
-            self.said.iter().chain(&self.error).map(String::as_str).collect();
+        let all: Vec<&str> = self.said.iter().chain(&self.error).map(String::as_str).collect();
         (!all.is_empty()).then(|| all.join("; "))
     }
 
@@ -141,7 +144,8 @@ impl Rolled {
     /// The last predicted frame over that of the direct solver.
     pub fn picture(&self, title: String, truth: &Frames, direct: &Direct) -> Picture {
         let last = self.positions.len() - 1;
-        let [width, height] = direct.scene.domain.size;
+        let time = last as f64 * direct.header.frame_interval;
+        let boxes = direct.scene.plate.iter().map(|plate| plate.at(time));
         let away = |(x, t): (&[f64; 2], &[f64; 2])| (x[0] - t[0]).hypot(x[1] - t[1]);
         Picture {
             title,
@@ -149,11 +153,22 @@ impl Rolled {
             value: self.positions[last].iter().zip(&truth[last]).map(away).collect(),
             position: self.positions[last].clone(),
             radius: vec![0.5 * direct.scene.domain.spacing()],
-            window: [0.0, 0.0, width, height],
+            window: window(direct.scene.domain.size, [&self.positions[last], &truth[last]]),
+            boxes: boxes.map(|b| [b.corner[0], b.corner[1], b.end()[0], b.end()[1]]).collect(),
             reference: truth[last].clone(),
             ..Picture::default()
         }
     }
+}
+
+/// The part of the domain that holds the points, from its lower left corner.
+pub fn window(domain: [f64; 2], sets: [&[[f64; 2]]; 2]) -> [f64; 4] {
+    let margin = 0.25;
+    let end = |k: usize| {
+        let largest = sets.iter().flat_map(|set| set.iter()).map(|x| x[k]).fold(0.0, f64::max);
+        (largest + margin).min(domain[k])
+    };
+    [0.0, 0.0, end(0), end(1)]
 }
 
 /// Root mean square distance of points, m.

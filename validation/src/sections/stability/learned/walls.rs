@@ -2,10 +2,10 @@
 
 use surrogate::simulator::Simulator;
 
-use super::roll::{Direct, WRONG, column, roll, text};
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::Threshold;
+use super::roll::{Direct, WRONG, column, roll, text};
 use crate::context::Suite;
 
 /// Distance of the block from the wall it is thrown at (m), in a domain of 4 x 2 m.
@@ -39,7 +39,11 @@ fn run(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
 }
 
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
-    let speeds = pick(suite, vec![1.0, 3.0, 10.0, 15.0, 30.0], vec![1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 15.0, 20.0, 25.0, 30.0]);
+    let speeds = pick(
+        suite,
+        vec![1.0, 3.0, 10.0, 15.0, 30.0],
+        vec![1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 15.0, 20.0, 25.0, 30.0],
+    );
     let cases = speeds.iter().map(|&v| run(simulator, v));
     let cases: Vec<Case> = cases.collect::<Result<_, _>>()?;
     let interval = simulator.training.frame_interval;
@@ -80,7 +84,12 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
             outcomes: vec![cases.iter().map(|c| c.outcome.clone()).collect()],
             caption: "Numbers: error over motion.".into(),
         }],
-        pictures: cases.into_iter().find(|c| !c.outcome.works()).map(|c| c.picture).into_iter().collect(),
+        pictures: cases
+            .into_iter()
+            .find(|c| !c.outcome.works())
+            .map(|c| c.picture)
+            .into_iter()
+            .collect(),
         ..Study::default()
     })
 }
