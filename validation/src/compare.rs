@@ -61,7 +61,7 @@ fn means(position: &[[f64; 2]], groups: &[Vec<usize>]) -> Vec<[f64; 2]> {
 }
 
 /// Frames of the two at the same time, the first left out: it is given, not computed.
-fn common_times(one: &[f64], other: &[f64]) -> Vec<(usize, usize)> {
+pub fn common_times(one: &[f64], other: &[f64]) -> Vec<(usize, usize)> {
     let mut pairs = Vec::new();
     let mut place = 1;
     for (frame, time) in one.iter().enumerate().skip(1) {
