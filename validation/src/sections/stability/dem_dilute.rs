@@ -75,8 +75,7 @@ fn judge(cycle: &Cycle, gas: &Cycle, p: &RveParameters) -> Outcome {
         return Outcome::Failed { message: message.clone() };
     }
     let change = cycle.returned - gas.returned;
-    // A negation, since a solid fraction that is no number is a failure.
-    let symptom = (!(change.abs() <= TOLERANCE))
+    let symptom = (change.is_nan() || change.abs() > TOLERANCE)
         .then(|| format!("jams at a solid fraction {change:+.3} off"));
     let free = (cycle.free_steps > 0).then(|| {
         let part = 100.0 * cycle.free_steps as f64 / cycle.steps as f64;

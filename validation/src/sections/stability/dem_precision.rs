@@ -43,8 +43,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
     let rows: Vec<Vec<f64>> = strains.par_iter().map(column).collect::<Result<_, _>>()?;
     let judge = |difference: &f64| {
         let symptom = format!("stress differs by {:.1} %", 100.0 * difference);
-        // A negation, since a difference that is no number is one.
-        Outcome::of((!(*difference < TOLERANCE)).then_some(symptom), None)
+        Outcome::of((difference.is_nan() || *difference >= TOLERANCE).then_some(symptom), None)
     };
     let outcomes: Vec<Vec<Outcome>> =
         rows.iter().map(|row| row.iter().map(judge).collect()).collect();
