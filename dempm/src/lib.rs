@@ -17,3 +17,4 @@ pub mod scene;
 pub mod simulation;
 pub mod summary;
 pub mod trajectory;
+pub mod watch;

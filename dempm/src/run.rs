@@ -11,11 +11,11 @@ use miette::{Context, IntoDiagnostic, bail};
 
 use crate::checkpoint;
 use crate::device::Device;
-use crate::record::STABLE_STEP;
 use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;
-use crate::trajectory::{Frame, TrajectoryWriter, utc_now};
+use crate::trajectory::{TrajectoryWriter, utc_now};
+use crate::watch::Watch;
 
 /// Arguments of `dempm run`.
 #[derive(clap::Args)]
@@ -151,8 +151,7 @@ struct Sitting {
     total: Option<ProgressBar>,
     saved: Instant,
     save_cost: Duration,
-    /// Smallest bound on the macro step in any frame of this sitting (s).
-    stable_step: f64,
+    watch: Watch,
 }
 
 impl Sitting {
@@ -224,7 +223,7 @@ impl Sitting {
             total,
             saved: Instant::now(),
             save_cost: Duration::ZERO,
-            stable_step: f64::INFINITY,
+            watch: Watch::default(),
         })
     }
 
@@ -244,7 +243,9 @@ impl Sitting {
             if frame_done {
                 let frame = self.simulation.frame();
                 self.bar.set_message(summary::progress(&frame));
-                self.watch_step(&frame);
+                for doubt in self.watch.observe(&self.simulation, &frame) {
+                    self.bar.suspend(|| eprintln!("{doubt}"));
+                }
                 // Frames of one simulation agree in their fields by construction.
                 self.writer.push(frame).expect("frames agree");
             }
@@ -263,19 +264,6 @@ impl Sitting {
             }
         }
         End::Finished
-    }
-
-    /// Warns the first time that the macro step is not certain to be stable any more.
-    fn watch_step(&mut self, frame: &Frame) {
-        let Some(&bound) = frame.budget.get(STABLE_STEP) else { return };
-        let step = self.simulation.scene.step;
-        if bound < step && self.stable_step >= step {
-            let time = frame.time;
-            self.bar.suspend(|| {
-                eprintln!("at t = {time:.3} s the step of {step:.2e} s exceeds the bound {bound:.2e} s up to which it is certain to be stable");
-            });
-        }
-        self.stable_step = self.stable_step.min(bound);
     }
 
     /// Frames first, then the checkpoint: a checkpoint never knows more frames than the file.
@@ -309,7 +297,7 @@ impl Sitting {
                 }
                 Ok(Outcome::Finished(summary::summary(
                     &self.simulation,
-                    self.stable_step,
+                    self.watch.stable_step(),
                     &self.output,
                 )))
             }
