@@ -279,7 +279,7 @@ fn two_processes_train_like_one() {
 
     // Processes that do not belong together say so.
     std::fs::write(&half, whole_text.replace("batch = 4", "batch = 3")).unwrap();
-    let mut second = rank("1", &half).spawn().unwrap();
+    let mut second = rank("1", &half).arg("--overwrite").spawn().unwrap();
     let error = fails(rank("0", &whole).arg("--overwrite"));
     assert!(error.contains("rank 1 and rank 0 do not train the same"), "{error}");
     assert!(!second.wait().unwrap().success());
