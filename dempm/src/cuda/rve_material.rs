@@ -145,7 +145,8 @@ impl CudaRveMaterial {
     /// would be gathered before this returns: all else is small and done on each.
     fn queue_packings(&mut self, queue: &Queue) -> Result<(), CudaError> {
         let Queue { stream, dt, velocity_gradient, .. } = *queue;
-        let timed = stream.capture_status()? == CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE;
+        let timed =
+            stream.capture_status()? == CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE;
         if timed {
             self.events[0].record(stream)?;
         }
@@ -178,7 +179,8 @@ impl CudaMaterial for CudaRveMaterial {
     }
 
     fn failure(&self, point: usize) -> Result<MaterialError, CudaError> {
-        let error = with_batch!(&self.batch, batch => batch.failure(point)).map_err(device_error)?;
+        let error =
+            with_batch!(&self.batch, batch => batch.failure(point)).map_err(device_error)?;
         match error {
             RveError::Rve { rve, failure, .. } => {
                 Ok(MaterialError::Point { point: rve, reason: failure.to_string() })

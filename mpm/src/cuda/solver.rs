@@ -209,10 +209,9 @@ impl CudaSolver {
         set_matrices(&mut points.velocity_gradient, &host(&memory.velocity_gradient)?);
         set_matrices(&mut points.stress, &host(&memory.stress)?);
         points.volume.copy_from_slice(&host(&memory.volume)?[..self.points]);
-        solver.set_ledger(ledger(&host(&memory.ledger)?)).map_err(|source| CudaError::Step {
-            step: self.first_step + clock[0] as usize,
-            source,
-        })
+        solver
+            .set_ledger(ledger(&host(&memory.ledger)?))
+            .map_err(|source| CudaError::Step { step: self.first_step + clock[0] as usize, source })
     }
 
     /// Why a point failed. It is where it was when it did.
@@ -241,9 +240,11 @@ impl CudaSolver {
                 Some(Error::Response { point, stress, volume })
             }
             4 => Some(material.failure(point)?.into()),
-            code => usize::try_from(code - 5)
-                .ok()
-                .map(|obstacle| Error::InsideObstacle { point, position, obstacle }),
+            code => usize::try_from(code - 5).ok().map(|obstacle| Error::InsideObstacle {
+                point,
+                position,
+                obstacle,
+            }),
         })
     }
 
