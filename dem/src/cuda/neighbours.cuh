@@ -1,0 +1,379 @@
+// Verlet list: twin of dem/src/neighbours.rs.
+//
+// A list is kept in shared memory from search to search, and in device memory between launches.
+
+// A skin weighs searches against pairs listed in vain. A search costs as much as about 8 substeps
+// and is due whenever the fastest disc has moved half the skin; every skin of one largest radius
+// makes a substep 0.4 times dearer. With n substeps in which the fastest disc moves v, the cost
+// 8 * 2 v / skin + 0.4 n skin / r_max is least at this skin for n = 9.
+__device__ inline double best_skin(double travel, const Header& h, const Parameters& p) {
+    const double skin = 2.0 * sqrt(0.5 * h.reach * travel);
+    return fmin(fmax(skin, p.least_skin), p.skin);
+}
+
+// Lattice reduction until the cell vectors are as short as can be, and what the search needs.
+// `fastest` is the largest speed of a disc (m/s).
+__device__ void reduce_lattice(Control& c, const Parameters& p, double fastest) {
+    Header& h = c.header;
+    Fraction m[4] = {1, 0, 0, 1};
+    int target;
+    double k;
+    to_real(scaled(h.cell, 1.0 / PERIOD), c.old_cell);
+    // Terminates as every step shortens a vector; the bound is for cells that are not finite.
+    for (int step = 0; step < 64 && oblique(h.cell, target, k); ++step) {
+        const Fraction n = Fraction(Signed(k));
+        if (target == 1) {
+            h.cell.xy -= k * h.cell.xx;
+            h.cell.yy -= k * h.cell.yx;
+            m[0] += n * m[2];
+            m[1] += n * m[3];
+        } else {
+            h.cell.xx -= k * h.cell.xy;
+            h.cell.yx -= k * h.cell.yy;
+            m[2] += n * m[0];
+            m[3] += n * m[1];
+        }
+    }
+    for (int i = 0; i < 4; ++i) c.transform[i] = m[i];
+
+    h.reference_cell = h.cell;
+    to_real(scaled(h.cell, 1.0 / PERIOD), c.cell);
+    to_real(scaled(h.cell, 1.0 / PERIOD), c.reference_cell);
+    double gradient2 = 0.0;
+    for (int i = 0; i < 4; ++i) gradient2 += double(c.drive[i]) * double(c.drive[i]);
+    const double speed = fastest + 0.5 * h.reach * sqrt(gradient2);
+    h.skin = best_skin(speed * p.dt * p.substeps, h, p);
+    const double2 w = widths(h.cell);
+    // With three bins each way no pair within reach has a second image within reach.
+    const double x = floor(w.x / (h.reach + h.skin));
+    const double y = floor(w.y / (h.reach + h.skin));
+    c.old_imaged = h.imaged;
+    h.imaged = !(x >= 3.0 && y >= 3.0);
+    c.bins[0] = int(fmin(x, double(BINS)));
+    c.bins[1] = int(fmin(y, double(BINS)));
+    c.searches += 1;
+}
+
+// Neighbours of one disc while they are searched, ascending by neighbour and image.
+struct Found {
+    unsigned word[ROWS];
+    int count;
+    bool full;
+
+    // `word` orders by neighbour first: disc << 16 | image.
+    __device__ void insert(unsigned entry) {
+        if (count == ROWS) {
+            full = true;
+            return;
+        }
+        int k = count++;
+        for (; k > 0 && word[k - 1] > entry; --k) word[k] = word[k - 1];
+        word[k] = entry;
+    }
+};
+
+// Counting sort of the seats into bins. Within a bin their order depends on timing, but `Found`
+// sorts them.
+__device__ void fill_bins(Position s, int t) {
+    Shared& sh = shared();
+    const int nx = sh.control.bins[0];
+    const int ny = sh.control.bins[1];
+    const int bin = bin_of(s.y, ny) * nx + bin_of(s.x, nx);
+    for (int b = t; b < nx * ny; b += THREADS) sh.search.bin_end[b] = 0;
+    __syncthreads();
+    if (t < DISCS) atomicAdd(&sh.search.bin_end[bin], 1u);
+    __syncthreads();
+    if (t < LANES) {
+        unsigned before = 0;
+        for (int b = t; b - t < nx * ny; b += LANES) {
+            const unsigned own = b < nx * ny ? sh.search.bin_end[b] : 0;
+            unsigned sum = own;
+            for (int d = 1; d < LANES; d *= 2) {
+                const unsigned other = __shfl_up_sync(ALL, sum, d);
+                if (t >= d) sum += other;
+            }
+            if (b < nx * ny) sh.search.bin_end[b] = before + sum - own;
+            before += __shfl_sync(ALL, sum, LANES - 1);
+        }
+    }
+    __syncthreads();
+    // Each bin's start walks up to its end.
+    if (t < DISCS) sh.search.bin[atomicAdd(&sh.search.bin_end[bin], 1u)] = (unsigned short)t;
+    __syncthreads();
+}
+
+// Nearest images in the 3 x 3 bins around the disc in seat t.
+__device__ void find_binned(Found& found, Position s, Real r, int t) {
+    const Shared& sh = shared();
+    const Real skin = Real(sh.control.header.skin);
+    const int nx = sh.control.bins[0];
+    const int ny = sh.control.bins[1];
+    const int bx = bin_of(s.x, nx);
+    const int by = bin_of(s.y, ny);
+    for (int dy = -1; dy <= 1; ++dy) {
+        const int y = by + dy < 0 ? ny - 1 : by + dy == ny ? 0 : by + dy;
+        for (int dx = -1; dx <= 1; ++dx) {
+            const int x = bx + dx < 0 ? nx - 1 : bx + dx == nx ? 0 : bx + dx;
+            const int bin = y * nx + x;
+            const int end = int(sh.search.bin_end[bin]);
+            for (int k = bin == 0 ? 0 : int(sh.search.bin_end[bin - 1]); k < end; ++k) {
+                const int j = sh.search.bin[k];
+                const Real range = r + sh.search.radius[j] + skin;
+                const Vec d = nearest(s, sh.position[j]);
+                if (j != t && length2(sh.control.cell, d) < range * range) {
+                    found.insert(unsigned(sh.disc[j]) << 16);
+                }
+            }
+        }
+    }
+}
+
+// All images of all discs around the disc in seat t, its own included: right for any cell.
+__device__ void find_all_images(Found& found, Position s, Real r, int t) {
+    const Shared& sh = shared();
+    const double skin = sh.control.header.skin;
+    const Matrix h = sh.control.header.cell;
+    const double2 w = widths(h);
+    for (int j = 0; j < DISCS; ++j) {
+        const double range = double(r) + double(sh.search.radius[j]) + skin;
+        const Vec d = nearest(s, sh.position[j]);
+        const double x = double(d.x) / PERIOD;
+        const double y = double(d.y) / PERIOD;
+        // |s_x| > range / width_x puts the branch out of range whatever s_y is.
+        const double most_x = range / w.x;
+        const double most_y = range / w.y;
+        const int last_x = int(floor(most_x - x));
+        const int last_y = int(floor(most_y - y));
+        for (int ky = int(ceil(-most_y - y)); ky <= last_y; ++ky) {
+            for (int kx = int(ceil(-most_x - x)); kx <= last_x; ++kx) {
+                if (t == j && kx == 0 && ky == 0) continue;
+                const double sx = x + kx;
+                const double sy = y + ky;
+                const double lx = h.xx * sx + h.xy * sy;
+                const double ly = h.yx * sx + h.yy * sy;
+                if (!(sqrt(lx * lx + ly * ly) < range)) continue;
+                // Near half a period the unsigned reading does not jump.
+                const bool ux = fabs(x) > 0.25;
+                const bool uy = fabs(y) > 0.25;
+                const int shift_x = kx - int(ux && x < 0.0);
+                const int shift_y = ky - int(uy && y < 0.0);
+                if (min(shift_x, shift_y) < -32 || max(shift_x, shift_y) > 31) {
+                    found.full = true;
+                    continue;
+                }
+                found.insert(unsigned(sh.disc[j]) << 16 | image_code(shift_y, uy) << 7 |
+                             image_code(shift_x, ux));
+            }
+        }
+    }
+}
+
+__device__ inline Vec any_separation(bool imaged, Position a, Position b, unsigned word) {
+    return imaged ? separation<true>(a, b, word) : nearest(a, b);
+}
+
+// Position before the lattice reduction: its matrix has determinant 1.
+__device__ inline Position before_reduction(const Fraction* m, Position s) {
+    return {m[3] * s.x - m[1] * s.y, m[0] * s.y - m[2] * s.x};
+}
+
+__device__ inline int seat_in(unsigned neighbour) {
+    return int((neighbour & 0xffffu) / sizeof(Position));
+}
+
+// Tangential force that the discs in seats t and j had in the old list, where the disc in seat
+// `owner` has the pair; `word` is how t found it. Several images of one neighbour are told apart by
+// their branch vectors, which a reduction does not change.
+__device__ Real history(int t, int j, unsigned word, int owner) {
+    const Shared& sh = shared();
+    const Control& c = sh.control;
+    const Rows rows = rows_of(owner);
+    Real tangential = 0;
+    for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
+        const unsigned old_word = sh.slot.neighbour[slot];
+        if (seat_in(old_word) != (owner == t ? j : t)) continue;
+        if (sh.slot.tangential[slot] == Real(0)) continue;
+        bool same = true;
+        if (c.header.imaged) {
+            const Position a = sh.position[t];
+            const Position b = sh.position[j];
+            const Position from = owner == t ? a : b;
+            const Position to = owner == t ? b : a;
+            const Vec now = branch(c.cell, separation<true>(a, b, word << 16));
+            const Vec old = branch(c.old_cell,
+                                   any_separation(c.old_imaged, before_reduction(c.transform, from),
+                                                  before_reduction(c.transform, to), old_word));
+            // Of a disc's own two images the other one may have been listed.
+            const bool turned = t == j ? now.x * old.x + now.y * old.y < Real(0) : owner == j;
+            const Real dx = turned ? now.x + old.x : now.x - old.x;
+            const Real dy = turned ? now.y + old.y : now.y - old.y;
+            same = dx * dx + dy * dy < Real(0.01) * (now.x * now.x + now.y * now.y);
+        }
+        if (same) tangential = sh.slot.tangential[slot];
+    }
+    return tangential;
+}
+
+// Seats disc i: a stable counting sort of the block's threads by falling class, so that the discs of
+// a warp own as many pairs. Also tells where the slots of each warp begin.
+__device__ void take_seat(int owned, int incoming, int i, bool has_disc, int t) {
+    Shared& sh = shared();
+    const int lane = t % LANES;
+    const int warp = t / LANES;
+    // First by owned pairs, then by the others, falling and rising in turns so that neither jumps.
+    // Other numbers than these are rare; their classes need not be exact.
+    const int other = min(max(owned + incoming - 3, 0), 4);
+    const int kind = has_disc ? 1 + 5 * min(owned, 5) + (owned % 2 == 0 ? other : 4 - other) : 0;
+
+    const unsigned peers = __match_any_sync(ALL, kind);
+    const unsigned before = peers & ((1u << lane) - 1u);
+    sh.search.census[warp][lane] = 0;
+    if (warp == 0) sh.rows[OWNED][lane] = sh.rows[INCOMING][lane] = 0;
+    __syncwarp();
+    if (before == 0) sh.search.census[warp][kind] = (unsigned short)__popc(peers);
+    __syncthreads();
+
+    // Lane = class: threads of it in earlier warps, and in all; then all of higher classes.
+    int earlier = 0;
+    int total = 0;
+    for (int w = 0; w < WARPS; ++w) {
+        const int n = sh.search.census[w][lane];
+        earlier += w < warp ? n : 0;
+        total += n;
+    }
+    int higher = total;
+    for (int d = 1; d < LANES; d *= 2) {
+        const int other = __shfl_down_sync(ALL, higher, d);
+        if (lane + d < LANES) higher += other;
+    }
+    const int seat = __shfl_sync(ALL, higher - total + earlier, kind) + __popc(before);
+    sh.seat[i] = (unsigned short)seat;
+    sh.disc[seat] = (unsigned short)i;
+    sh.pairs[seat] = (unsigned short)(owned | incoming << 8);
+    atomicMax(&sh.rows[OWNED][seat / LANES], unsigned(owned));
+    atomicMax(&sh.rows[INCOMING][seat / LANES], unsigned(incoming));
+    __syncthreads();
+
+    // Warp 0 places the slots of owned pairs and, if there is one, warp 1 the others.
+    for (int k = warp; k < KINDS; k += WARPS) {
+        const unsigned own = LANES * sh.rows[k][lane];
+        unsigned sum = own;
+        for (int d = 1; d < LANES; d *= 2) {
+            const unsigned other = __shfl_up_sync(ALL, sum, d);
+            if (lane >= d) sum += other;
+        }
+        const unsigned room = k == OWNED ? SLOTS : INCOMING_SLOTS;
+        if (sum > room && sh.control.status == OK) sh.control.status = SLOTS_FULL;
+        sh.layout.first[k][lane] = (unsigned short)(sum - own);
+        if (lane == LANES - 1) sh.layout.used[k] = sum;
+    }
+    __syncthreads();
+}
+
+// Slot that the owner in seat j gives to the pair with its neighbour `word`, or -1.
+__device__ int owner_slot(int j, unsigned word) {
+    const Rows rows = rows_of(j);
+    for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
+        if (shared().slot.neighbour[slot] == word) return slot;
+    }
+    return -1;
+}
+
+// Renews the list, keeping the tangential forces. Positions, velocities and `search.virial` are by
+// seat, before by the old seats and then by the new ones. Ends with a barrier.
+__device__ __noinline__ void search(const Batch& batch, const Parameters& p, const Disc* discs) {
+    Shared& sh = shared();
+    Control& c = sh.control;
+    const unsigned rve = blockIdx.x;
+    const int t = int(threadIdx.x);
+    const bool has_disc = t < DISCS;
+    const int i = sh.disc[t];
+    const Disc disc = discs[i];
+    const Motion m = sh.motion[t];
+    const Virial virial = sh.search.virial[t];
+
+    const Real fastest2 = warp_max(has_disc ? m.x * m.x + m.y * m.y : Real(0));
+    if (t % LANES == 0) sh.partial[t / LANES].largest = fastest2;
+    __syncthreads();
+    if (t == 0) {
+        Real most = 0;
+        for (int w = 0; w < WARPS; ++w) most = max(most, sh.partial[w].largest);
+        reduce_lattice(c, p, sqrt(double(most)));
+    }
+    __syncthreads();
+    Position s = sh.position[t];
+    s = {c.transform[0] * s.x + c.transform[1] * s.y, c.transform[2] * s.x + c.transform[3] * s.y};
+    sh.position[t] = s;
+    sh.search.radius[t] = disc.r;
+    __syncthreads();
+
+    Found found;
+    found.count = 0;
+    found.full = false;
+    const bool imaged = c.header.imaged;
+    if (imaged) {
+        if (has_disc) find_all_images(found, s, disc.r, t);
+    } else {
+        fill_bins(s, t);
+        if (has_disc) find_binned(found, s, disc.r, t);
+    }
+    if (found.full) c.status = LIST_FULL;
+
+    unsigned owned = 0;
+    Real tangential[ROWS];
+    for (int row = 0; row < found.count; ++row) {
+        const unsigned word = found.word[row];
+        const int j = sh.seat[word >> 16];
+        if (!owns(i, s, word >> 16, sh.position[j], imaged, word & 0xffffu)) continue;
+        owned |= 1u << row;
+        tangential[row] = history(t, j, word, t);
+        if (tangential[row] == Real(0)) tangential[row] = history(t, j, word, j);
+    }
+    // All have read what goes by the old seats.
+    __syncthreads();
+    const int owned_count = __popc(owned);
+    take_seat(owned_count, found.count - owned_count, i, has_disc, t);
+    if (c.status != OK) return;
+
+    const int seat = sh.seat[i];
+    const Rows rows = rows_of(seat);
+    int slot = rows.owned;
+    for (int row = 0; row < found.count; ++row) {
+        if ((owned >> row & 1u) == 0) continue;
+        const unsigned word = found.word[row];
+        const Disc other = discs[word >> 16];
+        sh.slot.neighbour[slot] = sh.seat[word >> 16] * sizeof(Position) | word << 16;
+        sh.slot.pair[slot] = {
+            disc.r + other.r,
+            p.dashpot * sqrt(p.normal_stiffness / (disc.inv_mass + other.inv_mass))};
+        sh.slot.tangential[slot] = tangential[row];
+        slot += LANES;
+    }
+    sh.position[seat] = s;
+    sh.motion[seat] = m;
+    sh.search.virial[seat] = virial;
+    batch.reference[rve * THREADS + i] = s;
+    batch.seat[rve * THREADS + i] = (unsigned short)seat;
+    __syncthreads();
+
+    slot = rows.incoming;
+    for (int row = 0; row < found.count; ++row) {
+        if ((owned >> row & 1u) != 0) continue;
+        const unsigned word = found.word[row];
+        const unsigned image = imaged ? reversed(word >> 7 & 127u) << 7 | reversed(word & 127u) : 0;
+        const int at_owner =
+            owner_slot(sh.seat[word >> 16], seat * sizeof(Position) | image << 16);
+        // Only a full list misses it.
+        if (at_owner < 0) c.status = LIST_FULL;
+        sh.slot.incoming[slot] = (unsigned short)max(at_owner, 0);
+        batch.incoming[size_t(rve) * INCOMING_SLOTS + slot] = sh.slot.incoming[slot];
+        slot += LANES;
+    }
+    for (int k = t; k < int(sh.layout.used[OWNED]); k += THREADS) {
+        batch.neighbour[size_t(rve) * SLOTS + k] = sh.slot.neighbour[k];
+        batch.pair[size_t(rve) * SLOTS + k] = sh.slot.pair[k];
+    }
+    batch.pairs[rve * THREADS + t] = sh.pairs[t];
+    if (t == 0) batch.layout[rve] = sh.layout;
+    __syncthreads();
+}
