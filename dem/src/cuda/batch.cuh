@@ -74,14 +74,13 @@ struct Header {
     unsigned status;
     // Macro steps since the upload.
     unsigned steps;
+    // Slots in use, of pairs at their owners and of the same at the other discs.
+    unsigned owned, incoming;
 };
 
-// Where the list of an RVE is: by kind, first those at their owners and then those at the other
-// disc, the first slot of each warp and the number of slots in use.
-enum Kind { OWNED, INCOMING, KINDS };
-struct Layout {
-    unsigned short first[KINDS][LANES];
-    unsigned used[KINDS];
+// Slots of one disc: of the pairs that it owns, one per row of slots, and of the others.
+struct alignas(8) Rows {
+    unsigned short owned, owned_end, incoming, incoming_end;
 };
 
 // RveState of the CPU.
@@ -102,9 +101,8 @@ struct Batch {
     Position* reference;
     // Thread that handles the disc.
     unsigned short* seat;
-    // By seat: how many pairs the disc owns and, in the upper byte, does not own.
-    unsigned short* pairs;
-    Layout* layout;
+    // By seat.
+    Rows* rows;
     // By slot: neighbour (see `Slots`), distance at touch (m) and dashpot (kg/s), tangential spring
     // force (N), and the slot of a pair at its owner.
     unsigned* neighbour;

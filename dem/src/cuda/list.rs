@@ -2,8 +2,6 @@
 
 use std::cmp::Reverse;
 
-use cudarc::driver::DeviceRepr;
-
 use super::error::RveFailure;
 use super::shape::{Shape, WARP};
 use crate::contact::ContactLaw;
@@ -11,22 +9,11 @@ use crate::neighbours::{Image2, Neighbours};
 use crate::packing::{Disc, Pair};
 use crate::real::{Image, Real};
 
-/// `Layout` of `batch.cuh`. Index 0: pairs at their owners, 1: pairs at the other disc.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Layout {
-    first: [[u16; WARP]; 2],
-    used: [u32; 2],
-}
-
-// SAFETY: plain numbers without padding, laid out as in `batch.cuh`.
-unsafe impl DeviceRepr for Layout {}
-
 /// The list of one RVE in the arrays of `Batch` in `batch.cuh`.
 pub(super) struct SlotList<'a, R> {
     pub seat: &'a mut [u16],
-    pub pairs: &'a mut [u16],
-    pub layout: &'a mut Layout,
+    /// `Rows` of `batch.cuh`: first and end of the owned slots, and of the others.
+    pub rows: &'a mut [[u16; 4]],
     pub neighbour: &'a mut [u32],
     pub pair: &'a mut [[R; 2]],
     pub tangential: &'a mut [R],
@@ -54,7 +41,8 @@ impl Sides {
 }
 
 impl<R: Real> SlotList<'_, R> {
-    /// Lays out a list. Seats need not be those that the kernel would choose.
+    /// Lays out a list and returns how many slots it takes, of pairs at their owners and of the
+    /// same at the other discs. Seats need not be those that the kernel would choose.
     ///
     /// # Errors
     /// The list does not fit.
@@ -63,7 +51,7 @@ impl<R: Real> SlotList<'_, R> {
         list: &Neighbours<R>,
         discs: &[Disc<R>],
         shape: &Shape,
-    ) -> Result<(), RveFailure> {
+    ) -> Result<[u32; 2], RveFailure> {
         let full = RveFailure::ListFull { rows: shape.rows };
         if !list.images.iter().all(|&image| fits_code(image)) {
             return Err(full);
@@ -81,38 +69,41 @@ impl<R: Real> SlotList<'_, R> {
             self.seat[i] = seat as u16;
         }
         order.truncate(discs.len());
-        for kind in 0..2 {
-            let mut used = 0;
+        let mut used = [0; 2];
+        for (kind, room) in [shape.slots, shape.incoming_slots()].into_iter().enumerate() {
             for (warp, seated) in order.chunks(WARP).enumerate() {
-                self.layout.first[kind][warp] = used as u16;
-                used += WARP * seated.iter().map(|&i| sides[i].rows(kind)).max().unwrap_or(0);
+                let most = seated.iter().map(|&i| sides[i].rows(kind)).max().unwrap_or(0);
+                if used[kind] + WARP * most > room {
+                    return Err(RveFailure::SlotsFull { slots: shape.slots });
+                }
+                for (lane, &i) in seated.iter().enumerate() {
+                    let first = used[kind] + lane;
+                    let range = [first, first + WARP * sides[i].rows(kind)].map(|n| n as u16);
+                    self.rows[WARP * warp + lane][2 * kind..][..2].copy_from_slice(&range);
+                }
+                used[kind] += WARP * most;
             }
-            let room = [shape.slots, shape.incoming_slots()][kind];
-            if used > room {
-                return Err(RveFailure::SlotsFull { slots: shape.slots });
-            }
-            self.layout.used[kind] = used as u32;
         }
 
         let mut slot_of_pair = vec![0; list.pairs.len()];
         for (seat, &i) in order.iter().enumerate() {
-            self.pairs[seat] = (sides[i].rows(0) | sides[i].rows(1) << 8) as u16;
-            for (row, side) in sides[i].0[0].iter().enumerate() {
-                let slot = self.slot(0, seat, row);
+            let [first, end, ..] = self.rows[seat];
+            for (slot, side) in slots(first, end).zip(&sides[i].0[0]) {
                 let (pair, j) = (&list.pairs[side.pair], side.neighbour as usize);
                 slot_of_pair[side.pair] = slot;
-                self.neighbour[slot] = position_offset::<R>(self.seat[j]) | u32::from(side.image) << 16;
+                self.neighbour[slot] =
+                    position_offset::<R>(self.seat[j]) | u32::from(side.image) << 16;
                 self.pair[slot] = [discs[i].r + discs[j].r, pair.dashpot];
                 self.tangential[slot] = pair.tangential;
             }
         }
         for (seat, &i) in order.iter().enumerate() {
-            for (row, side) in sides[i].0[1].iter().enumerate() {
-                let slot = self.slot(1, seat, row);
+            let [.., first, end] = self.rows[seat];
+            for (slot, side) in slots(first, end).zip(&sides[i].0[1]) {
                 self.incoming[slot] = slot_of_pair[side.pair] as u16;
             }
         }
-        Ok(())
+        Ok(used.map(|n| n as u32))
     }
 
     /// The pairs, each once, in the order of [`Neighbours`]. `imaged` tells whether the list holds
@@ -129,8 +120,8 @@ impl<R: Real> SlotList<'_, R> {
         }
         let mut found = Vec::new();
         for (seat, &owner) in disc.iter().enumerate().take(discs.len()) {
-            for row in 0..(self.pairs[seat] & 255) as usize {
-                let slot = self.slot(0, seat, row);
+            let [first, end, ..] = self.rows[seat];
+            for slot in slots(first, end) {
                 let word = self.neighbour[slot];
                 let other = disc[((word & 0xffff) / position_offset::<R>(1)) as usize];
                 let mut image = (word >> 16) as u16;
@@ -154,10 +145,11 @@ impl<R: Real> SlotList<'_, R> {
         let images = found.iter().filter(|_| imaged).map(|f| from_image_code(f.2)).collect();
         (pairs, images)
     }
+}
 
-    fn slot(&self, kind: usize, seat: usize, row: usize) -> usize {
-        usize::from(self.layout.first[kind][seat / WARP]) + seat % WARP + row * WARP
-    }
+/// The slots of a disc: one in every row of its warp.
+fn slots(first: u16, end: u16) -> impl Iterator<Item = usize> {
+    (usize::from(first)..usize::from(end)).step_by(WARP)
 }
 
 /// Offset of a seat in the array of positions (bytes).

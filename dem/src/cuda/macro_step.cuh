@@ -82,10 +82,8 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, int rve
     return ADVANCE;
 }
 
-// Substeps that one plan covers; its last entry is for the state after them.
-constexpr int PLANNED = LANES - 1;
-
-// The cell in the next substeps: lane k of a warp tells substep `done + k`.
+// The cell in the next substeps: lane k of a warp tells substep `done + k`. The last entry
+// only tells the state after them.
 __device__ void plan_substeps(const Parameters& p, int done, int lane) {
     Shared& sh = shared();
     Control& c = sh.control;
@@ -94,6 +92,8 @@ __device__ void plan_substeps(const Parameters& p, int done, int lane) {
     for (int k = 0; k < lane; ++k) h = product(c.increment, h);
     Substep& s = sh.substep[lane];
     s.exact = h;
+    s.sampled = done + lane >= int(p.substeps - p.samples);
+    s.last = lane == LANES - 1 || done + lane == int(p.substeps);
     s.allowed2 = allowed_displacement2(c.header, h);
     to_real(scaled(h, 1.0 / PERIOD), s.cell);
     const Matrix inv = inverse(product(c.increment, h));

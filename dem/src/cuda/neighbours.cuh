@@ -187,7 +187,7 @@ __device__ inline int seat_in(unsigned neighbour) {
 __device__ Real history(int t, int j, unsigned word, int owner) {
     const Shared& sh = shared();
     const Control& c = sh.control;
-    const Rows rows = rows_of(owner);
+    const Rows rows = sh.rows[owner];
     Real tangential = 0;
     for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
         const unsigned old_word = sh.slot.neighbour[slot];
@@ -215,9 +215,10 @@ __device__ Real history(int t, int j, unsigned word, int owner) {
 }
 
 // Seats disc i: a stable counting sort of the block's threads by falling class, so that the discs of
-// a warp own as many pairs. Also tells where the slots of each warp begin.
+// a warp own as many pairs. Also gives it its slots.
 __device__ void take_seat(int owned, int incoming, int i, bool has_disc, int t) {
     Shared& sh = shared();
+    Header& header = sh.control.header;
     const int lane = t % LANES;
     const int warp = t / LANES;
     // First by owned pairs, then by the others, falling and rising in turns so that neither jumps.
@@ -228,7 +229,7 @@ __device__ void take_seat(int owned, int incoming, int i, bool has_disc, int t) 
     const unsigned peers = __match_any_sync(ALL, kind);
     const unsigned before = peers & ((1u << lane) - 1u);
     sh.search.census[warp][lane] = 0;
-    if (warp == 0) sh.rows[OWNED][lane] = sh.rows[INCOMING][lane] = 0;
+    if (warp == 0) sh.search.rows[0][lane] = sh.search.rows[1][lane] = 0;
     __syncwarp();
     if (before == 0) sh.search.census[warp][kind] = (unsigned short)__popc(peers);
     __syncthreads();
@@ -249,30 +250,34 @@ __device__ void take_seat(int owned, int incoming, int i, bool has_disc, int t) 
     const int seat = __shfl_sync(ALL, higher - total + earlier, kind) + __popc(before);
     sh.seat[i] = (unsigned short)seat;
     sh.disc[seat] = (unsigned short)i;
-    sh.pairs[seat] = (unsigned short)(owned | incoming << 8);
-    atomicMax(&sh.rows[OWNED][seat / LANES], unsigned(owned));
-    atomicMax(&sh.rows[INCOMING][seat / LANES], unsigned(incoming));
+    atomicMax(&sh.search.rows[0][seat / LANES], unsigned(owned));
+    atomicMax(&sh.search.rows[1][seat / LANES], unsigned(incoming));
     __syncthreads();
 
     // Warp 0 places the slots of owned pairs and, if there is one, warp 1 the others.
-    for (int k = warp; k < KINDS; k += WARPS) {
-        const unsigned own = LANES * sh.rows[k][lane];
+    for (int k = warp; k < 2; k += WARPS) {
+        const unsigned own = LANES * sh.search.rows[k][lane];
         unsigned sum = own;
         for (int d = 1; d < LANES; d *= 2) {
             const unsigned other = __shfl_up_sync(ALL, sum, d);
             if (lane >= d) sum += other;
         }
-        const unsigned room = k == OWNED ? SLOTS : INCOMING_SLOTS;
+        const unsigned room = k == 0 ? SLOTS : INCOMING_SLOTS;
         if (sum > room && sh.control.status == OK) sh.control.status = SLOTS_FULL;
-        sh.layout.first[k][lane] = (unsigned short)(sum - own);
-        if (lane == LANES - 1) sh.layout.used[k] = sum;
+        sh.search.first[k][lane] = sum - own;
+        if (lane == LANES - 1) (k == 0 ? header.owned : header.incoming) = min(sum, room);
     }
     __syncthreads();
+    const int first_owned = int(sh.search.first[0][seat / LANES]) + seat % LANES;
+    const int first_incoming = int(sh.search.first[1][seat / LANES]) + seat % LANES;
+    sh.rows[seat] = {
+        (unsigned short)first_owned, (unsigned short)(first_owned + owned * LANES),
+        (unsigned short)first_incoming, (unsigned short)(first_incoming + incoming * LANES)};
 }
 
 // Slot that the owner in seat j gives to the pair with its neighbour `word`, or -1.
 __device__ int owner_slot(int j, unsigned word) {
-    const Rows rows = rows_of(j);
+    const Rows rows = shared().rows[j];
     for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
         if (shared().slot.neighbour[slot] == word) return slot;
     }
@@ -336,7 +341,7 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
     if (c.status != OK) return;
 
     const int seat = sh.seat[i];
-    const Rows rows = rows_of(seat);
+    const Rows rows = sh.rows[seat];
     int slot = rows.owned;
     for (int row = 0; row < found.count; ++row) {
         if ((owned >> row & 1u) == 0) continue;
@@ -369,11 +374,10 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
         batch.incoming[size_t(rve) * INCOMING_SLOTS + slot] = sh.slot.incoming[slot];
         slot += LANES;
     }
-    for (int k = t; k < int(sh.layout.used[OWNED]); k += THREADS) {
+    for (int k = t; k < int(c.header.owned); k += THREADS) {
         batch.neighbour[size_t(rve) * SLOTS + k] = sh.slot.neighbour[k];
         batch.pair[size_t(rve) * SLOTS + k] = sh.slot.pair[k];
     }
-    batch.pairs[rve * THREADS + t] = sh.pairs[t];
-    if (t == 0) batch.layout[rve] = sh.layout;
+    batch.rows[rve * THREADS + t] = sh.rows[t];
     __syncthreads();
 }

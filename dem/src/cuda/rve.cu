@@ -21,17 +21,16 @@ __device__ void copy_packing(const Batch& b, unsigned to_rve, unsigned from_rve,
     b.spin[to] = b.spin[from];
     b.reference[to] = b.reference[from];
     b.seat[to] = b.seat[from];
-    b.pairs[to] = b.pairs[from];
-    const Layout& layout = b.layout[from_rve];
-    if (t == 0) b.layout[to_rve] = layout;
+    b.rows[to] = b.rows[from];
+    const Header& h = b.header[from_rve];
     const size_t to_slot = size_t(to_rve) * SLOTS;
     const size_t from_slot = size_t(from_rve) * SLOTS;
-    for (int k = t; k < int(layout.used[OWNED]); k += THREADS) {
+    for (int k = t; k < int(h.owned); k += THREADS) {
         b.neighbour[to_slot + k] = b.neighbour[from_slot + k];
         b.pair[to_slot + k] = b.pair[from_slot + k];
         b.tangential[to_slot + k] = b.tangential[from_slot + k];
     }
-    for (int k = t; k < int(layout.used[INCOMING]); k += THREADS) {
+    for (int k = t; k < int(h.incoming); k += THREADS) {
         b.incoming[size_t(to_rve) * INCOMING_SLOTS + k] = b.incoming[size_t(from_rve) * INCOMING_SLOTS + k];
     }
 }
@@ -40,8 +39,8 @@ __device__ void copy_packing(const Batch& b, unsigned to_rve, unsigned from_rve,
 __device__ void fetch_list(const Batch& b, unsigned rve, int t) {
     Slots& slot = shared().slot;
     const size_t first = size_t(rve) * SLOTS;
-    const unsigned owned = b.layout[rve].used[OWNED];
-    const unsigned incoming = b.layout[rve].used[INCOMING];
+    const unsigned owned = b.header[rve].owned;
+    const unsigned incoming = b.header[rve].incoming;
     copy_async(slot.neighbour, b.neighbour + first, owned * sizeof(unsigned), t);
     copy_async(slot.pair, b.pair + first, owned * sizeof(Vec), t);
     copy_async(slot.tangential, b.tangential + first, owned * sizeof(Real), t);
@@ -95,13 +94,10 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         const Vec velocity = batch.velocity[mine];
         sh.seat[t] = (unsigned short)seat;
         sh.disc[seat] = (unsigned short)t;
-        sh.pairs[t] = batch.pairs[mine];
+        sh.rows[t] = batch.rows[mine];
         sh.position[seat] = batch.position[mine];
         sh.reference[seat] = batch.reference[mine];
         sh.motion[seat] = {velocity.x, velocity.y, Real(0.5) * batch.spin[mine], Real(0)};
-        for (int k = warp; k < KINDS; k += WARPS) {
-            sh.layout.first[k][lane] = batch.layout[rve].first[k][lane];
-        }
         const Real mass = Real(1) / discs[t].inv_mass;
         const Vec momentum = {warp_sum(mass * velocity.x), warp_sum(mass * velocity.y)};
         if (lane == 0) {
@@ -163,8 +159,8 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
             __syncthreads();
         }
         if (c.status != OK) break;
-        stale = c.header.imaged ? advance_substeps<true>(p, disc, reference, total, done, t)
-                                : advance_substeps<false>(p, disc, reference, total, done, t);
+        done += c.header.imaged ? advance_substeps<true>(p, disc, reference, total, stale, t)
+                                : advance_substeps<false>(p, disc, reference, total, stale, t);
         if (done == int(p.substeps)) break;
     }
 
@@ -177,7 +173,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     batch.position[mine] = sh.position[seat];
     batch.velocity[mine] = {m.x, m.y};
     batch.spin[mine] = Real(2) * m.half_w;
-    for (int k = t; k < int(batch.layout[rve].used[OWNED]); k += THREADS) {
+    for (int k = t; k < int(c.header.owned); k += THREADS) {
         batch.tangential[size_t(rve) * SLOTS + k] = sh.slot.tangential[k];
     }
     const bool broken = t < DISCS && !isfinite(m.x + m.y + m.half_w);

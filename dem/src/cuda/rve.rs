@@ -10,7 +10,6 @@ use gpu::Device;
 use nalgebra::Matrix2;
 
 use super::error::{CudaError, RveFailure};
-use super::list::Layout;
 use super::real::CudaReal;
 use super::shape::Shape;
 use super::state::{Header, HostState, State};
@@ -61,8 +60,7 @@ pub struct CudaRveBatch<R: CudaReal> {
     spin: CudaSlice<R>,
     reference: CudaSlice<[R::Fraction; 2]>,
     seat: CudaSlice<u16>,
-    pairs: CudaSlice<u16>,
-    layout: CudaSlice<Layout>,
+    rows: CudaSlice<[u16; 4]>,
     neighbour: CudaSlice<u32>,
     pair: CudaSlice<[R; 2]>,
     tangential: CudaSlice<R>,
@@ -110,8 +108,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             spin: device.upload(&host.spin)?,
             reference: device.upload(&host.reference)?,
             seat: device.upload(&host.seat)?,
-            pairs: device.upload(&host.pairs)?,
-            layout: device.upload(&host.layout)?,
+            rows: device.upload(&host.rows)?,
             neighbour: device.upload(&host.neighbour)?,
             pair: device.upload(&host.pair)?,
             tangential: device.upload(&host.tangential)?,
@@ -138,8 +135,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             spin: stream.clone_dtoh(&self.spin)?,
             reference: stream.clone_dtoh(&self.reference)?,
             seat: stream.clone_dtoh(&self.seat)?,
-            pairs: stream.clone_dtoh(&self.pairs)?,
-            layout: stream.clone_dtoh(&self.layout)?,
+            rows: stream.clone_dtoh(&self.rows)?,
             neighbour: stream.clone_dtoh(&self.neighbour)?,
             pair: stream.clone_dtoh(&self.pair)?,
             tangential: stream.clone_dtoh(&self.tangential)?,
@@ -216,8 +212,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             spin: address(&self.spin, stream),
             reference: address(&self.reference, stream),
             seat: address(&self.seat, stream),
-            pairs: address(&self.pairs, stream),
-            layout: address(&self.layout, stream),
+            rows: address(&self.rows, stream),
             neighbour: address(&self.neighbour, stream),
             pair: address(&self.pair, stream),
             tangential: address(&self.tangential, stream),
@@ -346,8 +341,7 @@ pub(super) struct Arrays {
     pub spin: u64,
     pub reference: u64,
     pub seat: u64,
-    pub pairs: u64,
-    pub layout: u64,
+    pub rows: u64,
     pub neighbour: u64,
     pub pair: u64,
     pub tangential: u64,

@@ -47,7 +47,7 @@ const AMPLE: Rows = Rows { per_warp: 4.5, more: 16 };
 /// Enough for packings of a collapse: fewer blocks at a time rather than fewer rows.
 const USUAL: Rows = Rows { per_warp: 3.5, more: 8 };
 /// What a block alone on a multiprocessor has to be content with.
-const LEAST: Rows = Rows { per_warp: 2.75, more: 8 };
+const LEAST: Rows = Rows { per_warp: 2.6, more: 4 };
 
 impl Shape {
     /// The layout for RVEs of `discs` discs on a GPU.
@@ -140,16 +140,16 @@ fn rows(p: &RveParameters) -> usize {
 /// Shared memory besides the slots (bytes): `Shared` in `shared.cuh`, which checks it.
 fn fixed_shared<R: Real>(threads: usize) -> usize {
     let real = size_of::<R>();
-    let per_thread = 6 * real + 3 * size_of::<u16>();
+    let per_thread = 6 * real + 6 * size_of::<u16>();
     let substeps = WARP * (12 * real + 4 * size_of::<f64>());
     let partial = threads / WARP * 6 * real;
     let control = 640;
-    threads * per_thread + substeps + partial + control + 16 * WARP
+    threads * per_thread + substeps + partial + control
 }
 
-/// Shared memory of a search (bytes): sums, radii, bins and the seats in them, and a census.
+/// Shared memory of a search (bytes): sums, radii, bins and the seats in them, a census and rows.
 fn search_shared<R: Real>(threads: usize) -> usize {
     const BINS: usize = 32;
     let per_thread = 4 * size_of::<R>() + 2 * size_of::<u16>();
-    BINS * BINS * size_of::<u32>() + threads * per_thread
+    (BINS * BINS + 4 * WARP) * size_of::<u32>() + threads * per_thread
 }

@@ -11,6 +11,8 @@ struct alignas(16) Substep {
     // Square of the displacement (m²) since the search up to which the list is complete at its
     // start; negative: search.
     Real allowed2;
+    // Whether its stress counts, and whether no later one is planned.
+    bool sampled, last;
 };
 
 struct alignas(16) Motion {
@@ -93,6 +95,9 @@ struct Shared {
             unsigned short bin[THREADS];
             // Threads of each class in each warp.
             unsigned short census[WARPS][LANES];
+            // By warp: rows of owned and of incoming slots, and the first slot of each.
+            unsigned rows[2][LANES];
+            unsigned first[2][LANES];
         } search;
         // After the last substep, by seat.
         Virial virial[THREADS];
@@ -100,14 +105,11 @@ struct Shared {
     Partial partial[WARPS];
     Substep substep[LANES];
     Control control;
-    // Thread that handles disc i, disc that thread i handles, and how many pairs that disc owns and,
-    // in the upper byte, does not own.
+    // By seat.
+    Rows rows[THREADS];
+    // Thread that handles disc i, and disc that thread i handles.
     unsigned short seat[THREADS];
     unsigned short disc[THREADS];
-    unsigned short pairs[THREADS];
-    // By kind and warp: rows of slots, and the first slot.
-    unsigned rows[KINDS][LANES];
-    Layout layout;
 };
 static_assert(sizeof(Shared) <= SHARED_BYTES);
 
@@ -136,20 +138,4 @@ __device__ inline Real warp_sum(Real x) {
 __device__ inline Real warp_max(Real x) {
     for (int d = LANES / 2; d > 0; d /= 2) x = max(x, __shfl_xor_sync(ALL, x, d));
     return x;
-}
-
-// The slots of one disc.
-struct Rows {
-    int owned, owned_end, incoming, incoming_end;
-};
-
-__device__ inline int first_slot(Kind kind, int seat) {
-    return shared().layout.first[kind][seat / LANES] + seat % LANES;
-}
-
-__device__ inline Rows rows_of(int seat) {
-    const int owned = first_slot(OWNED, seat);
-    const int incoming = first_slot(INCOMING, seat);
-    const int pairs = shared().pairs[seat];
-    return {owned, owned + (pairs & 255) * LANES, incoming, incoming + (pairs >> 8) * LANES};
 }

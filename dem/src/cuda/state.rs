@@ -7,7 +7,7 @@ use nalgebra::Matrix2;
 use rayon::prelude::*;
 
 use super::error::{CudaError, RveFailure};
-use super::list::{Layout, SlotList};
+use super::list::SlotList;
 use super::real::CudaReal;
 use super::shape::Shape;
 use crate::batch::RveBatch;
@@ -35,6 +35,8 @@ pub(super) struct Header {
     imaged: u32,
     pub status: u32,
     pub steps: u32,
+    owned: u32,
+    incoming: u32,
 }
 
 // SAFETY: plain numbers without padding, laid out as in `batch.cuh`.
@@ -86,8 +88,7 @@ pub(super) struct HostState<R: CudaReal> {
     pub spin: Vec<R>,
     pub reference: Vec<[R::Fraction; 2]>,
     pub seat: Vec<u16>,
-    pub pairs: Vec<u16>,
-    pub layout: Vec<Layout>,
+    pub rows: Vec<[u16; 4]>,
     pub neighbour: Vec<u32>,
     pub pair: Vec<[R; 2]>,
     pub tangential: Vec<R>,
@@ -101,8 +102,8 @@ impl<R: CudaReal> HostState<R> {
     pub fn bytes(shape: &Shape, rves: usize) -> usize {
         let real = size_of::<R>();
         let slot = size_of::<u32>() + 3 * real + 2 * size_of::<u16>();
-        let thread = 7 * real + 2 * size_of::<u16>();
-        let rve = size_of::<Header>() + size_of::<State>() + size_of::<Layout>();
+        let thread = 7 * real + 5 * size_of::<u16>();
+        let rve = size_of::<Header>() + size_of::<State>();
         (rves + 1) * (shape.slots * slot + shape.threads * thread + rve)
     }
 
@@ -126,8 +127,7 @@ impl<R: CudaReal> HostState<R> {
             spin: vec![R::default(); threads],
             reference: vec![[zero; 2]; threads],
             seat: vec![0; threads],
-            pairs: vec![0; threads],
-            layout: vec![Layout::default(); rves.len()],
+            rows: vec![[0; 4]; threads],
             neighbour: vec![0; slots],
             pair: vec![[R::default(); 2]; slots],
             tangential: vec![R::default(); slots],
@@ -169,8 +169,7 @@ impl<R: CudaReal> HostState<R> {
             ),
             (
                 self.seat.par_chunks_mut(threads),
-                self.pairs.par_chunks_mut(threads),
-                &mut self.layout,
+                self.rows.par_chunks_mut(threads),
                 self.neighbour.par_chunks_mut(slots),
                 self.pair.par_chunks_mut(slots),
                 self.tangential.par_chunks_mut(slots),
@@ -179,8 +178,8 @@ impl<R: CudaReal> HostState<R> {
         )
             .into_par_iter()
             .map(|((header, position, velocity, spin, reference), list)| {
-                let (seat, pairs, layout, neighbour, pair, tangential, incoming) = list;
-                let list = SlotList { seat, pairs, layout, neighbour, pair, tangential, incoming };
+                let (seat, rows, neighbour, pair, tangential, incoming) = list;
+                let list = SlotList { seat, rows, neighbour, pair, tangential, incoming };
                 Chunk { header, position, velocity, spin, reference, list }
             })
     }
@@ -200,7 +199,7 @@ impl<R: CudaReal> Chunk<'_, R> {
     fn put(&mut self, rve: &Rve<R>, grading: u32, shape: &Shape) -> Result<(), RveFailure> {
         let packing = &rve.packing;
         let list = &packing.neighbours;
-        self.list.put(list, &packing.discs, shape)?;
+        let [owned, incoming] = self.list.put(list, &packing.discs, shape)?;
         for (i, d) in packing.discs.iter().enumerate() {
             self.position[i] = d.s;
             self.velocity[i] = d.u;
@@ -223,6 +222,8 @@ impl<R: CudaReal> Chunk<'_, R> {
             imaged: u32::from(!list.images.is_empty()),
             status: 0,
             steps: 0,
+            owned,
+            incoming,
         };
         Ok(())
     }

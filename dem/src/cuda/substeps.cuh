@@ -45,12 +45,12 @@ __device__ inline Real ratio(Real a, Real b) {
 template <bool IMAGED, bool SAMPLED>
 __device__ inline Resistance contact_forces(const Parameters& p, const Real* cell,
                                             const Real* drive, Position s, const Motion& m, Real r,
-                                            const Rows& rows, Totals& total) {
+                                            int slot, int end, Totals& total) {
     Shared& sh = shared();
     Resistance sum = {};
     const Real h0 = cell[0], h1 = cell[1], h2 = cell[2], h3 = cell[3];
 #pragma unroll 1
-    for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
+    for (; slot < end; slot += LANES) {
         const unsigned word = sh.slot.neighbour[slot];
         const Vec pair = sh.slot.pair[slot];
         const unsigned offset = IMAGED ? word & 0xffffu : word;
@@ -107,10 +107,10 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
 }
 
 // Adds the reactions of the pairs that the disc does not own.
-__device__ inline void add_reactions(Resistance& sum, const Rows& rows) {
+__device__ inline void add_reactions(Resistance& sum, int slot, int end) {
     const Shared& sh = shared();
 #pragma unroll 2
-    for (int slot = rows.incoming; slot < rows.incoming_end; slot += LANES) {
+    for (; slot < end; slot += LANES) {
         const unsigned at_owner = sh.slot.incoming[slot];
         const Vec force = sh.reaction.force[at_owner];
         sum.x -= force.x;
@@ -125,40 +125,37 @@ __device__ inline Real damped(Real resisting, Real velocity, Real alpha) {
     return resisting - (power < Real(0) ? alpha : power > Real(0) ? -alpha : Real(0)) * resisting;
 }
 
-// Substeps after the first `done`, of those planned, until the list must be renewed; tells whether
-// it must. Discs are by seat.
+// Substeps as planned, until the list is stale; returns how many. Discs are by seat.
 template <bool IMAGED>
-__device__ bool advance_substeps(const Parameters& p, const Disc& disc, Position reference,
-                                 Totals& total, int& done, int t) {
+__device__ int advance_substeps(const Parameters& p, const Disc& disc, Position reference,
+                                Totals& total, bool& stale, int t) {
     Shared& sh = shared();
     const Control& c = sh.control;
     const Real drive[4] = {c.drive[0], c.drive[1], c.drive[2], c.drive[3]};
-    const Rows rows = rows_of(t);
-    const int steps = min(int(p.substeps) - done, PLANNED);
-    const int first_sample = int(p.substeps - p.samples) - done;
-    Position s = sh.position[t];
-    Motion m = sh.motion[t];
+    const Real r = disc.r;
     const Real kick = p.step * disc.inv_mass;
     const Real half_twist = Real(0.5) * p.step * disc.inv_inertia;
+    Position s = sh.position[t];
+    Motion m = sh.motion[t];
 
-    int k = 0;
-    bool far;
+    const Substep* now = sh.substep;
     do {
-        const Substep& now = sh.substep[k];
-        const bool sampled = k >= first_sample;
+        const Rows& rows = sh.rows[t];
+        const int slot = rows.owned;
+        const int end = rows.owned_end;
         Resistance f;
-        if (sampled) {
+        if (now->sampled) {
             total.virial.xx *= c.growth;
             total.virial.yy *= c.growth;
             total.virial.shear *= c.growth;
             total.contacts = 0;
-            f = contact_forces<IMAGED, true>(p, now.cell, drive, s, m, disc.r, rows, total);
+            f = contact_forces<IMAGED, true>(p, now->cell, drive, s, m, r, slot, end, total);
         } else {
-            f = contact_forces<IMAGED, false>(p, now.cell, drive, s, m, disc.r, rows, total);
+            f = contact_forces<IMAGED, false>(p, now->cell, drive, s, m, r, slot, end, total);
         }
         // The barrier publishes the reactions, and every thread has read its neighbours.
         __syncthreads();
-        add_reactions(f, rows);
+        add_reactions(f, rows.incoming, rows.incoming_end);
         if (p.local_damping != Real(0)) {
             f.x = damped(f.x, m.x, p.local_damping);
             f.y = damped(f.y, m.y, p.local_damping);
@@ -169,10 +166,10 @@ __device__ bool advance_substeps(const Parameters& p, const Disc& disc, Position
         m.x = vx;
         m.y = vy;
         m.half_w -= f.torque * half_twist;
-        m.rim = Real(2) * disc.r * m.half_w;
-        s.x = moved(s.x, now.to_units[0] * vx + now.to_units[1] * vy);
-        s.y = moved(s.y, now.to_units[2] * vx + now.to_units[3] * vy);
-        if (sampled && p.kinetic) {
+        m.rim = Real(2) * r * m.half_w;
+        s.x = moved(s.x, now->to_units[0] * vx + now->to_units[1] * vy);
+        s.y = moved(s.y, now->to_units[2] * vx + now->to_units[3] * vy);
+        if (now->sampled && p.kinetic) {
             // m u (x) u with the velocities after the move; m = dt / kick.
             const Real mass = p.step / kick;
             total.virial.xx += mass * vx * vx;
@@ -181,11 +178,10 @@ __device__ bool advance_substeps(const Parameters& p, const Disc& disc, Position
         }
         sh.position[t] = s;
         sh.motion[t] = m;
-        ++k;
+        ++now;
         // The barrier also publishes the new positions.
-        far = __syncthreads_or(moved_far(reference, s, sh.substep[k].allowed2));
-    } while (!far && k < steps);
-    done += k;
-    if (t == 0) sh.control.header.cell = sh.substep[k].exact;
-    return far;
+        stale = __syncthreads_or(moved_far(reference, s, now->allowed2));
+    } while (!stale && !now->last);
+    if (t == 0) sh.control.header.cell = now->exact;
+    return int(now - sh.substep);
 }
