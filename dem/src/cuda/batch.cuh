@@ -119,7 +119,8 @@ struct Batch {
 
 struct Parameters {
     double dt;
-    double thickness;
+    // One over thickness (m) and number of stress samples.
+    double stress_weight;
     // Bounds of the Verlet skin (m).
     double least_skin;
     double skin;

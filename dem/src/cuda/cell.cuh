@@ -11,11 +11,6 @@ __device__ inline Matrix scaled(const Matrix& a, double k) {
 
 __device__ inline double determinant(const Matrix& a) { return a.xx * a.yy - a.xy * a.yx; }
 
-__device__ inline Matrix inverse(const Matrix& a) {
-    const double k = 1.0 / determinant(a);
-    return {a.yy * k, -a.xy * k, -a.yx * k, a.xx * k};
-}
-
 __device__ inline bool finite(const Matrix& a) {
     return isfinite(a.xx) && isfinite(a.xy) && isfinite(a.yx) && isfinite(a.yy);
 }
@@ -26,17 +21,24 @@ __device__ inline double2 widths(const Matrix& h) {
     return {area / sqrt(h.xy * h.xy + h.yy * h.yy), area / sqrt(h.xx * h.xx + h.yx * h.yx)};
 }
 
-__device__ inline double min_width(const Matrix& h) {
-    const double2 w = widths(h);
-    return fmin(w.x, w.y);
+// Square of the longer cell vector: the least width is the area over its length.
+__device__ inline double longest2(const Matrix& h) {
+    return fmax(h.xx * h.xx + h.yx * h.yx, h.xy * h.xy + h.yy * h.yy);
 }
 
-// Smallest singular value.
-__device__ inline double min_stretch(const Matrix& f) {
-    const double norm2 = f.xx * f.xx + f.xy * f.xy + f.yx * f.yx + f.yy * f.yy;
-    const double det = determinant(f);
-    const double root = sqrt(fmax(norm2 * norm2 - 4.0 * det * det, 0.0));
-    return sqrt(fmax(0.5 * (norm2 - root), 0.0));
+__device__ inline double min_width(const Matrix& h) {
+    return fabs(determinant(h)) / sqrt(longest2(h));
+}
+
+// Smallest singular value of a b^-1: half the difference of the roots of
+// (xx + yy)² + (xy - yx)² and (xx - yy)² + (xy + yx)².
+__device__ inline Real min_stretch(const Matrix& a, const Matrix& b) {
+    const Matrix adjugate = {b.yy, -b.xy, -b.yx, b.xx};
+    const Matrix f = product(a, adjugate);
+    const Real sum = Real(f.xx + f.yy), turn = Real(f.xy - f.yx);
+    const Real difference = Real(f.xx - f.yy), shear = Real(f.xy + f.yx);
+    return (sqrt(sum * sum + turn * turn) - sqrt(difference * difference + shear * shear)) /
+           Real(2.0 * determinant(b));
 }
 
 // exp(A) = e^(tr A / 2) (C I + S B), B traceless, C = cosh(sqrt d), S = sinh(sqrt d) / sqrt d with
@@ -46,6 +48,7 @@ __device__ Matrix exponential(const Matrix& a) {
     const double bxx = 0.5 * (a.xx - a.yy);
     double d = bxx * bxx + a.xy * a.yx;
     int halvings = 0;
+#pragma unroll 1
     while (fabs(d) > 1.0 && halvings < 64) {
         d *= 0.25;
         ++halvings;
@@ -58,6 +61,7 @@ __device__ Matrix exponential(const Matrix& a) {
         s = 1.0 + d * (1.0 / ((2 * n + 1) * (2 * n))) * s;
     }
     // cosh 2q = 2 cosh² q - 1 and sinh 2q / 2q = (sinh q / q) cosh q.
+#pragma unroll 1
     for (; halvings > 0; --halvings) {
         s *= c;
         c = 2.0 * c * c - 1.0;
@@ -66,13 +70,11 @@ __device__ Matrix exponential(const Matrix& a) {
     return {e * (c + s * bxx), e * s * a.xy, e * s * a.yx, e * (c - s * bxx)};
 }
 
-// Whether a lattice reduction is due; if so, which vector loses how many times the other one.
-__device__ inline bool oblique(const Matrix& h, int& target, double& k) {
+// Whether a lattice reduction is due.
+__device__ inline bool oblique(const Matrix& h) {
     const double dot = h.xx * h.xy + h.yx * h.yy;
     const double aa = h.xx * h.xx + h.yx * h.yx;
     const double bb = h.xy * h.xy + h.yy * h.yy;
-    target = aa <= bb ? 1 : 0;
-    k = round(dot / fmin(aa, bb));
     return !(fabs(dot) <= 0.5 * fmin(aa, bb) * (1.0 + 1e-9));
 }
 

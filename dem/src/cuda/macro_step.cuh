@@ -8,12 +8,11 @@
 // the cell of the search, and the affine motion of smallest stretch s <= 1 leave at least
 // s (R + skin - 2 D). That must exceed R for all R up to `reach`.
 __device__ Real allowed_displacement2(const Header& h, const Matrix& cell) {
-    int target;
-    double k;
-    if (!(h.skin > 0.0) || oblique(cell, target, k)) return Real(-1);
-    const double s = fmin(1.0, min_stretch(product(cell, inverse(h.reference_cell))));
-    const double allowed = 0.5 * (h.reach + h.skin - h.reach / s);
-    return allowed > 0.0 ? Real(allowed * allowed) : Real(-1);
+    if (!(h.skin > 0.0) || oblique(cell)) return Real(-1);
+    const Real stretch = min(Real(1), min_stretch(cell, h.reference_cell));
+    const Real reach = Real(h.reach);
+    const Real allowed = Real(0.5) * (Real(h.skin) + reach - reach / stretch);
+    return allowed > Real(0) ? allowed * allowed : Real(-1);
 }
 
 __device__ State free_state(double area, double solid_fraction) {
@@ -41,7 +40,7 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, int rve
     }
 
     const double area = determinant(h.cell);
-    if (h.free_area < 0.0 && h.solid / area < p.free_solid_fraction) h.free_area = area;
+    if (h.free_area < 0.0 && h.solid < p.free_solid_fraction * area) h.free_area = area;
     if (h.free_area >= 0.0) {
         // A stress-free RVE only keeps its area; dense enough again, it restarts from the fresh
         // packing scaled to that area.
@@ -63,9 +62,10 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, int rve
     }
 
     Matrix drive = l;
-    const double width = min_width(h.cell);
-    if (width < p.thin_width &&
-        !(min_width(product(exponential(scaled(l, dt)), h.cell)) >= width)) {
+    // area / longest < thin_width, and thinner after the step.
+    const bool thin = area * area < p.thin_width * p.thin_width * longest2(h.cell);
+    if (thin &&
+        !(min_width(product(exponential(scaled(l, dt)), h.cell)) >= min_width(h.cell))) {
         const double spin = 0.5 * (l.yx - l.xy);
         const double volumetric = 0.5 * (l.xx + l.yy);
         drive = {volumetric, -spin, spin, volumetric};
@@ -96,9 +96,13 @@ __device__ void plan_substeps(const Parameters& p, int done, int lane) {
     s.last = lane == LANES - 1 || done + lane == int(p.substeps);
     s.allowed2 = allowed_displacement2(c.header, h);
     to_real(scaled(h, 1.0 / PERIOD), s.cell);
-    const Matrix inv = inverse(product(c.increment, h));
-    if (!finite(inv)) c.status = NOT_FINITE;
-    to_real(scaled(inv, p.dt * PERIOD), s.to_units);
+    const Matrix end = product(c.increment, h);
+    const Real k = Real(p.dt * PERIOD) / Real(determinant(end));
+    if (!isfinite(k)) c.status = NOT_FINITE;
+    s.to_units[0] = Real(end.yy) * k;
+    s.to_units[1] = -Real(end.xy) * k;
+    s.to_units[2] = -Real(end.yx) * k;
+    s.to_units[3] = Real(end.xx) * k;
 }
 
 // Whether a disc moved so far since the search that a pair which is not listed may touch.

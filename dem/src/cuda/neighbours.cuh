@@ -16,13 +16,17 @@ __device__ inline double best_skin(double travel, const Header& h, const Paramet
 __device__ void reduce_lattice(Control& c, const Parameters& p, double fastest) {
     Header& h = c.header;
     Fraction m[4] = {1, 0, 0, 1};
-    int target;
-    double k;
     to_real(scaled(h.cell, 1.0 / PERIOD), c.old_cell);
     // Terminates as every step shortens a vector; the bound is for cells that are not finite.
-    for (int step = 0; step < 64 && oblique(h.cell, target, k); ++step) {
+#pragma unroll 1
+    for (int step = 0; step < 64 && oblique(h.cell); ++step) {
+        // The longer vector loses the other one k times.
+        const double dot = h.cell.xx * h.cell.xy + h.cell.yx * h.cell.yy;
+        const double aa = h.cell.xx * h.cell.xx + h.cell.yx * h.cell.yx;
+        const double bb = h.cell.xy * h.cell.xy + h.cell.yy * h.cell.yy;
+        const double k = round(dot / fmin(aa, bb));
         const Fraction n = Fraction(Signed(k));
-        if (target == 1) {
+        if (aa <= bb) {
             h.cell.xy -= k * h.cell.xx;
             h.cell.yy -= k * h.cell.yx;
             m[0] += n * m[2];
@@ -54,26 +58,39 @@ __device__ void reduce_lattice(Control& c, const Parameters& p, double fastest) 
     c.searches += 1;
 }
 
-// Neighbours of one disc while they are searched, ascending by neighbour and image.
+// Neighbours of one disc while they are searched.
 struct Found {
+    // Neighbour << 16 | image.
     unsigned word[ROWS];
     int count;
     bool full;
 
-    // `word` orders by neighbour first: disc << 16 | image.
-    __device__ void insert(unsigned entry) {
-        if (count == ROWS) {
-            full = true;
-            return;
+    __device__ void add(unsigned entry) {
+        full |= count == ROWS;
+        if (count < ROWS) word[count++] = entry;
+    }
+
+    // Ascending by neighbour and image. Selection: lanes of a warp stay together.
+    __device__ void sort() {
+#pragma unroll 1
+        for (int row = 0; row < count; ++row) {
+            unsigned least = word[row];
+            int place = row;
+            for (int k = row + 1; k < count; ++k) {
+                const unsigned other = word[k];
+                if (other < least) {
+                    least = other;
+                    place = k;
+                }
+            }
+            word[place] = word[row];
+            word[row] = least;
         }
-        int k = count++;
-        for (; k > 0 && word[k - 1] > entry; --k) word[k] = word[k - 1];
-        word[k] = entry;
     }
 };
 
-// Counting sort of the seats into bins. Within a bin their order depends on timing, but `Found`
-// sorts them.
+// Counting sort of the seats into bins. Within a bin their order depends on timing, but what
+// is found gets sorted.
 __device__ void fill_bins(Position s, int t) {
     Shared& sh = shared();
     const int nx = sh.control.bins[0];
@@ -102,29 +119,36 @@ __device__ void fill_bins(Position s, int t) {
     __syncthreads();
 }
 
-// Nearest images in the 3 x 3 bins around the disc in seat t.
-__device__ void find_binned(Found& found, Position s, Real r, int t) {
+// Nearest images among the seats `bin[first..end]`.
+__device__ inline void find_in(Found& found, int first, int end, Position s, Real r, int t) {
     const Shared& sh = shared();
-    const Real skin = Real(sh.control.header.skin);
-    const int nx = sh.control.bins[0];
-    const int ny = sh.control.bins[1];
+    const Real* const cell = sh.control.cell;
+    const Real reach = r + Real(sh.control.header.skin);
+#pragma unroll 1
+    for (int k = first; k < end; ++k) {
+        const int j = sh.search.bin[k];
+        const Real range = reach + sh.search.radius[j];
+        const Vec d = nearest(s, sh.position[j]);
+        if (length2(cell, d) < range * range && j != t) found.add(unsigned(sh.disc[j]) << 16);
+    }
+}
+
+// Nearest images in the 3 x 3 bins around the disc in seat t. Bins of a row follow each other.
+__device__ void find_binned(Found& found, Position s, Real r, int t) {
+    const unsigned* const bin_end = shared().search.bin_end;
+    const int nx = shared().control.bins[0];
+    const int ny = shared().control.bins[1];
     const int bx = bin_of(s.x, nx);
     const int by = bin_of(s.y, ny);
+    const auto start = [&](int bin) { return bin == 0 ? 0 : int(bin_end[bin - 1]); };
+#pragma unroll 1
     for (int dy = -1; dy <= 1; ++dy) {
         const int y = by + dy < 0 ? ny - 1 : by + dy == ny ? 0 : by + dy;
-        for (int dx = -1; dx <= 1; ++dx) {
-            const int x = bx + dx < 0 ? nx - 1 : bx + dx == nx ? 0 : bx + dx;
-            const int bin = y * nx + x;
-            const int end = int(sh.search.bin_end[bin]);
-            for (int k = bin == 0 ? 0 : int(sh.search.bin_end[bin - 1]); k < end; ++k) {
-                const int j = sh.search.bin[k];
-                const Real range = r + sh.search.radius[j] + skin;
-                const Vec d = nearest(s, sh.position[j]);
-                if (j != t && length2(sh.control.cell, d) < range * range) {
-                    found.insert(unsigned(sh.disc[j]) << 16);
-                }
-            }
-        }
+        const int row = y * nx;
+        find_in(found, start(row + max(bx - 1, 0)), int(bin_end[row + min(bx + 1, nx - 1)]), s, r, t);
+        // The bin across the edge of the cell.
+        const int across = row + (bx == 0 ? nx - 1 : 0);
+        if (bx == 0 || bx == nx - 1) find_in(found, start(across), int(bin_end[across]), s, r, t);
     }
 }
 
@@ -134,6 +158,7 @@ __device__ void find_all_images(Found& found, Position s, Real r, int t) {
     const double skin = sh.control.header.skin;
     const Matrix h = sh.control.header.cell;
     const double2 w = widths(h);
+#pragma unroll 1
     for (int j = 0; j < DISCS; ++j) {
         const double range = double(r) + double(sh.search.radius[j]) + skin;
         const Vec d = nearest(s, sh.position[j]);
@@ -161,7 +186,7 @@ __device__ void find_all_images(Found& found, Position s, Real r, int t) {
                     found.full = true;
                     continue;
                 }
-                found.insert(unsigned(sh.disc[j]) << 16 | image_code(shift_y, uy) << 7 |
+                found.add(unsigned(sh.disc[j]) << 16 | image_code(shift_y, uy) << 7 |
                              image_code(shift_x, ux));
             }
         }
@@ -323,36 +348,42 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
         if (has_disc) find_binned(found, s, disc.r, t);
     }
     if (found.full) c.status = LIST_FULL;
+    found.sort();
 
+    // Masks over what was found.
     unsigned owned = 0;
-    Real tangential[ROWS];
     for (int row = 0; row < found.count; ++row) {
         const unsigned word = found.word[row];
+        const Position other = sh.position[sh.seat[word >> 16]];
+        owned |= unsigned(owns(i, s, word >> 16, other, imaged, word & 0xffffu)) << row;
+    }
+    const unsigned others = ((1u << found.count) - 1u) & ~owned;
+    Real tangential[ROWS];
+    int count = 0;
+    for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count) {
+        const unsigned word = found.word[__ffs(int(rest)) - 1];
         const int j = sh.seat[word >> 16];
-        if (!owns(i, s, word >> 16, sh.position[j], imaged, word & 0xffffu)) continue;
-        owned |= 1u << row;
-        tangential[row] = history(t, j, word, t);
-        if (tangential[row] == Real(0)) tangential[row] = history(t, j, word, j);
+        Real force = history(t, j, word, t);
+        if (force == Real(0)) force = history(t, j, word, j);
+        tangential[count] = force;
     }
     // All have read what goes by the old seats.
     __syncthreads();
-    const int owned_count = __popc(owned);
-    take_seat(owned_count, found.count - owned_count, i, has_disc, t);
+    take_seat(__popc(owned), __popc(others), i, has_disc, t);
     if (c.status != OK) return;
 
     const int seat = sh.seat[i];
     const Rows rows = sh.rows[seat];
     int slot = rows.owned;
-    for (int row = 0; row < found.count; ++row) {
-        if ((owned >> row & 1u) == 0) continue;
-        const unsigned word = found.word[row];
+    count = 0;
+    for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count, slot += LANES) {
+        const unsigned word = found.word[__ffs(int(rest)) - 1];
         const Disc other = discs[word >> 16];
         sh.slot.neighbour[slot] = sh.seat[word >> 16] * sizeof(Position) | word << 16;
         sh.slot.pair[slot] = {
             disc.r + other.r,
             p.dashpot * sqrt(p.normal_stiffness / (disc.inv_mass + other.inv_mass))};
-        sh.slot.tangential[slot] = tangential[row];
-        slot += LANES;
+        sh.slot.tangential[slot] = tangential[count];
     }
     sh.position[seat] = s;
     sh.motion[seat] = m;
@@ -362,9 +393,8 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
     __syncthreads();
 
     slot = rows.incoming;
-    for (int row = 0; row < found.count; ++row) {
-        if ((owned >> row & 1u) != 0) continue;
-        const unsigned word = found.word[row];
+    for (unsigned rest = others; rest != 0; rest &= rest - 1, slot += LANES) {
+        const unsigned word = found.word[__ffs(int(rest)) - 1];
         const unsigned image = imaged ? reversed(word >> 7 & 127u) << 7 | reversed(word & 127u) : 0;
         const int at_owner =
             owner_slot(sh.seat[word >> 16], seat * sizeof(Position) | image << 16);
@@ -372,7 +402,6 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
         if (at_owner < 0) c.status = LIST_FULL;
         sh.slot.incoming[slot] = (unsigned short)max(at_owner, 0);
         batch.incoming[size_t(rve) * INCOMING_SLOTS + slot] = sh.slot.incoming[slot];
-        slot += LANES;
     }
     for (int k = t; k < int(c.header.owned); k += THREADS) {
         batch.neighbour[size_t(rve) * SLOTS + k] = sh.slot.neighbour[k];

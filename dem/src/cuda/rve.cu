@@ -47,16 +47,25 @@ __device__ void fetch_list(const Batch& b, unsigned rve, int t) {
     copy_async(slot.incoming, b.incoming + size_t(rve) * INCOMING_SLOTS, incoming * sizeof(unsigned short), t);
 }
 
+// Leaves the RVE as it was before this macro step, for good; one thread.
+__device__ void fail(const Batch& batch, unsigned rve) {
+    Header& h = batch.header[rve];
+    h.status = shared().control.status;
+    h.steps += 1;
+    atomicMin(batch.failed, int(rve));
+}
+
 // Stress and state of the RVE from the sums over its discs (homogenise.rs); one thread.
 __device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, const Partial& sums) {
     Control& c = shared().control;
     Header& h = c.header;
     State state = {};
     state.area = determinant(h.cell);
-    const double weight = 1.0 / (state.area * p.thickness * p.samples);
+    const double inverse_area = 1.0 / state.area;
+    const double weight = inverse_area * p.stress_weight;
     const double shear = 0.5 * weight * double(sums.sum[2]);
     state.stress = {weight * double(sums.sum[0]), shear, shear, weight * double(sums.sum[1])};
-    state.solid_fraction = h.solid / state.area;
+    state.solid_fraction = h.solid * inverse_area;
     state.coordination = 2.0 * double(sums.sum[3]) / DISCS;
     state.relative_overlap = double(sums.largest);
     state.min_width = min_width(h.cell);
@@ -114,13 +123,8 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     if (c.action != ADVANCE) {
         wait_for_copies();
         if (c.action == RESTART) copy_packing(batch, rve, p.rves, t);
-        if (t == 0) {
-            if (c.status != OK) {
-                c.header.status = c.status;
-                atomicMin(batch.failed, int(rve));
-            }
-            batch.header[rve] = c.header;
-        }
+        if (t == 0 && c.status == OK) batch.header[rve] = c.header;
+        if (t == 0 && c.status != OK) fail(batch, rve);
         return;
     }
 
@@ -148,7 +152,6 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         if (stale) {
             sh.search.virial[t] = total.virial;
             search(batch, p, discs);
-            if (c.status != OK) break;
             disc = discs[sh.disc[t]];
             reference = sh.position[t];
             total.virial = sh.search.virial[t];
@@ -158,7 +161,10 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
             if (warp == 0) plan_substeps(p, done, lane);
             __syncthreads();
         }
-        if (c.status != OK) break;
+        if (c.status != OK) {
+            if (t == 0) fail(batch, rve);
+            return;
+        }
         done += c.header.imaged ? advance_substeps<true>(p, disc, reference, total, stale, t)
                                 : advance_substeps<false>(p, disc, reference, total, stale, t);
         if (done == int(p.substeps)) break;

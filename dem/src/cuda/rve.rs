@@ -360,7 +360,7 @@ unsafe impl DeviceRepr for Arrays {}
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parameters<R> {
     dt: f64,
-    thickness: f64,
+    stress_weight: f64,
     least_skin: f64,
     skin: f64,
     free_solid_fraction: f64,
@@ -387,7 +387,7 @@ impl<R: Real> Parameters<R> {
         let skin = p.skin * p.radius_max;
         Self {
             dt: sub.dt,
-            thickness: p.thickness,
+            stress_weight: 1.0 / (p.thickness * sub.samples as f64),
             least_skin: LEAST_SKIN * skin,
             skin,
             free_solid_fraction: p.free_solid_fraction,

@@ -45,9 +45,9 @@ struct Rows {
 /// Enough for any packing.
 const AMPLE: Rows = Rows { per_warp: 4.5, more: 16 };
 /// Enough for packings of a collapse: fewer blocks at a time rather than fewer rows.
-const USUAL: Rows = Rows { per_warp: 3.5, more: 8 };
+const USUAL: Rows = Rows { per_warp: 3.0, more: 8 };
 /// What a block alone on a multiprocessor has to be content with.
-const LEAST: Rows = Rows { per_warp: 2.6, more: 4 };
+const LEAST: Rows = Rows { per_warp: 2.65, more: 2 };
 
 impl Shape {
     /// The layout for RVEs of `discs` discs on a GPU.
