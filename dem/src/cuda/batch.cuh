@@ -90,6 +90,11 @@ struct State {
     unsigned searches, free, thin, unused;
 };
 
+// The order of RVEs in the next launch, as far as it is known.
+struct Queue {
+    unsigned launch, front, back, finished;
+};
+
 // Arrays over RVEs; index `rves` holds the fresh packing.
 struct Batch {
     Header* header;
@@ -115,6 +120,9 @@ struct Batch {
     double* area_ratio;
     // Lowest index of an RVE that failed.
     int* failed;
+    // RVE of each block, in launches of even and of odd number.
+    uint2* turn;
+    Queue* queue;
 };
 
 struct Parameters {

@@ -25,7 +25,9 @@ __device__ State free_state(double area, double solid_fraction) {
 }
 
 // What happens before discs move; one thread.
-__device__ Action begin(Control& c, const Batch& b, const Parameters& p, int rve, const Matrix& l) {
+__device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigned rve,
+                        const Matrix& l) {
+    c.rve = rve;
     c.header = b.header[rve];
     c.searches = 0;
     c.thin = 0;

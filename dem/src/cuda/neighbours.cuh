@@ -2,12 +2,12 @@
 //
 // A list is kept in shared memory from search to search, and in device memory between launches.
 
-// A skin weighs searches against pairs listed in vain. A search costs as much as about 8 substeps
+// A skin weighs searches against pairs listed in vain. A search costs as much as about 16 substeps
 // and is due whenever the fastest disc has moved half the skin; every skin of one largest radius
 // makes a substep 0.4 times dearer. With n substeps in which the fastest disc moves v, the cost
-// 8 * 2 v / skin + 0.4 n skin / r_max is least at this skin for n = 9.
+// 16 * 2 v / skin + 0.4 n skin / r_max is least at this skin for n = 9.
 __device__ inline double best_skin(double travel, const Header& h, const Parameters& p) {
-    const double skin = 2.0 * sqrt(0.5 * h.reach * travel);
+    const double skin = 3.0 * sqrt(0.5 * h.reach * travel);
     return fmin(fmax(skin, p.least_skin), p.skin);
 }
 
@@ -123,11 +123,12 @@ __device__ void fill_bins(Position s, int t) {
 __device__ inline void find_in(Found& found, int first, int end, Position s, Real r, int t) {
     const Shared& sh = shared();
     const Real* const cell = sh.control.cell;
-    const Real reach = r + Real(sh.control.header.skin);
+    const Real skin = Real(sh.control.header.skin);
 #pragma unroll 1
     for (int k = first; k < end; ++k) {
         const int j = sh.search.bin[k];
-        const Real range = reach + sh.search.radius[j];
+        // Summed in this order both discs of a pair find the same.
+        const Real range = r + sh.search.radius[j] + skin;
         const Vec d = nearest(s, sh.position[j]);
         if (length2(cell, d) < range * range && j != t) found.add(unsigned(sh.disc[j]) << 16);
     }
@@ -314,7 +315,7 @@ __device__ int owner_slot(int j, unsigned word) {
 __device__ __noinline__ void search(const Batch& batch, const Parameters& p, const Disc* discs) {
     Shared& sh = shared();
     Control& c = sh.control;
-    const unsigned rve = blockIdx.x;
+    const unsigned rve = c.rve;
     const int t = int(threadIdx.x);
     const bool has_disc = t < DISCS;
     const int i = sh.disc[t];

@@ -88,36 +88,40 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
             const Matrix* __restrict__ velocity_gradient) {
     Shared& sh = shared();
     Control& c = sh.control;
-    const unsigned rve = blockIdx.x;
+    const unsigned rve = next_rve(batch);
     const int t = int(threadIdx.x);
     const int lane = t % LANES;
     const int warp = t / LANES;
     const unsigned mine = rve * THREADS + t;
 
-    // Into the order of seats, and the momentum in the order of discs. Threads without a disc hold
-    // one at rest that nobody sees.
-    fetch_list(batch, rve, t);
+    // All loads first, to wait only once.
+    const int seat_now = batch.seat[mine];
+    const Position position = batch.position[mine];
+    const Position at_search = batch.reference[mine];
+    const Vec velocity = batch.velocity[mine];
+    const Real spin = batch.spin[mine];
+    const Rows rows = batch.rows[mine];
     const Disc* const discs = batch.disc + size_t(batch.header[rve].grading) * THREADS;
-    {
-        const int seat = batch.seat[mine];
-        const Vec velocity = batch.velocity[mine];
-        sh.seat[t] = (unsigned short)seat;
-        sh.disc[seat] = (unsigned short)t;
-        sh.rows[t] = batch.rows[mine];
-        sh.position[seat] = batch.position[mine];
-        sh.reference[seat] = batch.reference[mine];
-        sh.motion[seat] = {velocity.x, velocity.y, Real(0.5) * batch.spin[mine], Real(0)};
-        const Real mass = Real(1) / discs[t].inv_mass;
-        const Vec momentum = {warp_sum(mass * velocity.x), warp_sum(mass * velocity.y)};
-        if (lane == 0) {
-            sh.partial[warp].sum[0] = momentum.x;
-            sh.partial[warp].sum[1] = momentum.y;
-        }
-    }
+    fetch_list(batch, rve, t);
     if (warp == 0) {
         if (lane == 0) c.action = begin(c, batch, p, rve, velocity_gradient[rve]);
         __syncwarp();
         if (c.action == ADVANCE) plan_substeps(p, 0, lane);
+    }
+
+    // Into the order of seats, and the momentum in the order of discs. Threads without a disc hold
+    // one at rest that nobody sees.
+    sh.seat[t] = (unsigned short)seat_now;
+    sh.disc[seat_now] = (unsigned short)t;
+    sh.rows[t] = rows;
+    sh.position[seat_now] = position;
+    sh.reference[seat_now] = at_search;
+    sh.motion[seat_now] = {velocity.x, velocity.y, Real(0.5) * spin, Real(0)};
+    const Real mass = Real(1) / discs[t].inv_mass;
+    const Vec momentum = {warp_sum(mass * velocity.x), warp_sum(mass * velocity.y)};
+    if (lane == 0) {
+        sh.partial[warp].sum[0] = momentum.x;
+        sh.partial[warp].sum[1] = momentum.y;
     }
     __syncthreads();
     if (c.action != ADVANCE) {
@@ -125,6 +129,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         if (c.action == RESTART) copy_packing(batch, rve, p.rves, t);
         if (t == 0 && c.status == OK) batch.header[rve] = c.header;
         if (t == 0 && c.status != OK) fail(batch, rve);
+        if (t == 0) queue_again(batch, rve, c.action == RESTART);
         return;
     }
 
@@ -148,6 +153,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
 
     Totals total = {};
     int done = 0;
+    int planned = 0;
     while (true) {
         if (stale) {
             sh.search.virial[t] = total.virial;
@@ -163,12 +169,18 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         }
         if (c.status != OK) {
             if (t == 0) fail(batch, rve);
+            if (t == 0) queue_again(batch, rve, false);
             return;
         }
-        done += c.header.imaged ? advance_substeps<true>(p, disc, reference, total, stale, t)
-                                : advance_substeps<false>(p, disc, reference, total, stale, t);
+        planned = c.header.imaged ? advance_substeps<true>(p, disc, reference, total, stale, t)
+                                  : advance_substeps<false>(p, disc, reference, total, stale, t);
+        done += planned;
         if (done == int(p.substeps)) break;
     }
+
+    // Half of the squared way to the next search is done.
+    const Real half = Real(0.5) * sh.substep[planned].allowed2;
+    const bool slow = t < DISCS && moved_far(reference, sh.position[t], half);
 
     // Back into the order of discs.
     sh.virial[t] = total.virial;
@@ -186,7 +198,8 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     Partial part = {{warp_sum(virial.xx), warp_sum(virial.yy), warp_sum(virial.shear),
                      warp_sum(Real(total.contacts))},
                     warp_max(total.relative_overlap),
-                    __any_sync(ALL, broken)};
+                    __any_sync(ALL, broken),
+                    __any_sync(ALL, slow)};
     if (lane == 0) sh.partial[warp] = part;
     __syncthreads();
     if (warp > 0) return;
@@ -194,6 +207,10 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     part = {{warp_sum(part.sum[0]), warp_sum(part.sum[1]), warp_sum(part.sum[2]),
              warp_sum(part.sum[3])},
             warp_max(part.largest),
-            __any_sync(ALL, part.broken)};
-    if (lane == 0) finish(batch, p, rve, part);
+            __any_sync(ALL, part.broken),
+            __any_sync(ALL, part.slow)};
+    if (lane == 0) {
+        finish(batch, p, rve, part);
+        queue_again(batch, rve, part.slow);
+    }
 }

@@ -29,6 +29,7 @@ macro_rules! sources {
 /// The source of the kernel.
 pub const RVE_SOURCE: &str = sources!(
     "batch.cuh",
+    "queue.cuh",
     "shared.cuh",
     "cell.cuh",
     "position.cuh",
@@ -70,6 +71,8 @@ pub struct CudaRveBatch<R: CudaReal> {
     stress: CudaSlice<f64>,
     area_ratio: CudaSlice<f64>,
     failed: CudaSlice<i32>,
+    turn: CudaSlice<[u32; 2]>,
+    queue: CudaSlice<u32>,
 }
 
 /// What a kernel takes of a multiprocessor.
@@ -118,6 +121,8 @@ impl<R: CudaReal> CudaRveBatch<R> {
             stress: device.zeros(4 * rves)?,
             area_ratio: device.upload(&vec![1.0; rves])?,
             failed: device.upload(&[i32::MAX])?,
+            turn: device.upload(&(0..rves as u32).map(|k| [k, k]).collect::<Vec<_>>())?,
+            queue: device.zeros(4)?,
             device: device.clone(),
         })
     }
@@ -221,6 +226,8 @@ impl<R: CudaReal> CudaRveBatch<R> {
             stress: address(&self.stress, stream),
             area_ratio: address(&self.area_ratio, stream),
             failed: address(&self.failed, stream),
+            turn: address(&self.turn, stream),
+            queue: address(&self.queue, stream),
         };
         let parameters = Parameters::<R>::new(&self.parameters, dt, self.rves);
         let mut launch = stream.launch_builder(&self.kernel);
@@ -350,6 +357,8 @@ pub(super) struct Arrays {
     pub stress: u64,
     pub area_ratio: u64,
     pub failed: u64,
+    pub turn: u64,
+    pub queue: u64,
 }
 
 // SAFETY: device addresses, in the order of `batch.cuh`.

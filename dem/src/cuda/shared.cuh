@@ -46,6 +46,7 @@ struct alignas(16) Control {
     unsigned thin;
     Action action;
     Status status;
+    unsigned rve;
 };
 
 // Listed pairs at their owners' seats: for each warp, rows of one slot per lane.
@@ -70,7 +71,7 @@ struct Virial {
 struct Partial {
     Real sum[4];
     Real largest;
-    int broken;
+    int broken, slow;
 };
 
 // Search bins along each cell vector, at most.
