@@ -95,7 +95,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     const unsigned mine = rve * THREADS + t;
 
     // All loads first, to wait only once.
-    const int seat_now = batch.seat[mine];
+    const int first_seat = batch.seat[mine];
     const Position position = batch.position[mine];
     const Position at_search = batch.reference[mine];
     const Vec velocity = batch.velocity[mine];
@@ -111,12 +111,12 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
 
     // Into the order of seats, and the momentum in the order of discs. Threads without a disc hold
     // one at rest that nobody sees.
-    sh.seat[t] = (unsigned short)seat_now;
-    sh.disc[seat_now] = (unsigned short)t;
+    sh.seat[t] = (unsigned short)first_seat;
+    sh.disc[first_seat] = (unsigned short)t;
     sh.rows[t] = rows;
-    sh.position[seat_now] = position;
-    sh.reference[seat_now] = at_search;
-    sh.motion[seat_now] = {velocity.x, velocity.y, Real(0.5) * spin, Real(0)};
+    sh.position[first_seat] = position;
+    sh.reference[first_seat] = at_search;
+    sh.motion[first_seat] = {velocity.x, velocity.y, Real(0.5) * spin, Real(0)};
     const Real mass = Real(1) / discs[t].inv_mass;
     const Vec momentum = {warp_sum(mass * velocity.x), warp_sum(mass * velocity.y)};
     if (lane == 0) {

@@ -35,6 +35,7 @@ pub const RVE_SOURCE: &str = sources!(
     "position.cuh",
     "macro_step.cuh",
     "neighbours.cuh",
+    "list.cuh",
     "substeps.cuh",
     "rve.cu"
 );

@@ -31,7 +31,7 @@ const REGISTERS_PER_MULTIPROCESSOR: usize = 65_536;
 const BLOCKS_PER_MULTIPROCESSOR: usize = 32;
 /// Shared memory that CUDA keeps of each block (bytes).
 const SYSTEM_SHARED: usize = 1024;
-/// Most rows: `neighbours.cuh` marks them in a 32-bit mask.
+/// Most rows: `list.cuh` marks them in a 32-bit mask.
 const MOST_ROWS: usize = 31;
 
 /// Rows of slots per warp, on average. Near pairs form a planar network, so a disc owns less than 3
