@@ -90,9 +90,11 @@ struct State {
     unsigned searches, free, thin, unused;
 };
 
-// The order of RVEs in the next launch, as far as it is known.
+// RVEs queued for the next launch, from the front (upper half) and from the back, and the number of
+// this launch.
 struct Queue {
-    unsigned launch, front, back, finished;
+    unsigned long long queued;
+    unsigned launch;
 };
 
 // Arrays over RVEs; index `rves` holds the fresh packing.

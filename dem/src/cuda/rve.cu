@@ -88,7 +88,8 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
             const Matrix* __restrict__ velocity_gradient) {
     Shared& sh = shared();
     Control& c = sh.control;
-    const unsigned rve = next_rve(batch);
+    const unsigned launch = batch.queue->launch;
+    const unsigned rve = next_rve(batch, launch);
     const int t = int(threadIdx.x);
     const int lane = t % LANES;
     const int warp = t / LANES;
@@ -129,7 +130,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         if (c.action == RESTART) copy_packing(batch, rve, p.rves, t);
         if (t == 0 && c.status == OK) batch.header[rve] = c.header;
         if (t == 0 && c.status != OK) fail(batch, rve);
-        if (t == 0) queue_again(batch, rve, c.action == RESTART);
+        if (t == 0) queue_again(batch, launch, rve, c.action == RESTART);
         return;
     }
 
@@ -169,7 +170,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         }
         if (c.status != OK) {
             if (t == 0) fail(batch, rve);
-            if (t == 0) queue_again(batch, rve, false);
+            if (t == 0) queue_again(batch, launch, rve, false);
             return;
         }
         planned = c.header.imaged ? advance_substeps<true>(p, disc, reference, total, stale, t)
@@ -178,13 +179,12 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         if (done == int(p.substeps)) break;
     }
 
-    // Half of the squared way to the next search is done.
-    const Real half = Real(0.5) * sh.substep[planned].allowed2;
-    const bool slow = t < DISCS && moved_far(reference, sh.position[t], half);
-
-    // Back into the order of discs.
+    // Back into the order of discs. A search may be due soon where half of the squared way to it is
+    // done.
     sh.virial[t] = total.virial;
-    __syncthreads();
+    const Real half = Real(0.5) * sh.substep[planned].allowed2;
+    const bool slow = __syncthreads_or(t < DISCS && moved_far(reference, sh.position[t], half));
+    if (t == THREADS - 1) queue_again(batch, launch, rve, slow);
     const int seat = sh.seat[t];
     const Motion m = sh.motion[seat];
     const Virial virial = sh.virial[seat];
@@ -198,8 +198,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     Partial part = {{warp_sum(virial.xx), warp_sum(virial.yy), warp_sum(virial.shear),
                      warp_sum(Real(total.contacts))},
                     warp_max(total.relative_overlap),
-                    __any_sync(ALL, broken),
-                    __any_sync(ALL, slow)};
+                    __any_sync(ALL, broken)};
     if (lane == 0) sh.partial[warp] = part;
     __syncthreads();
     if (warp > 0) return;
@@ -207,10 +206,6 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     part = {{warp_sum(part.sum[0]), warp_sum(part.sum[1]), warp_sum(part.sum[2]),
              warp_sum(part.sum[3])},
             warp_max(part.largest),
-            __any_sync(ALL, part.broken),
-            __any_sync(ALL, part.slow)};
-    if (lane == 0) {
-        finish(batch, p, rve, part);
-        queue_again(batch, rve, part.slow);
-    }
+            __any_sync(ALL, part.broken)};
+    if (lane == 0) finish(batch, p, rve, part);
 }

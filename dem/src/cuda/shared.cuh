@@ -71,7 +71,7 @@ struct Virial {
 struct Partial {
     Real sum[4];
     Real largest;
-    int broken, slow;
+    int broken;
 };
 
 // Search bins along each cell vector, at most.

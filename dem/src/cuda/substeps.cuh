@@ -109,7 +109,7 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
 // Adds the reactions of the pairs that the disc does not own.
 __device__ inline void add_reactions(Resistance& sum, int slot, int end) {
     const Shared& sh = shared();
-#pragma unroll 2
+#pragma unroll 1
     for (; slot < end; slot += LANES) {
         const unsigned at_owner = sh.slot.incoming[slot];
         const Vec force = sh.reaction.force[at_owner];
