@@ -296,6 +296,25 @@ fn many_are_each_alone() {
     }
 }
 
+/// Both discs of a pair must find it, to the last bit of its distance: one search in some thousands
+/// has a pair that close to its range.
+#[test]
+fn thousands_of_searches() {
+    let Some(device) = gpu::for_tests() else { return };
+    let (p, packing) = dense::<f32>();
+    let rves = 2000;
+    let mut twin = CudaRveBatch::upload(&device, &batch(&p, &vec![packing; rves])).unwrap();
+    let shear = |k: usize| Matrix2::new(0.0, 20.0 + 0.04 * k as f64, 0.0, 0.0);
+    let gradients: Vec<_> = (0..rves).map(shear).collect();
+    let mut states = vec![RveState::default(); rves];
+    let mut searches = 0;
+    for _ in 0..40 {
+        twin.advance(DT, &gradients, &mut states).unwrap();
+        searches += states.iter().map(|s| s.searches).sum::<u32>();
+    }
+    assert!(searches > 10_000, "{searches}");
+}
+
 /// A download and upload at any macro step changes nothing, bit by bit.
 fn restart<R: CudaReal>(p: &RveParameters, packing: &Packing<R>, l: Matrix2<f64>) {
     let Some(device) = gpu::for_tests() else { return };

@@ -1,107 +1,195 @@
-//! A Verlet list as the two-sided lists of the GPU.
+//! A Verlet list as the slots of the GPU, described in `rve.cu` and `shared.cuh`.
 
+use std::cmp::Reverse;
+
+use super::error::RveFailure;
+use super::shape::{Shape, WARP};
 use crate::contact::ContactLaw;
 use crate::neighbours::{Image2, Neighbours};
 use crate::packing::{Disc, Pair};
 use crate::real::{Image, Real};
 
-/// One neighbour of a disc, as in `rve.cu`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Entry<R> {
-    pub neighbour: u16,
-    /// Row of the neighbour's list that has the same pair.
-    pub partner: u16,
+/// The list of one RVE in the arrays of `Batch` in `batch.cuh`.
+pub(super) struct SlotList<'a, R> {
+    pub seat: &'a mut [u16],
+    /// `Rows` of `batch.cuh`: first and end of the owned slots, and of the others.
+    pub rows: &'a mut [[u16; 4]],
+    pub neighbour: &'a mut [u32],
+    pub pair: &'a mut [[R; 2]],
+    pub tangential: &'a mut [R],
+    pub incoming: &'a mut [u16],
+}
+
+/// A pair as one of its discs sees it.
+#[derive(Clone, Copy)]
+struct Side {
+    neighbour: u16,
     /// [`image_code`], 0 where all neighbours are nearest images.
-    pub image: u16,
-    /// Tangential force, zero where the neighbour owns the pair.
-    pub tangential: R,
+    image: u16,
+    /// Index in the CPU's list.
+    pair: usize,
 }
 
-impl<R: Real> Entry<R> {
-    /// `partner` above the ten bits of `neighbour`.
-    pub fn packed(&self) -> u16 {
-        self.neighbour | self.partner << 10
-    }
+/// What a disc owns, and what it does not; ascending by neighbour and image.
+#[derive(Clone, Default)]
+struct Sides([Vec<Side>; 2]);
 
-    pub fn unpack(packed: u16, image: u16, tangential: R) -> Self {
-        Self { neighbour: packed & 1023, partner: packed >> 10, image, tangential }
+impl Sides {
+    fn rows(&self, kind: usize) -> usize {
+        self.0[kind].len()
     }
 }
 
-/// The neighbours of every disc, seen from both sides of each pair, in the order of the GPU's lists.
-pub(super) fn two_sided<R: Real>(list: &Neighbours<R>, discs: usize) -> Vec<Vec<Entry<R>>> {
-    let mut sides = vec![Vec::new(); discs];
+impl<R: Real> SlotList<'_, R> {
+    /// Lays out a list and returns how many slots it takes, of pairs at their owners and of the
+    /// same at the other discs. Seats need not be those that the kernel would choose.
+    ///
+    /// # Errors
+    /// The list does not fit.
+    pub fn put(
+        &mut self,
+        list: &Neighbours<R>,
+        discs: &[Disc<R>],
+        shape: &Shape,
+    ) -> Result<[u32; 2], RveFailure> {
+        let full = RveFailure::ListFull { rows: shape.rows };
+        if !list.images.iter().all(|&image| fits_code(image)) {
+            return Err(full);
+        }
+        let sides = sides(list, discs);
+        if sides.iter().any(|s| s.rows(0) + s.rows(1) > shape.rows) {
+            return Err(full);
+        }
+
+        // Discs by seat, and threads without one.
+        let mut order: Vec<usize> = (0..discs.len()).collect();
+        order.sort_by_key(|&i| Reverse((sides[i].rows(0), sides[i].rows(1))));
+        order.extend(discs.len()..shape.threads);
+        for (seat, &i) in order.iter().enumerate() {
+            self.seat[i] = seat as u16;
+        }
+        order.truncate(discs.len());
+        let mut used = [0; 2];
+        for (kind, room) in [shape.slots, shape.incoming_slots()].into_iter().enumerate() {
+            for (warp, seated) in order.chunks(WARP).enumerate() {
+                let most = seated.iter().map(|&i| sides[i].rows(kind)).max().unwrap_or(0);
+                if used[kind] + WARP * most > room {
+                    return Err(RveFailure::SlotsFull { slots: shape.slots });
+                }
+                for (lane, &i) in seated.iter().enumerate() {
+                    let first = used[kind] + lane;
+                    let range = [first, first + WARP * sides[i].rows(kind)].map(|n| n as u16);
+                    self.rows[WARP * warp + lane][2 * kind..][..2].copy_from_slice(&range);
+                }
+                used[kind] += WARP * most;
+            }
+        }
+
+        let mut slot_of_pair = vec![0; list.pairs.len()];
+        for (seat, &i) in order.iter().enumerate() {
+            let [first, end, ..] = self.rows[seat];
+            for (slot, side) in slots(first, end).zip(&sides[i].0[0]) {
+                let (pair, j) = (&list.pairs[side.pair], side.neighbour as usize);
+                slot_of_pair[side.pair] = slot;
+                self.neighbour[slot] =
+                    position_offset::<R>(self.seat[j]) | u32::from(side.image) << 16;
+                self.pair[slot] = [discs[i].r + discs[j].r, pair.dashpot];
+                self.tangential[slot] = pair.tangential;
+            }
+        }
+        for (seat, &i) in order.iter().enumerate() {
+            let [.., first, end] = self.rows[seat];
+            for (slot, side) in slots(first, end).zip(&sides[i].0[1]) {
+                self.incoming[slot] = slot_of_pair[side.pair] as u16;
+            }
+        }
+        Ok(used.map(|n| n as u32))
+    }
+
+    /// The pairs, each once, in the order of [`Neighbours`]. `imaged` tells whether the list holds
+    /// other images than the nearest.
+    pub fn get(
+        &self,
+        imaged: bool,
+        discs: &[Disc<R>],
+        law: &ContactLaw<R>,
+    ) -> (Vec<Pair<R>>, Vec<Image2>) {
+        let mut disc = vec![0; self.seat.len()];
+        for (i, &seat) in self.seat.iter().enumerate() {
+            disc[seat as usize] = i;
+        }
+        let mut found = Vec::new();
+        for (seat, &owner) in disc.iter().enumerate().take(discs.len()) {
+            let [first, end, ..] = self.rows[seat];
+            for slot in slots(first, end) {
+                let word = self.neighbour[slot];
+                let other = disc[((word & 0xffff) / position_offset::<R>(1)) as usize];
+                let mut image = (word >> 16) as u16;
+                if owner > other && imaged {
+                    image = image_code(from_image_code(image).map(reversed));
+                }
+                let (i, j) = (owner.min(other), owner.max(other));
+                found.push((i, j, image, self.tangential[slot]));
+            }
+        }
+        found.sort_unstable_by_key(|&(i, j, image, _)| (i, j, image));
+        let pairs = found
+            .iter()
+            .map(|&(i, j, _, tangential)| Pair {
+                i: i as u16,
+                j: j as u16,
+                tangential,
+                dashpot: law.dashpot(&discs[i], &discs[j]),
+            })
+            .collect();
+        let images = found.iter().filter(|_| imaged).map(|f| from_image_code(f.2)).collect();
+        (pairs, images)
+    }
+}
+
+/// The slots of a disc: one in every row of its warp.
+fn slots(first: u16, end: u16) -> impl Iterator<Item = usize> {
+    (usize::from(first)..usize::from(end)).step_by(WARP)
+}
+
+/// Offset of a seat in the array of positions (bytes).
+fn position_offset<R: Real>(seat: u16) -> u32 {
+    u32::from(seat) * size_of::<[R::Fraction; 2]>() as u32
+}
+
+fn sides<R: Real>(list: &Neighbours<R>, discs: &[Disc<R>]) -> Vec<Sides> {
+    let imaged = !list.images.is_empty();
+    let at_search = |i: u16| {
+        let i = usize::from(i);
+        list.reference.get(i).copied().unwrap_or(discs[i].s)
+    };
+    let mut sides = vec![Sides::default(); discs.len()];
     for (index, pair) in list.pairs.iter().enumerate() {
         let (there, back) = list
             .images
             .get(index)
             .map_or((0, 0), |&image| (image_code(image), image_code(image.map(reversed))));
         for (i, j, image) in [(pair.i, pair.j, there), (pair.j, pair.i, back)] {
-            let tangential = if owns(i, j, image) { pair.tangential } else { R::default() };
-            let partner = 0;
-            sides[i as usize].push(Entry { neighbour: j, partner, image, tangential });
+            let up = (!imaged).then(|| R::nearest(at_search(i)[1], at_search(j)[1]).to_f64());
+            let side = Side { neighbour: j, image, pair: index };
+            sides[i as usize].0[usize::from(!owns(i, j, up, image))].push(side);
         }
     }
-    for side in &mut sides {
-        side.sort_unstable_by_key(|e| (e.neighbour, e.image));
-    }
-    for i in 0..discs {
-        for row in 0..sides[i].len() {
-            let Entry { neighbour, image, .. } = sides[i][row];
-            let back = if list.images.is_empty() {
-                0
-            } else {
-                image_code(from_image_code(image).map(reversed))
-            };
-            let partner = sides[neighbour as usize]
-                .iter()
-                .position(|e| (e.neighbour as usize, e.image) == (i, back))
-                .expect("pairs are listed from both sides");
-            sides[i][row].partner = partner as u16;
-        }
+    for side in sides.iter_mut().flat_map(|s| &mut s.0) {
+        side.sort_unstable_by_key(|s| (s.neighbour, s.image));
     }
     sides
 }
 
-/// The pairs of two-sided lists, each once, in the order of [`Neighbours`]. `images` tells whether
-/// the lists hold other images than the nearest.
-pub(super) fn one_sided<R: Real>(
-    sides: &[Vec<Entry<R>>],
-    images: bool,
-    discs: &[Disc<R>],
-    law: &ContactLaw<R>,
-) -> (Vec<Pair<R>>, Vec<Image2>) {
-    let mut pairs = Vec::new();
-    let mut pair_images = Vec::new();
-    for (i, side) in sides.iter().enumerate() {
-        for entry in side {
-            let j = entry.neighbour as usize;
-            if j < i || (j == i && !owns(i as u16, entry.neighbour, entry.image)) {
-                continue;
-            }
-            let owner = if owns(i as u16, entry.neighbour, entry.image) {
-                entry
-            } else {
-                &sides[j][entry.partner as usize]
-            };
-            pairs.push(Pair {
-                i: i as u16,
-                j: entry.neighbour,
-                tangential: owner.tangential,
-                dashpot: law.dashpot(&discs[i], &discs[j]),
-            });
-            if images {
-                pair_images.push(from_image_code(entry.image));
-            }
-        }
-    }
-    (pairs, pair_images)
-}
-
-/// Which disc of a pair evaluates it, as in `rve.cu`.
-fn owns(i: u16, j: u16, image: u16) -> bool {
+/// Which disc of a pair evaluates it, as in `position.cuh`. `up`: second reduced coordinate from
+/// `i` to `j`, if only nearest images are listed.
+fn owns(i: u16, j: u16, up: Option<f64>, image: u16) -> bool {
     const ZERO_IMAGE: u16 = 64 << 7 | 64;
-    if i == j { image > ZERO_IMAGE } else { (i < j) == ((i ^ j) & 1 == 0) }
+    match up {
+        _ if i == j => image > ZERO_IMAGE,
+        Some(up) if up != 0.0 => up > 0.0,
+        _ => i < j,
+    }
 }
 
 /// The image of `i` seen from `j`, if `image` is that of `j` seen from `i`: minus the separation.

@@ -1,6 +1,7 @@
 //! RVEs on an NVIDIA GPU: the CUDA twin of [`RveBatch`](crate::RveBatch).
 //!
-//! The kernel is CUDA C++ beside its wrapper (`rve.rs` and `rve.cu`).
+//! The kernel is CUDA C++ beside its wrapper (`rve.rs`): `rve.cu` and, step by step as on the CPU, the
+//! `.cuh` files that it is put together from.
 mod error;
 mod list;
 mod real;

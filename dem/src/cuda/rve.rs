@@ -1,4 +1,4 @@
-//! A batch of RVEs that lives on a GPU. The kernel is `rve.cu`.
+//! A batch of RVEs that lives on a GPU. The kernel is `rve.cu` and the files it is put together from.
 
 use std::sync::Arc;
 
@@ -19,12 +19,29 @@ use crate::parameters::RveParameters;
 use crate::real::Real;
 use crate::rve::{RveState, Substepping};
 
-/// The source of the kernel.
-pub const RVE_SOURCE: &str = include_str!("rve.cu");
+/// Joins sources, so that the compiler's messages name the file and line.
+macro_rules! sources {
+    ($($file:literal),*) => {
+        concat!($("#line 1 \"", $file, "\"\n", include_str!($file)),*)
+    };
+}
 
-/// Gap below which neighbours are visited in every substep, as a fraction of the Verlet skin. Wide
-/// enough that discs hardly ever move half of it within a macro step.
-const ACTIVE_SKIN: f64 = 0.125;
+/// The source of the kernel.
+pub const RVE_SOURCE: &str = sources!(
+    "batch.cuh",
+    "queue.cuh",
+    "shared.cuh",
+    "cell.cuh",
+    "position.cuh",
+    "macro_step.cuh",
+    "neighbours.cuh",
+    "list.cuh",
+    "substeps.cuh",
+    "rve.cu"
+);
+
+/// Narrowest Verlet skin, that of an RVE nearly at rest, as a fraction of the widest.
+const LEAST_SKIN: f64 = 0.1;
 
 /// RVEs of equal parameters on a GPU: the twin of [`RveBatch`].
 ///
@@ -44,15 +61,19 @@ pub struct CudaRveBatch<R: CudaReal> {
     velocity: CudaSlice<[R; 2]>,
     spin: CudaSlice<R>,
     reference: CudaSlice<[R::Fraction; 2]>,
-    listed: CudaSlice<u8>,
-    neighbour: CudaSlice<u16>,
-    image: CudaSlice<u16>,
+    seat: CudaSlice<u16>,
+    rows: CudaSlice<[u16; 4]>,
+    neighbour: CudaSlice<u32>,
+    pair: CudaSlice<[R; 2]>,
     tangential: CudaSlice<R>,
+    incoming: CudaSlice<u16>,
     disc: CudaSlice<[R; 4]>,
     velocity_gradient: CudaSlice<f64>,
     stress: CudaSlice<f64>,
     area_ratio: CudaSlice<f64>,
     failed: CudaSlice<i32>,
+    turn: CudaSlice<[u32; 2]>,
+    queue: CudaSlice<u32>,
 }
 
 /// What a kernel takes of a multiprocessor.
@@ -90,15 +111,19 @@ impl<R: CudaReal> CudaRveBatch<R> {
             velocity: device.upload(&host.velocity)?,
             spin: device.upload(&host.spin)?,
             reference: device.upload(&host.reference)?,
-            listed: device.upload(&host.listed)?,
+            seat: device.upload(&host.seat)?,
+            rows: device.upload(&host.rows)?,
             neighbour: device.upload(&host.neighbour)?,
-            image: device.upload(&host.image)?,
+            pair: device.upload(&host.pair)?,
             tangential: device.upload(&host.tangential)?,
+            incoming: device.upload(&host.incoming)?,
             disc: device.upload(&host.disc)?,
             velocity_gradient: device.zeros(4 * rves)?,
             stress: device.zeros(4 * rves)?,
             area_ratio: device.upload(&vec![1.0; rves])?,
             failed: device.upload(&[i32::MAX])?,
+            turn: device.upload(&(0..rves as u32).map(|k| [k, k]).collect::<Vec<_>>())?,
+            queue: device.zeros(4)?,
             device: device.clone(),
         })
     }
@@ -115,10 +140,12 @@ impl<R: CudaReal> CudaRveBatch<R> {
             velocity: stream.clone_dtoh(&self.velocity)?,
             spin: stream.clone_dtoh(&self.spin)?,
             reference: stream.clone_dtoh(&self.reference)?,
-            listed: stream.clone_dtoh(&self.listed)?,
+            seat: stream.clone_dtoh(&self.seat)?,
+            rows: stream.clone_dtoh(&self.rows)?,
             neighbour: stream.clone_dtoh(&self.neighbour)?,
-            image: stream.clone_dtoh(&self.image)?,
+            pair: stream.clone_dtoh(&self.pair)?,
             tangential: stream.clone_dtoh(&self.tangential)?,
+            incoming: stream.clone_dtoh(&self.incoming)?,
             disc: stream.clone_dtoh(&self.disc)?,
         };
         Ok(host.make_batch(&self.parameters, &self.shape))
@@ -200,14 +227,18 @@ impl<R: CudaReal> CudaRveBatch<R> {
             velocity: address(&self.velocity, stream),
             spin: address(&self.spin, stream),
             reference: address(&self.reference, stream),
-            listed: address(&self.listed, stream),
+            seat: address(&self.seat, stream),
+            rows: address(&self.rows, stream),
             neighbour: address(&self.neighbour, stream),
-            image: address(&self.image, stream),
+            pair: address(&self.pair, stream),
             tangential: address(&self.tangential, stream),
+            incoming: address(&self.incoming, stream),
             disc: address(&self.disc, stream),
             stress: address(&self.stress, stream),
             area_ratio: address(&self.area_ratio, stream),
             failed: address(&self.failed, stream),
+            turn: address(&self.turn, stream),
+            queue: address(&self.queue, stream),
         };
         let parameters = Parameters::<R>::new(&self.parameters, dt, self.rves);
         let mut launch = stream.launch_builder(&self.kernel);
@@ -278,7 +309,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let stream = self.device.stream();
         let header = stream.clone_dtoh(&self.header.slice(rve..=rve))?[0];
         let overlap = stream.clone_dtoh(&self.state.slice(rve..=rve))?[0].relative_overlap;
-        // `Status` of `rve.cu`.
+        // `Status` of `batch.cuh`.
         let failure = match header.status {
             2 => RveFailure::Packing(Failure::Overlap(overlap)),
             3 => RveFailure::ListFull { rows: self.shape.rows },
@@ -323,7 +354,7 @@ fn address<T>(slice: &CudaSlice<T>, stream: &CudaStream) -> sys::CUdeviceptr {
     slice.device_ptr(stream).0
 }
 
-/// `Batch` of `rve.cu`.
+/// `Batch` of `batch.cuh`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrays {
@@ -333,27 +364,31 @@ pub(super) struct Arrays {
     pub velocity: u64,
     pub spin: u64,
     pub reference: u64,
-    pub listed: u64,
+    pub seat: u64,
+    pub rows: u64,
     pub neighbour: u64,
-    pub image: u64,
+    pub pair: u64,
     pub tangential: u64,
+    pub incoming: u64,
     pub disc: u64,
     pub stress: u64,
     pub area_ratio: u64,
     pub failed: u64,
+    pub turn: u64,
+    pub queue: u64,
 }
 
-// SAFETY: device addresses, in the order of `rve.cu`.
+// SAFETY: device addresses, in the order of `batch.cuh`.
 unsafe impl DeviceRepr for Arrays {}
 
-/// `Parameters` of `rve.cu`.
+/// `Parameters` of `batch.cuh`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parameters<R> {
     dt: f64,
-    thickness: f64,
+    stress_weight: f64,
+    least_skin: f64,
     skin: f64,
-    active_skin: f64,
     free_solid_fraction: f64,
     thin_width: f64,
     overlap_limit: f64,
@@ -369,7 +404,7 @@ pub(super) struct Parameters<R> {
     kinetic: u32,
 }
 
-// SAFETY: plain numbers without padding, laid out as in `rve.cu`.
+// SAFETY: plain numbers without padding, laid out as in `batch.cuh`.
 unsafe impl<R: CudaReal> DeviceRepr for Parameters<R> {}
 
 impl<R: Real> Parameters<R> {
@@ -378,16 +413,16 @@ impl<R: Real> Parameters<R> {
         let skin = p.skin * p.radius_max;
         Self {
             dt: sub.dt,
-            thickness: p.thickness,
+            stress_weight: 1.0 / (p.thickness * sub.samples as f64),
+            least_skin: LEAST_SKIN * skin,
             skin,
-            active_skin: ACTIVE_SKIN * skin,
             free_solid_fraction: p.free_solid_fraction,
             thin_width: p.thin_width * p.mean_diameter(),
             overlap_limit: p.overlap_limit,
             step: sub.law.dt,
             normal_stiffness: sub.law.normal_stiffness,
             spring: sub.law.tangential_stiffness * sub.law.dt,
-            dashpot: R::from_f64(2.0 * p.damping_ratio * p.normal_stiffness.sqrt()),
+            dashpot: R::from_f64(2.0) * sub.law.damping_ratio,
             friction: sub.law.friction,
             local_damping: sub.law.local_damping,
             rves: rves as u32,

@@ -7,7 +7,7 @@ use super::real::CudaReal;
 use crate::parameters::RveParameters;
 use crate::real::Real;
 
-/// The compile-time constants of `rve.cu`.
+/// The compile-time constants of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
     /// Discs in an RVE, and threads: one per disc, in whole warps.
@@ -15,7 +15,7 @@ pub struct Shape {
     pub threads: usize,
     /// Most neighbours in one disc's list.
     pub rows: usize,
-    /// Room in shared memory for active pairs.
+    /// Room for listed pairs.
     pub slots: usize,
     /// Thread blocks (RVEs) at a time on one multiprocessor.
     pub blocks: usize,
@@ -24,30 +24,30 @@ pub struct Shape {
     real_bits: usize,
 }
 
-const WARP: usize = 32;
+pub(super) const WARP: usize = 32;
 /// One thread per disc: the largest thread block.
 const MOST_DISCS: usize = 1024;
 const REGISTERS_PER_MULTIPROCESSOR: usize = 65_536;
 const BLOCKS_PER_MULTIPROCESSOR: usize = 32;
 /// Shared memory that CUDA keeps of each block (bytes).
 const SYSTEM_SHARED: usize = 1024;
-/// Most rows: `rve.cu` writes them in five bits.
+/// Most rows: `list.cuh` marks them in a 32-bit mask.
 const MOST_ROWS: usize = 31;
 
-/// Rows of slots per warp, on average. Touching pairs form a planar network, so a disc owns less
-/// than 3 of them on average, 2 to 2.5 in dense packings; a warp has as many rows as its busiest
-/// disc needs.
+/// Rows of slots per warp, on average. Near pairs form a planar network, so a disc owns less than 3
+/// of them on average, 2 to 2.7 in dense packings; a warp has as many rows as its busiest disc
+/// needs.
 struct Rows {
     per_warp: f64,
     /// As many more, for warps of unequal discs in small packings.
     more: usize,
 }
 /// Enough for any packing.
-const AMPLE: Rows = Rows { per_warp: 5.0, more: 16 };
+const AMPLE: Rows = Rows { per_warp: 4.5, more: 16 };
 /// Enough for packings of a collapse: fewer blocks at a time rather than fewer rows.
-const USUAL: Rows = Rows { per_warp: 4.0, more: 8 };
+const USUAL: Rows = Rows { per_warp: 3.0, more: 8 };
 /// What a block alone on a multiprocessor has to be content with.
-const LEAST: Rows = Rows { per_warp: 2.75, more: 8 };
+const LEAST: Rows = Rows { per_warp: 2.65, more: 2 };
 
 impl Shape {
     /// The layout for RVEs of `discs` discs on a GPU.
@@ -79,11 +79,13 @@ impl Shape {
         let by_registers = REGISTERS_PER_MULTIPROCESSOR / (threads * registers);
         let wanted = by_registers.clamp(1, BLOCKS_PER_MULTIPROCESSOR);
 
-        let slot = 6 * size_of::<R>() + size_of::<u32>() + size_of::<u16>();
+        // What lasts of a pair, and its reaction, which gives way to a search.
+        let listed = 3 * size_of::<R>() + size_of::<u32>() + 2 * size_of::<u16>();
+        let reaction = 3 * size_of::<R>();
         let fixed = fixed_shared::<R>(threads);
         let fit = |blocks: usize, fewest: &Rows| {
             let share = limits.shared_per_multiprocessor / blocks - SYSTEM_SHARED;
-            let room = share.min(limits.shared_per_block).checked_sub(fixed)? / slot;
+            let room = share.min(limits.shared_per_block).checked_sub(fixed)? / (listed + reaction);
             let warps = threads / WARP;
             let rows = rows(p);
             let slot_rows =
@@ -96,15 +98,21 @@ impl Shape {
                 rows,
                 slots,
                 blocks,
-                // A search uses the memory of the slots for its bins.
-                shared_bytes: fixed + (slots * slot).max(search_shared(threads)),
+                shared_bytes: fixed
+                    + slots * listed
+                    + (slots * reaction).max(search_shared::<R>(threads)),
                 real_bits: R::BITS,
             })
         };
         (1..=wanted).rev().find_map(|blocks| fit(blocks, &USUAL)).or_else(|| fit(1, &LEAST))
     }
 
-    /// Preprocessor definitions for `rve.cu`.
+    /// Room for listed pairs at the discs that do not own them.
+    pub(super) fn incoming_slots(&self) -> usize {
+        2 * self.slots
+    }
+
+    /// Preprocessor definitions for the kernel.
     pub fn defines(&self) -> Vec<String> {
         [
             ("REAL_BITS", self.real_bits),
@@ -129,17 +137,19 @@ fn rows(p: &RveParameters) -> usize {
     most.clamp(8, MOST_ROWS)
 }
 
-/// Shared memory besides the slots (bytes): `Shared` in `rve.cu`, which checks it.
+/// Shared memory besides the slots (bytes): `Shared` in `shared.cuh`, which checks it.
 fn fixed_shared<R: Real>(threads: usize) -> usize {
     let real = size_of::<R>();
-    let per_thread = 6 * real + size_of::<u32>() + 3 * size_of::<u16>();
+    let per_thread = 6 * real + 6 * size_of::<u16>();
     let substeps = WARP * (12 * real + 4 * size_of::<f64>());
+    let partial = threads / WARP * 6 * real;
     let control = 640;
-    threads * per_thread + substeps + control + 12 * WARP
+    threads * per_thread + substeps + partial + control
 }
 
-/// Shared memory of a search (bytes): bins and the discs in them.
-fn search_shared(threads: usize) -> usize {
+/// Shared memory of a search (bytes): sums, radii, bins and the seats in them, a census and rows.
+fn search_shared<R: Real>(threads: usize) -> usize {
     const BINS: usize = 32;
-    BINS * BINS * size_of::<u32>() + threads * size_of::<u16>()
+    let per_thread = 4 * size_of::<R>() + 2 * size_of::<u16>();
+    (BINS * BINS + 4 * WARP) * size_of::<u32>() + threads * per_thread
 }

@@ -7,7 +7,7 @@ use nalgebra::Matrix2;
 use rayon::prelude::*;
 
 use super::error::{CudaError, RveFailure};
-use super::list::{self, Entry};
+use super::list::SlotList;
 use super::real::CudaReal;
 use super::shape::Shape;
 use crate::batch::RveBatch;
@@ -18,7 +18,7 @@ use crate::packing::{Disc, Packing};
 use crate::parameters::RveParameters;
 use crate::rve::{Rve, RveState};
 
-/// `Header` of `rve.cu`.
+/// `Header` of `batch.cuh`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Header {
@@ -35,12 +35,14 @@ pub(super) struct Header {
     imaged: u32,
     pub status: u32,
     pub steps: u32,
+    owned: u32,
+    incoming: u32,
 }
 
-// SAFETY: plain numbers without padding, laid out as in `rve.cu`.
+// SAFETY: plain numbers without padding, laid out as in `batch.cuh`.
 unsafe impl DeviceRepr for Header {}
 
-/// [`RveState`] in device memory: `State` of `rve.cu`.
+/// [`RveState`] in device memory: `State` of `batch.cuh`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct State {
@@ -56,7 +58,7 @@ pub struct State {
     unused: u32,
 }
 
-// SAFETY: plain numbers without padding, laid out as in `rve.cu`.
+// SAFETY: plain numbers without padding, laid out as in `batch.cuh`.
 unsafe impl DeviceRepr for State {}
 
 impl From<State> for RveState {
@@ -75,20 +77,22 @@ impl From<State> for RveState {
     }
 }
 
-/// `Disc` of `rve.cu`: radius, inverse mass, inverse inertia.
+/// `Disc` of `batch.cuh`: radius, inverse mass, inverse inertia.
 type DiscConstants<R> = [R; 4];
 
-/// Arrays over RVEs and, last, the fresh packing. Within each by thread, or by row and thread.
+/// Arrays over RVEs and, last, the fresh packing: `Batch` of `batch.cuh`.
 pub(super) struct HostState<R: CudaReal> {
     pub header: Vec<Header>,
     pub position: Vec<[R::Fraction; 2]>,
     pub velocity: Vec<[R; 2]>,
     pub spin: Vec<R>,
     pub reference: Vec<[R::Fraction; 2]>,
-    pub listed: Vec<u8>,
-    pub neighbour: Vec<u16>,
-    pub image: Vec<u16>,
+    pub seat: Vec<u16>,
+    pub rows: Vec<[u16; 4]>,
+    pub neighbour: Vec<u32>,
+    pub pair: Vec<[R; 2]>,
     pub tangential: Vec<R>,
+    pub incoming: Vec<u16>,
     /// What does not change, once for all RVEs that have the same discs.
     pub disc: Vec<DiscConstants<R>>,
 }
@@ -97,9 +101,10 @@ impl<R: CudaReal> HostState<R> {
     /// Bytes of the arrays of `rves` RVEs and the fresh packing.
     pub fn bytes(shape: &Shape, rves: usize) -> usize {
         let real = size_of::<R>();
-        let row = 2 * size_of::<u16>() + real;
-        let thread = 7 * real + size_of::<u8>() + shape.rows * row;
-        (rves + 1) * (shape.threads * thread + size_of::<Header>() + size_of::<State>())
+        let slot = size_of::<u32>() + 3 * real + 2 * size_of::<u16>();
+        let thread = 7 * real + 5 * size_of::<u16>();
+        let rve = size_of::<Header>() + size_of::<State>();
+        (rves + 1) * (shape.slots * slot + shape.threads * thread + rve)
     }
 
     pub fn from_batch(batch: &RveBatch<R>, shape: &Shape) -> Result<Self, CudaError> {
@@ -113,7 +118,7 @@ impl<R: CudaReal> HostState<R> {
 
         let (gradings, disc) = gradings(&rves, shape);
         let threads = rves.len() * shape.threads;
-        let rows = threads * shape.rows;
+        let slots = rves.len() * shape.slots;
         let zero = R::Fraction::default();
         let mut state = Self {
             header: vec![Header::default(); rves.len()],
@@ -121,10 +126,12 @@ impl<R: CudaReal> HostState<R> {
             velocity: vec![[R::default(); 2]; threads],
             spin: vec![R::default(); threads],
             reference: vec![[zero; 2]; threads],
-            listed: vec![0; threads],
-            neighbour: vec![0; rows],
-            image: vec![0; rows],
-            tangential: vec![R::default(); rows],
+            seat: vec![0; threads],
+            rows: vec![[0; 4]; threads],
+            neighbour: vec![0; slots],
+            pair: vec![[R::default(); 2]; slots],
+            tangential: vec![R::default(); slots],
+            incoming: vec![0; rves.len() * shape.incoming_slots()],
             disc,
         };
         state.chunks_mut(shape).zip(rves).zip(gradings).enumerate().try_for_each(
@@ -151,42 +158,30 @@ impl<R: CudaReal> HostState<R> {
 
     /// Each RVE's part.
     fn chunks_mut(&mut self, shape: &Shape) -> impl IndexedParallelIterator<Item = Chunk<'_, R>> {
-        let (threads, rows) = (shape.threads, shape.threads * shape.rows);
+        let (threads, slots) = (shape.threads, shape.slots);
         (
-            &mut self.header,
-            self.position.par_chunks_mut(threads),
-            self.velocity.par_chunks_mut(threads),
-            self.spin.par_chunks_mut(threads),
-            self.reference.par_chunks_mut(threads),
-            self.listed.par_chunks_mut(threads),
-            self.neighbour.par_chunks_mut(rows),
-            self.image.par_chunks_mut(rows),
-            self.tangential.par_chunks_mut(rows),
+            (
+                &mut self.header,
+                self.position.par_chunks_mut(threads),
+                self.velocity.par_chunks_mut(threads),
+                self.spin.par_chunks_mut(threads),
+                self.reference.par_chunks_mut(threads),
+            ),
+            (
+                self.seat.par_chunks_mut(threads),
+                self.rows.par_chunks_mut(threads),
+                self.neighbour.par_chunks_mut(slots),
+                self.pair.par_chunks_mut(slots),
+                self.tangential.par_chunks_mut(slots),
+                self.incoming.par_chunks_mut(shape.incoming_slots()),
+            ),
         )
             .into_par_iter()
-            .map(
-                |(
-                    header,
-                    position,
-                    velocity,
-                    spin,
-                    reference,
-                    listed,
-                    neighbour,
-                    image,
-                    tangential,
-                )| Chunk {
-                    header,
-                    position,
-                    velocity,
-                    spin,
-                    reference,
-                    listed,
-                    neighbour,
-                    image,
-                    tangential,
-                },
-            )
+            .map(|((header, position, velocity, spin, reference), list)| {
+                let (seat, rows, neighbour, pair, tangential, incoming) = list;
+                let list = SlotList { seat, rows, neighbour, pair, tangential, incoming };
+                Chunk { header, position, velocity, spin, reference, list }
+            })
     }
 }
 
@@ -197,37 +192,19 @@ struct Chunk<'a, R: CudaReal> {
     velocity: &'a mut [[R; 2]],
     spin: &'a mut [R],
     reference: &'a mut [[R::Fraction; 2]],
-    listed: &'a mut [u8],
-    neighbour: &'a mut [u16],
-    image: &'a mut [u16],
-    tangential: &'a mut [R],
+    list: SlotList<'a, R>,
 }
 
 impl<R: CudaReal> Chunk<'_, R> {
     fn put(&mut self, rve: &Rve<R>, grading: u32, shape: &Shape) -> Result<(), RveFailure> {
         let packing = &rve.packing;
         let list = &packing.neighbours;
-        let full = RveFailure::ListFull { rows: shape.rows };
-        if !list.images.iter().all(|&image| list::fits_code(image)) {
-            return Err(full);
-        }
-        let sides = list::two_sided(list, packing.discs.len());
-        let discs = packing.discs.iter().enumerate();
-        for ((i, d), side) in discs.zip(&sides) {
+        let [owned, incoming] = self.list.put(list, &packing.discs, shape)?;
+        for (i, d) in packing.discs.iter().enumerate() {
             self.position[i] = d.s;
             self.velocity[i] = d.u;
             self.spin[i] = d.w;
             self.reference[i] = list.reference.get(i).copied().unwrap_or(d.s);
-            if side.len() > shape.rows {
-                return Err(full);
-            }
-            self.listed[i] = side.len() as u8;
-            for (row, entry) in side.iter().enumerate() {
-                let k = row * shape.threads + i;
-                self.neighbour[k] = entry.packed();
-                self.image[k] = entry.image;
-                self.tangential[k] = entry.tangential;
-            }
         }
 
         let r_max = packing.discs.iter().fold(0.0, |r: f64, d| r.max(d.r.to_f64()));
@@ -245,6 +222,8 @@ impl<R: CudaReal> Chunk<'_, R> {
             imaged: u32::from(!list.images.is_empty()),
             status: 0,
             steps: 0,
+            owned,
+            incoming,
         };
         Ok(())
     }
@@ -264,15 +243,7 @@ impl<R: CudaReal> Chunk<'_, R> {
                 inv_inertia,
             })
             .collect();
-        let sides: Vec<Vec<Entry<R>>> = (0..shape.discs)
-            .map(|i| {
-                (0..self.listed[i] as usize)
-                    .map(|row| row * shape.threads + i)
-                    .map(|k| Entry::unpack(self.neighbour[k], self.image[k], self.tangential[k]))
-                    .collect()
-            })
-            .collect();
-        let (pairs, images) = list::one_sided(&sides, header.imaged != 0, &discs, law);
+        let (pairs, images) = self.list.get(header.imaged != 0, &discs, law);
 
         let mut neighbours = Neighbours {
             pairs,

@@ -1,0 +1,221 @@
+// Renewal of the list, its seats and slots.
+//
+// A list is kept in shared memory from search to search, and in device memory between launches.
+
+__device__ inline Vec any_separation(bool imaged, Position a, Position b, unsigned word) {
+    return imaged ? separation<true>(a, b, word) : nearest(a, b);
+}
+
+// Position before the lattice reduction: its matrix has determinant 1.
+__device__ inline Position before_reduction(const Fraction* m, Position s) {
+    return {m[3] * s.x - m[1] * s.y, m[0] * s.y - m[2] * s.x};
+}
+
+__device__ inline int seat_in(unsigned neighbour) {
+    return int((neighbour & 0xffffu) / sizeof(Position));
+}
+
+// Tangential force that the discs in seats t and j had in the old list, where the disc in seat
+// `owner` has the pair; `word` is how t found it. Several images of one neighbour are told apart by
+// their branch vectors, which a reduction does not change.
+__device__ Real history(int t, int j, unsigned word, int owner) {
+    const Shared& sh = shared();
+    const Control& c = sh.control;
+    const Rows rows = sh.rows[owner];
+    Real tangential = 0;
+    for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
+        const unsigned old_word = sh.slot.neighbour[slot];
+        if (seat_in(old_word) != (owner == t ? j : t)) continue;
+        if (sh.slot.tangential[slot] == Real(0)) continue;
+        bool same = true;
+        if (c.header.imaged) {
+            const Position a = sh.position[t];
+            const Position b = sh.position[j];
+            const Position from = owner == t ? a : b;
+            const Position to = owner == t ? b : a;
+            const Vec now = branch(c.cell, separation<true>(a, b, word << 16));
+            const Vec old = branch(c.old_cell,
+                                   any_separation(c.old_imaged, before_reduction(c.transform, from),
+                                                  before_reduction(c.transform, to), old_word));
+            // Of a disc's own two images the other one may have been listed.
+            const bool turned = t == j ? now.x * old.x + now.y * old.y < Real(0) : owner == j;
+            const Real dx = turned ? now.x + old.x : now.x - old.x;
+            const Real dy = turned ? now.y + old.y : now.y - old.y;
+            same = dx * dx + dy * dy < Real(0.01) * (now.x * now.x + now.y * now.y);
+        }
+        if (same) tangential = sh.slot.tangential[slot];
+    }
+    return tangential;
+}
+
+// Seats disc i: a stable counting sort of the block's threads by falling class, so that the discs of
+// a warp own as many pairs. Also gives it its slots.
+__device__ void take_seat(int owned, int incoming, int i, bool has_disc, int t) {
+    Shared& sh = shared();
+    Header& header = sh.control.header;
+    const int lane = t % LANES;
+    const int warp = t / LANES;
+    // First by owned pairs, then by the others, falling and rising in turns so that neither jumps.
+    // Other numbers than these are rare; their classes need not be exact.
+    const int other = min(max(owned + incoming - 3, 0), 4);
+    const int kind = has_disc ? 1 + 5 * min(owned, 5) + (owned % 2 == 0 ? other : 4 - other) : 0;
+
+    const unsigned peers = __match_any_sync(ALL, kind);
+    const unsigned before = peers & ((1u << lane) - 1u);
+    sh.search.census[warp][lane] = 0;
+    if (warp == 0) sh.search.rows[0][lane] = sh.search.rows[1][lane] = 0;
+    __syncwarp();
+    if (before == 0) sh.search.census[warp][kind] = (unsigned short)__popc(peers);
+    __syncthreads();
+
+    // Lane = class: threads of it in earlier warps, and in all; then all of higher classes.
+    int earlier = 0;
+    int total = 0;
+    for (int w = 0; w < WARPS; ++w) {
+        const int n = sh.search.census[w][lane];
+        earlier += w < warp ? n : 0;
+        total += n;
+    }
+    int higher = total;
+    for (int d = 1; d < LANES; d *= 2) {
+        const int other = __shfl_down_sync(ALL, higher, d);
+        if (lane + d < LANES) higher += other;
+    }
+    const int seat = __shfl_sync(ALL, higher - total + earlier, kind) + __popc(before);
+    sh.seat[i] = (unsigned short)seat;
+    sh.disc[seat] = (unsigned short)i;
+    atomicMax(&sh.search.rows[0][seat / LANES], unsigned(owned));
+    atomicMax(&sh.search.rows[1][seat / LANES], unsigned(incoming));
+    __syncthreads();
+
+    // Warp 0 places the slots of owned pairs and, if there is one, warp 1 the others.
+    for (int k = warp; k < 2; k += WARPS) {
+        const unsigned own = LANES * sh.search.rows[k][lane];
+        unsigned sum = own;
+        for (int d = 1; d < LANES; d *= 2) {
+            const unsigned other = __shfl_up_sync(ALL, sum, d);
+            if (lane >= d) sum += other;
+        }
+        const unsigned room = k == 0 ? SLOTS : INCOMING_SLOTS;
+        if (sum > room && sh.control.status == OK) sh.control.status = SLOTS_FULL;
+        sh.search.first[k][lane] = sum - own;
+        if (lane == LANES - 1) (k == 0 ? header.owned : header.incoming) = min(sum, room);
+    }
+    __syncthreads();
+    const int first_owned = int(sh.search.first[0][seat / LANES]) + seat % LANES;
+    const int first_incoming = int(sh.search.first[1][seat / LANES]) + seat % LANES;
+    sh.rows[seat] = {
+        (unsigned short)first_owned, (unsigned short)(first_owned + owned * LANES),
+        (unsigned short)first_incoming, (unsigned short)(first_incoming + incoming * LANES)};
+}
+
+// Slot that the owner in seat j gives to the pair with its neighbour `word`, or -1.
+__device__ int owner_slot(int j, unsigned word) {
+    const Rows rows = shared().rows[j];
+    for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
+        if (shared().slot.neighbour[slot] == word) return slot;
+    }
+    return -1;
+}
+
+// Renews the list, keeping the tangential forces. Positions, velocities and `search.virial` are by
+// seat, before by the old seats and then by the new ones. Ends with a barrier.
+__device__ __noinline__ void search(const Batch& batch, const Parameters& p, const Disc* discs) {
+    Shared& sh = shared();
+    Control& c = sh.control;
+    const unsigned rve = c.rve;
+    const int t = int(threadIdx.x);
+    const bool has_disc = t < DISCS;
+    const int i = sh.disc[t];
+    const Disc disc = discs[i];
+    const Motion m = sh.motion[t];
+    const Virial virial = sh.search.virial[t];
+
+    const Real fastest2 = warp_max(has_disc ? m.x * m.x + m.y * m.y : Real(0));
+    if (t % LANES == 0) sh.partial[t / LANES].largest = fastest2;
+    __syncthreads();
+    if (t == 0) {
+        Real most = 0;
+        for (int w = 0; w < WARPS; ++w) most = max(most, sh.partial[w].largest);
+        reduce_lattice(c, p, sqrt(double(most)));
+    }
+    __syncthreads();
+    Position s = sh.position[t];
+    s = {c.transform[0] * s.x + c.transform[1] * s.y, c.transform[2] * s.x + c.transform[3] * s.y};
+    sh.position[t] = s;
+    sh.search.radius[t] = disc.r;
+    __syncthreads();
+
+    Found found;
+    found.count = 0;
+    found.full = false;
+    const bool imaged = c.header.imaged;
+    if (imaged) {
+        if (has_disc) find_all_images(found, s, disc.r, t);
+    } else {
+        fill_bins(s, t);
+        if (has_disc) find_binned(found, s, disc.r, t);
+    }
+    if (found.full) c.status = LIST_FULL;
+    found.sort();
+
+    // Masks over what was found.
+    unsigned owned = 0;
+    for (int row = 0; row < found.count; ++row) {
+        const unsigned word = found.word[row];
+        const Position other = sh.position[sh.seat[word >> 16]];
+        owned |= unsigned(owns(i, s, word >> 16, other, imaged, word & 0xffffu)) << row;
+    }
+    const unsigned others = ((1u << found.count) - 1u) & ~owned;
+    Real tangential[ROWS];
+    int count = 0;
+    for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count) {
+        const unsigned word = found.word[__ffs(int(rest)) - 1];
+        const int j = sh.seat[word >> 16];
+        Real force = history(t, j, word, t);
+        if (force == Real(0)) force = history(t, j, word, j);
+        tangential[count] = force;
+    }
+    // All have read what goes by the old seats.
+    __syncthreads();
+    take_seat(__popc(owned), __popc(others), i, has_disc, t);
+    if (c.status != OK) return;
+
+    const int seat = sh.seat[i];
+    const Rows rows = sh.rows[seat];
+    int slot = rows.owned;
+    count = 0;
+    for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count, slot += LANES) {
+        const unsigned word = found.word[__ffs(int(rest)) - 1];
+        const Disc other = discs[word >> 16];
+        sh.slot.neighbour[slot] = sh.seat[word >> 16] * sizeof(Position) | word << 16;
+        sh.slot.pair[slot] = {
+            disc.r + other.r,
+            p.dashpot * sqrt(p.normal_stiffness / (disc.inv_mass + other.inv_mass))};
+        sh.slot.tangential[slot] = tangential[count];
+    }
+    sh.position[seat] = s;
+    sh.motion[seat] = m;
+    sh.search.virial[seat] = virial;
+    batch.reference[rve * THREADS + i] = s;
+    batch.seat[rve * THREADS + i] = (unsigned short)seat;
+    __syncthreads();
+
+    slot = rows.incoming;
+    for (unsigned rest = others; rest != 0; rest &= rest - 1, slot += LANES) {
+        const unsigned word = found.word[__ffs(int(rest)) - 1];
+        const unsigned image = imaged ? reversed(word >> 7 & 127u) << 7 | reversed(word & 127u) : 0;
+        const int at_owner =
+            owner_slot(sh.seat[word >> 16], seat * sizeof(Position) | image << 16);
+        // Only a full list misses it.
+        if (at_owner < 0) c.status = LIST_FULL;
+        sh.slot.incoming[slot] = (unsigned short)max(at_owner, 0);
+        batch.incoming[size_t(rve) * INCOMING_SLOTS + slot] = sh.slot.incoming[slot];
+    }
+    for (int k = t; k < int(c.header.owned); k += THREADS) {
+        batch.neighbour[size_t(rve) * SLOTS + k] = sh.slot.neighbour[k];
+        batch.pair[size_t(rve) * SLOTS + k] = sh.slot.pair[k];
+    }
+    batch.rows[rve * THREADS + t] = sh.rows[t];
+    __syncthreads();
+}

@@ -1,0 +1,142 @@
+// What the threads of a block share.
+
+// What every disc needs to know of the cell in one substep.
+struct alignas(16) Substep {
+    // Cell vectors (m) at its start.
+    Matrix exact;
+    // The same per unit of `Fraction`, row-major.
+    Real cell[4];
+    // From a velocity (m/s) to the units moved in the cell at its end, row-major.
+    Real to_units[4];
+    // Square of the displacement (m²) since the search up to which the list is complete at its
+    // start; negative: search.
+    Real allowed2;
+    // Whether its stress counts, and whether no later one is planned.
+    bool sampled, last;
+};
+
+struct alignas(16) Motion {
+    // Peculiar velocity (m/s), half the angular velocity (1/s), and r w (m/s).
+    Real x, y, half_w, rim;
+};
+// A neighbour is the offset of its seat in `position`; in `motion` it is twice that.
+static_assert(sizeof(Motion) == 2 * sizeof(Position));
+
+enum Action : unsigned { DONE, RESTART, ADVANCE };
+
+struct alignas(16) Control {
+    // Velocity gradient that acts on the cell, row-major (1/s), and half its spin.
+    Real drive[4];
+    // Cell vectors per unit of `Fraction` at the last search.
+    Real reference_cell[4];
+    Real half_spin;
+    Real spin_change;
+    // Area after a substep over the area before.
+    Real growth;
+    // What the velocity gradient does to the cell in one substep.
+    Matrix increment;
+    Header header;
+    // The last lattice reduction, s' = transform s, and the cell before and after it.
+    Fraction transform[4];
+    Real old_cell[4];
+    Real cell[4];
+    int bins[2];
+    unsigned old_imaged;
+    unsigned searches;
+    unsigned thin;
+    Action action;
+    Status status;
+    unsigned rve;
+};
+
+// Listed pairs at their owners' seats: for each warp, rows of one slot per lane.
+struct Slots {
+    // Distance at touch r_i + r_j (m), and dashpot (kg/s).
+    Vec pair[SLOTS];
+    // Tangential spring force (N): the history of the contact.
+    Real tangential[SLOTS];
+    // Offset of the neighbour's seat in `position` (bytes), and its image in the upper half.
+    unsigned neighbour[SLOTS];
+    // Slots of the pairs that a disc does not own, in rows of their own.
+    unsigned short incoming[INCOMING_SLOTS];
+};
+
+// sum f (x) l + sum m u (x) u (N m) over the stress samples: xx, yy, and xy + yx. They refer to the
+// area of the last one: `growth` carries them to the next.
+struct Virial {
+    Real xx, yy, shear;
+};
+
+// Of one warp, for sums over the block.
+struct Partial {
+    Real sum[4];
+    Real largest;
+    int broken;
+};
+
+// Search bins along each cell vector, at most.
+constexpr int BINS = 32;
+
+struct Shared {
+    Position position[THREADS];
+    Motion motion[THREADS];
+    Slots slot;
+    union {
+        // What the owner of a pair leaves to the other disc: force (N) and torque (N m).
+        struct {
+            Vec force[SLOTS];
+            Real torque[SLOTS];
+        } reaction;
+        // Between loading and the first substep, by seat.
+        Position reference[THREADS];
+        struct {
+            Virial virial[THREADS];
+            Real radius[THREADS];
+            unsigned bin_end[BINS * BINS];
+            unsigned short bin[THREADS];
+            // Threads of each class in each warp.
+            unsigned short census[WARPS][LANES];
+            // By warp: rows of owned and of incoming slots, and the first slot of each.
+            unsigned rows[2][LANES];
+            unsigned first[2][LANES];
+        } search;
+        // After the last substep, by seat.
+        Virial virial[THREADS];
+    };
+    Partial partial[WARPS];
+    Substep substep[LANES];
+    Control control;
+    // By seat.
+    Rows rows[THREADS];
+    // Thread that handles disc i, and disc that thread i handles.
+    unsigned short seat[THREADS];
+    unsigned short disc[THREADS];
+};
+static_assert(sizeof(Shared) <= SHARED_BYTES);
+
+extern __shared__ __align__(16) unsigned char shared_memory[];
+__device__ inline Shared& shared() { return *reinterpret_cast<Shared*>(shared_memory); }
+
+// Copies to shared memory while threads go on; `bytes` is a multiple of 16.
+__device__ inline void copy_async(void* to, const void* from, unsigned bytes, int t) {
+    const unsigned first = unsigned(__cvta_generic_to_shared(to));
+    const char* const source = static_cast<const char*>(from);
+    for (unsigned k = 16 * t; k < bytes; k += 16 * THREADS) {
+        asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(first + k), "l"(source + k));
+    }
+}
+
+// Until this thread's copies are done; others see them after a barrier.
+__device__ inline void wait_for_copies() { asm volatile("cp.async.wait_all;" ::: "memory"); }
+
+// Sums and the maximum over the block do not depend on which thread has which disc: threads add in
+// the order of discs.
+__device__ inline Real warp_sum(Real x) {
+    for (int d = LANES / 2; d > 0; d /= 2) x += __shfl_xor_sync(ALL, x, d);
+    return x;
+}
+
+__device__ inline Real warp_max(Real x) {
+    for (int d = LANES / 2; d > 0; d /= 2) x = max(x, __shfl_xor_sync(ALL, x, d));
+    return x;
+}
