@@ -3,10 +3,11 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use dem::cuda::{CudaError, CudaRveBatch};
 use dem::{Packing, Real, Rve, RveBatch, RveParameters, RveState};
 use mpm::{Mat2, Material, MaterialError};
 use serde::{Deserialize, Serialize};
+
+use crate::ranks::{RankedRveBatch, Ranks};
 
 /// One packing per material point.
 #[derive(Serialize, Deserialize)]
@@ -35,8 +36,8 @@ enum Batch {
 
 /// The same on a GPU.
 enum DeviceBatch {
-    F32(CudaRveBatch<f32>),
-    F64(CudaRveBatch<f64>),
+    F32(RankedRveBatch<f32>),
+    F64(RankedRveBatch<f64>),
 }
 
 /// Counts, over all steps, of what happened at the limits of the method.
@@ -105,44 +106,45 @@ impl RveMaterial {
         }
     }
 
-    /// Moves the packings to a GPU, which advances them from now on.
+    /// Moves the packings to a GPU, which advances them from now on; to several GPUs with `ranks`.
     ///
     /// # Errors
     /// When they do not fit or the kernel cannot be compiled.
-    pub fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), CudaError> {
+    pub fn move_to(
+        &mut self,
+        device: &Arc<gpu::Device>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<(), MaterialError> {
         self.on_device = Some(match &self.batch {
-            Batch::F32(batch) => DeviceBatch::F32(CudaRveBatch::upload(device, batch)?),
-            Batch::F64(batch) => DeviceBatch::F64(CudaRveBatch::upload(device, batch)?),
+            Batch::F32(batch) => DeviceBatch::F32(RankedRveBatch::upload(device, batch, ranks)?),
+            Batch::F64(batch) => DeviceBatch::F64(RankedRveBatch::upload(device, batch, ranks)?),
         });
         Ok(())
     }
 
-    /// Copies the packings back from the GPU, if they are on one, for a checkpoint.
+    /// Copies the packings back from the GPU, if they are on one, for a checkpoint; of several
+    /// ranks only the first gets them.
     ///
     /// # Errors
     /// A failure of the GPU.
-    pub fn fetch(&mut self) -> Result<(), CudaError> {
-        match &self.on_device {
-            None => {}
-            Some(DeviceBatch::F32(batch)) => self.batch = Batch::F32(batch.download()?),
-            Some(DeviceBatch::F64(batch)) => self.batch = Batch::F64(batch.download()?),
+    pub fn fetch(&mut self) -> Result<(), MaterialError> {
+        let fetched = match &self.on_device {
+            None => None,
+            Some(DeviceBatch::F32(batch)) => batch.download()?.map(Batch::F32),
+            Some(DeviceBatch::F64(batch)) => batch.download()?.map(Batch::F64),
+        };
+        if let Some(batch) = fetched {
+            self.batch = batch;
         }
         Ok(())
     }
 
     fn advance(&mut self, dt: f64, velocity_gradient: &[Mat2]) -> Result<(), MaterialError> {
         let states = &mut self.states;
-        let failed = |point, reason: String| Err(MaterialError::Point { point, reason });
-        if let Some(batch) = &mut self.on_device {
-            let advanced = match batch {
-                DeviceBatch::F32(batch) => batch.advance(dt, velocity_gradient, states),
-                DeviceBatch::F64(batch) => batch.advance(dt, velocity_gradient, states),
-            };
-            return match advanced {
-                Ok(()) => Ok(()),
-                Err(CudaError::Rve { rve, failure, .. }) => failed(rve, failure.to_string()),
-                Err(other) => Err(MaterialError::Other(Box::new(other))),
-            };
+        match &mut self.on_device {
+            Some(DeviceBatch::F32(batch)) => return batch.advance(dt, velocity_gradient, states),
+            Some(DeviceBatch::F64(batch)) => return batch.advance(dt, velocity_gradient, states),
+            None => {}
         }
         let advanced = match &mut self.batch {
             Batch::F32(batch) => batch.advance(dt, velocity_gradient, states),
@@ -150,7 +152,9 @@ impl RveMaterial {
         };
         match advanced {
             Ok(()) => Ok(()),
-            Err(dem::Error::Rve { rve, failure }) => failed(rve, failure.to_string()),
+            Err(dem::Error::Rve { rve, failure }) => {
+                Err(MaterialError::Point { point: rve, reason: failure.to_string() })
+            }
             Err(other) => Err(MaterialError::Other(Box::new(other))),
         }
     }

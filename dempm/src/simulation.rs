@@ -5,13 +5,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::Packing;
-use dem::cuda::CudaError;
 use mpm::{Ledger, Mat2, Material, MaterialError, Points, Solver, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::packings::{self, Ladder};
+use crate::ranks::{Ranks, RanksError};
 use crate::rve_material::RveMaterial;
 use crate::scene::{self, InitialStress, Scene};
 
@@ -23,7 +23,7 @@ pub enum SimulationError {
     #[error(transparent)]
     Material(#[from] MaterialError),
     #[error(transparent)]
-    Cuda(#[from] CudaError),
+    Ranks(#[from] RanksError),
     #[error("setting up the background grid")]
     Setup(#[source] mpm::Error),
     #[error("step {step} (t = {time:.4} s)")]
@@ -106,14 +106,21 @@ impl Simulation {
         Ok(Self { scene, state, solver, device: cpu(), advancing: Duration::ZERO })
     }
 
-    /// Has the RVEs advanced on a GPU from now on. Other materials stay on the CPU.
+    /// Has the RVEs advanced on a GPU from now on, with `ranks` on several. Other materials stay on
+    /// the CPU.
     ///
     /// # Errors
     /// When they do not fit or the kernel cannot be compiled.
-    pub fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), SimulationError> {
+    pub fn move_to(
+        &mut self,
+        device: &Arc<gpu::Device>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<(), SimulationError> {
         if let SceneMaterial::Rve(rve) = &mut self.state.material {
-            rve.move_to(device)?;
-            self.device = format!("{} (RVEs), {}", device.name(), cpu());
+            rve.move_to(device, ranks)?;
+            let count = ranks.map_or(1, |ranks| ranks.size());
+            let gpus = if count > 1 { format!("{count} x ") } else { String::new() };
+            self.device = format!("{gpus}{} (RVEs), {}", device.name(), cpu());
         }
         Ok(())
     }

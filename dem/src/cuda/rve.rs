@@ -156,6 +156,16 @@ impl<R: CudaReal> CudaRveBatch<R> {
         &self.area_ratio
     }
 
+    /// State of each RVE after the last launch.
+    pub fn device_states(&self) -> &CudaSlice<State> {
+        &self.state
+    }
+
+    /// The lowest index of an RVE that failed so far; larger than all indices while none has.
+    pub fn failed(&self) -> &CudaSlice<i32> {
+        &self.failed
+    }
+
     /// Queues one macro step of `dt` (s) under the velocity gradients (1/s; xx, xy, yx, yy of each
     /// RVE) found in device memory when the step runs. Does not wait; may be captured in a graph.
     /// The other methods see the step done if `stream` is that of the [`Device`].
