@@ -11,6 +11,7 @@ mod rendezvous;
 use std::ffi::CStr;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use cudarc::driver::{CudaSlice, DevicePtr, DevicePtrMut, DeviceRepr};
 use cudarc::nccl::{result, sys};
@@ -69,6 +70,8 @@ pub struct Ranks {
     size: usize,
     device: Arc<Device>,
     communicator: sys::ncclComm_t,
+    /// All ranks have come to the end.
+    done: AtomicBool,
 }
 
 // SAFETY: a communicator may be used from any thread, one at a time. A simulation is advanced by
@@ -106,7 +109,7 @@ impl Ranks {
         }
         .map_err(RanksError::nccl("joining the ranks"))?;
         let Launch { rank, size, .. } = *launch;
-        Ok(Self { rank, size, device: device.clone(), communicator })
+        Ok(Self { rank, size, device: device.clone(), communicator, done: AtomicBool::new(false) })
     }
 
     /// Number of this rank, from 0. Rank 0 writes files and speaks.
@@ -184,6 +187,11 @@ impl Ranks {
         Ok(self.numbers(own.into())?.contains(&1))
     }
 
+    /// Says that all ranks are done: what is still on its way to a peer arrives.
+    pub fn all_done(&self) {
+        self.done.store(true, Ordering::Relaxed);
+    }
+
     /// Brings the bytes of all ranks to rank 0; the others get nothing.
     ///
     /// # Errors
@@ -233,9 +241,14 @@ impl Ranks {
 
 impl Drop for Ranks {
     fn drop(&mut self) {
-        // SAFETY: destroyed once. Aborted and not finalised: a rank that ends because it failed
-        // must not wait for the others.
-        let _ = unsafe { result::comm_abort(self.communicator) };
+        // SAFETY: once, here. A rank that ends because it failed does not wait for the others.
+        let _ = unsafe {
+            if self.done.load(Ordering::Relaxed) {
+                result::comm_destroy(self.communicator)
+            } else {
+                result::comm_abort(self.communicator)
+            }
+        };
     }
 }
 

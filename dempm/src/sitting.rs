@@ -62,18 +62,25 @@ pub(crate) fn sit(
     let saved = sitting.save();
     together(ranks, saved)?;
     let end = sitting.advance(interrupted, options.checkpoint_interval);
-    sitting.finish(end)
+    let failed = matches!(end, End::Failed(_));
+    let finished = sitting.finish(end);
+    if failed {
+        // A failed device is known to its own rank only: nothing to agree on.
+        return finished;
+    }
+    let outcome = together(ranks, finished)?;
+    if let Some(ranks) = ranks {
+        ranks.all_done();
+    }
+    Ok(outcome)
 }
 
 /// The own result, if all ranks have one: none goes on alone, waiting for a peer that is gone.
 fn together<T>(ranks: Option<&Ranks>, own: miette::Result<T>) -> miette::Result<T> {
-    if let Some(ranks) = ranks
-        && ranks.any(own.is_err())?
-        && own.is_ok()
-    {
-        return Err(RanksError::Other.into());
-    }
-    own
+    let Some(ranks) = ranks else { return own };
+    let any_failed = ranks.any(own.is_err());
+    let own = own?;
+    if any_failed? { Err(RanksError::Other.into()) } else { Ok(own) }
 }
 
 /// How the steps of a sitting ended.

@@ -187,3 +187,41 @@ fn failure(error: CudaError, first: usize) -> MaterialError {
 fn other(error: impl std::error::Error + Send + Sync + 'static) -> MaterialError {
     MaterialError::Other(Box::new(error))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ranks::Launch;
+
+    /// The way through NCCL, with one rank: where there is one GPU only.
+    #[test]
+    fn gathered_states_are_those_of_the_batch() {
+        let Some(device) = gpu::for_tests() else { return };
+        let launch =
+            Launch { rank: 0, size: 1, local_rank: 0, address: ("127.0.0.1".to_owned(), 0) };
+        let ranks = match Ranks::join(&launch, &device) {
+            Ok(ranks) => Arc::new(ranks),
+            Err(RanksError::NcclMissing) => {
+                eprintln!("skipped: {}", RanksError::NcclMissing);
+                return;
+            }
+            Err(error) => panic!("{error}"),
+        };
+        assert_eq!(ranks.numbers(7).unwrap(), [7]);
+        assert_eq!(ranks.to_first(vec![1, 2, 3]).unwrap(), [vec![1, 2, 3]]);
+
+        let p = dem::RveParameters { discs: 60, ..dem::RveParameters::default() };
+        let fresh: dem::Packing<f32> = dem::consolidate(&p, 1).unwrap().convert();
+        let rves = vec![dem::Rve::new(fresh.clone()); 5];
+        let batch = RveBatch { parameters: p, rves, fresh };
+        let run = |ranks: Option<&Arc<Ranks>>| {
+            let mut twin = RankedRveBatch::upload(&device, &batch, ranks).unwrap();
+            let gradients: Vec<Mat2> =
+                (1..=5).map(|k| Mat2::new(0.0, f64::from(k), 0.0, 0.0)).collect();
+            let mut states = vec![RveState::default(); 5];
+            (0..50).for_each(|_| twin.advance(1.0e-4, &gradients, &mut states).unwrap());
+            (states, twin.download().unwrap())
+        };
+        assert_eq!(run(Some(&ranks)), run(None));
+    }
+}
