@@ -54,7 +54,7 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
         Some(path) => path.clone(),
         None => PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("h5"),
     };
-    let (device, ranks) = place(&scene, args.device, &launch)?;
+    let Place { device, ranks } = place(&scene, args.device, &launch)?;
     let bars = MultiProgress::new();
     if !speaks {
         bars.set_draw_target(ProgressDrawTarget::hidden());
@@ -86,15 +86,16 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
 }
 
 /// The GPU and the peers of this process.
-fn place(
-    scene: &Scene,
-    device: Device,
-    launch: &Launch,
-) -> miette::Result<(Option<Arc<gpu::Device>>, Option<Arc<Ranks>>)> {
+struct Place {
+    device: Option<Arc<gpu::Device>>,
+    ranks: Option<Arc<Ranks>>,
+}
+
+fn place(scene: &Scene, device: Device, launch: &Launch) -> miette::Result<Place> {
     let has_packings = matches!(scene.material, Material::Rve(_));
     if !launch.is_shared() {
-        let gpu = if has_packings { device.open().into_diagnostic()? } else { None };
-        return Ok((gpu, None));
+        let device = if has_packings { device.open().into_diagnostic()? } else { None };
+        return Ok(Place { device, ranks: None });
     }
     let Launch { rank, size, local_rank, .. } = *launch;
     if !has_packings || device == Device::Cpu {
@@ -103,14 +104,14 @@ fn place(
             "rank {rank} of {size}: several ranks share the packings of a scene on GPUs, one each"
         );
     }
-    let gpu = device.open_for_rank(local_rank).into_diagnostic()?;
-    let ranks = Ranks::join(launch, &gpu)?;
+    let device = device.open_for_rank(local_rank).into_diagnostic()?;
+    let ranks = Ranks::join(launch, &device)?;
     let hash = blake3::hash(scene.text.as_bytes());
     let number = u64::from_le_bytes(hash.as_bytes()[..8].try_into().into_diagnostic()?);
     if ranks.numbers(number)?.iter().any(|other| *other != number) {
         bail!("rank {rank} of {size}: the ranks were given different scenes");
     }
-    Ok((Some(gpu), Some(Arc::new(ranks))))
+    Ok(Place { device: Some(device), ranks: Some(Arc::new(ranks)) })
 }
 
 /// A flag that Ctrl-C and requests to terminate set.

@@ -107,7 +107,7 @@ fn measure(
     };
     Ok(vec![
         simulation.scene.title.clone(),
-        device.map_or("CPU", |device| device.name()).to_owned(),
+        simulation.device.clone(),
         points.to_string(),
         (points * discs).to_string(),
         simulation.scene.steps().to_string(),
