@@ -1,4 +1,4 @@
-//! Where the RVEs of a run are advanced.
+//! Where a run is advanced.
 
 use std::str::FromStr;
 use std::sync::Arc;

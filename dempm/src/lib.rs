@@ -2,6 +2,7 @@
 pub mod bench;
 pub mod check;
 pub mod checkpoint;
+pub mod cuda;
 pub mod dataset;
 pub mod device;
 pub mod element;

@@ -1,25 +1,20 @@
 //! The RVE batch as a material of the MPM: every point carries its own packing.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::{Packing, Real, Rve, RveBatch, RveParameters, RveState};
 use mpm::{Mat2, Material, MaterialError};
 use serde::{Deserialize, Serialize};
 
-use crate::ranks::{RankedRveBatch, Ranks};
-
 /// One packing per material point.
 #[derive(Serialize, Deserialize)]
 pub struct RveMaterial {
-    /// The packings; out of date while they are on a GPU.
-    batch: Batch,
-    #[serde(skip)]
-    on_device: Option<DeviceBatch>,
+    /// The packings; while they are on a GPU, as they were at the last checkpoint.
+    pub(crate) batch: Batch,
     /// State of each RVE after the last step.
-    states: Vec<RveState>,
+    pub(crate) states: Vec<RveState>,
     /// Volume of a point (m² per metre of depth) over the area of its cell (m²).
-    volume_per_area: Vec<f64>,
+    pub(crate) volume_per_area: Vec<f64>,
     /// Limits of the method met so far.
     pub tally: Tally,
     /// Wall time spent in the RVEs.
@@ -29,15 +24,9 @@ pub struct RveMaterial {
 
 /// The batch in the precision of the scene.
 #[derive(Serialize, Deserialize)]
-enum Batch {
+pub(crate) enum Batch {
     F32(RveBatch<f32>),
     F64(RveBatch<f64>),
-}
-
-/// The same on a GPU.
-enum DeviceBatch {
-    F32(RankedRveBatch<f32>),
-    F64(RankedRveBatch<f64>),
 }
 
 /// Counts, over all steps, of what happened at the limits of the method.
@@ -100,61 +89,21 @@ impl RveMaterial {
                 Precision::F32 => Batch::F32(batch(parameters, packings, fresh)),
                 Precision::F64 => Batch::F64(batch(parameters, packings, fresh)),
             },
-            on_device: None,
             tally: Tally::default(),
             time: Duration::ZERO,
         }
     }
 
-    /// Moves the packings to a GPU, which advances them from now on; to several GPUs with `ranks`.
-    ///
-    /// # Errors
-    /// When they do not fit or the kernel cannot be compiled.
-    pub fn move_to(
-        &mut self,
-        device: &Arc<gpu::Device>,
-        ranks: Option<&Arc<Ranks>>,
-    ) -> Result<(), MaterialError> {
-        self.on_device = Some(match &self.batch {
-            Batch::F32(batch) => DeviceBatch::F32(RankedRveBatch::upload(device, batch, ranks)?),
-            Batch::F64(batch) => DeviceBatch::F64(RankedRveBatch::upload(device, batch, ranks)?),
-        });
-        Ok(())
-    }
-
-    /// Copies the packings back from the GPU, if they are on one, for a checkpoint; of several
-    /// ranks only the first gets them.
-    ///
-    /// # Errors
-    /// A failure of the GPU.
-    pub fn fetch(&mut self) -> Result<(), MaterialError> {
-        let fetched = match &self.on_device {
-            None => None,
-            Some(DeviceBatch::F32(batch)) => batch.download()?.map(Batch::F32),
-            Some(DeviceBatch::F64(batch)) => batch.download()?.map(Batch::F64),
-        };
-        if let Some(batch) = fetched {
-            self.batch = batch;
-        }
-        Ok(())
-    }
-
     fn advance(&mut self, dt: f64, velocity_gradient: &[Mat2]) -> Result<(), MaterialError> {
         let states = &mut self.states;
-        match &mut self.on_device {
-            Some(DeviceBatch::F32(batch)) => return batch.advance(dt, velocity_gradient, states),
-            Some(DeviceBatch::F64(batch)) => return batch.advance(dt, velocity_gradient, states),
-            None => {}
-        }
+        let failed = |point, reason: String| Err(MaterialError::Point { point, reason });
         let advanced = match &mut self.batch {
             Batch::F32(batch) => batch.advance(dt, velocity_gradient, states),
             Batch::F64(batch) => batch.advance(dt, velocity_gradient, states),
         };
         match advanced {
             Ok(()) => Ok(()),
-            Err(dem::Error::Rve { rve, failure }) => {
-                Err(MaterialError::Point { point: rve, reason: failure.to_string() })
-            }
+            Err(dem::Error::Rve { rve, failure }) => failed(rve, failure.to_string()),
             Err(other) => Err(MaterialError::Other(Box::new(other))),
         }
     }

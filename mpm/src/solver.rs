@@ -22,11 +22,11 @@ pub struct Solver {
     domain: Domain,
     numerics: Numerics,
     gravity: Vec2,
-    obstacles: Vec<Obstacle>,
+    pub(crate) obstacles: Vec<Obstacle>,
     time: f64,
     ledger: Ledger,
 
-    shape: Shape,
+    pub(crate) shape: Shape,
     nodes: Vec<Node>,
     stencils: Vec<Stencil>,
     bins: Bins,

@@ -10,6 +10,7 @@ pub mod features;
 pub mod graph;
 pub mod metrics;
 pub mod model;
+pub mod node_features;
 pub mod rollout;
 pub mod simulator;
 pub mod start;

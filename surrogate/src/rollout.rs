@@ -13,6 +13,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::constraints::Constraints;
+use crate::features::Window;
 use crate::simulator::Simulator;
 use crate::start::Start;
 
@@ -31,6 +32,8 @@ pub struct Rollout<'a> {
     constraints: Constraints,
     /// The window of frames that the model sees next, the oldest first.
     window: VecDeque<Vec<[f64; 2]>>,
+    /// Features of the points that never change.
+    statics: Vec<f32>,
     gravity: [f64; 2],
     start: f64,
     frame: usize,
@@ -44,6 +47,7 @@ impl<'a> Rollout<'a> {
             simulator,
             constraints: Constraints::new(&start.scene),
             window: start.positions.iter().cloned().collect(),
+            statics: start.statics.clone(),
             gravity: start.scene.gravity.map(|g| g * interval * interval),
             start: start.time,
             frame: start.positions.len() - 1,
@@ -70,7 +74,8 @@ impl<'a> Rollout<'a> {
         let before = &self.window[self.window.len() - 2];
         let flat: Vec<f32> = self.window.iter().flatten().flatten().map(|&x| x as f32).collect();
         let domain = self.constraints.domain();
-        let accelerations = self.simulator.accelerations(&flat, last.len(), domain, self.gravity);
+        let window = Window { positions: &flat, points: last.len(), statics: &self.statics };
+        let accelerations = self.simulator.accelerations(&window, domain, self.gravity);
 
         let frame = self.frame + 1;
         let times = [self.time(self.frame), self.time(frame)];
@@ -140,6 +145,9 @@ pub struct RolloutArgs {
     /// Frames of the result, the first ones included [default: as many as scene or trajectory have]
     #[arg(long)]
     frames: Option<usize>,
+    /// Average each prediction with the mirrored one of the mirrored window
+    #[arg(long)]
+    mirror: bool,
     /// Trajectory file to write (HDF5)
     #[arg(short, long)]
     output: PathBuf,
@@ -160,7 +168,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
-    let simulator = Simulator::load(&args.model)?;
+    let simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
     let prepared = Instant::now();
     let start = match (&args.scene, &args.from) {
         (Some(scene), _) => Start::from_scene(Scene::load(scene)?, &simulator)?,

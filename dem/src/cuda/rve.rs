@@ -267,9 +267,15 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let stream = self.device.stream();
         let failed = stream.clone_dtoh(&self.failed)?[0];
         let Ok(rve) = usize::try_from(failed) else { return Ok(()) };
-        if rve >= self.rves {
-            return Ok(());
-        }
+        if rve >= self.rves { Ok(()) } else { Err(self.failure(rve)?) }
+    }
+
+    /// Why and when an RVE failed that [`failed`](Self::failed) names, once queued work is done.
+    ///
+    /// # Errors
+    /// A failure of the device.
+    pub fn failure(&self, rve: usize) -> Result<CudaError, CudaError> {
+        let stream = self.device.stream();
         let header = stream.clone_dtoh(&self.header.slice(rve..=rve))?[0];
         let overlap = stream.clone_dtoh(&self.state.slice(rve..=rve))?[0].relative_overlap;
         // `Status` of `rve.cu`.
@@ -279,7 +285,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             4 => RveFailure::SlotsFull { slots: self.shape.slots },
             _ => RveFailure::Packing(Failure::NotFinite),
         };
-        Err(CudaError::Rve { rve, step: header.steps as usize, failure })
+        Ok(CudaError::Rve { rve, step: header.steps as usize, failure })
     }
 
     /// What the kernel takes of a multiprocessor.

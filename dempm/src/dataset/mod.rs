@@ -16,7 +16,7 @@ use miette::{IntoDiagnostic, bail};
 
 use crate::device::Device;
 use crate::run::{INTERRUPTED, checkpoint_interval, interrupt_flag};
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 
 pub use error::DatasetError;
 pub use metadata::Metadata;
@@ -85,13 +85,8 @@ pub fn dataset(args: &DatasetArgs) -> miette::Result<ExitCode> {
     if chosen.is_empty() {
         bail!("{}: no scene of this split", args.scenes.display());
     }
-    let with_packings = |case: &Case| matches!(case.scene.material, Material::Rve(_));
-    let devices = match chosen.iter().any(with_packings) {
-        true => args.device.open_all().into_diagnostic()?,
-        false => Vec::new(),
-    };
     let options = work::Options {
-        devices,
+        devices: args.device.open_all().into_diagnostic()?,
         jobs: args.jobs.into(),
         overwrite: args.overwrite,
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
