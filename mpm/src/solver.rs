@@ -266,9 +266,9 @@ impl Solver {
         self.gravity
     }
 
-    /// Obstacles where they stand now.
-    pub fn obstacles(&self) -> impl ExactSizeIterator<Item = Obstacle> + '_ {
-        self.obstacles.iter().map(|o| o.at(self.time))
+    /// Obstacles where they stand at a time (s).
+    pub fn obstacles_at(&self, time: f64) -> impl ExactSizeIterator<Item = Obstacle> + '_ {
+        self.obstacles.iter().map(move |o| o.at(time))
     }
 
     /// Bounds on the step in the present state.

@@ -27,17 +27,18 @@ __device__ inline void count(Tally& tally, const State& state, double overlap_wa
     tally.min_width = fmin(tally.min_width, state.min_width);
 }
 
-extern "C" __global__ void rve_response(const Mpm m, const Matrix* stress, const double* area,
-                                        const State* state, const int* failed,
+extern "C" __global__ void rve_response(const Mpm m, const State* states, const int* failed,
                                         const double* volume_per_area, Tally* tally,
                                         double overlap_warning) {
     const int p = point_of_thread(m);
     if (p == NOBODY) return;
-    count(tally[p], state[p], overlap_warning);
+    const State state = states[p];
+    count(tally[p], state, overlap_warning);
     // Compression is positive in the RVE, tension in the MPM.
-    m.stress[p] = stress[p] * -1.0;
+    const double* s = state.stress;
+    m.stress[p] = {-s[0], -s[1], -s[2], -s[3]};
     // The RVE's cell is the one source of truth for volume.
-    m.volume[p] = volume_per_area[p] * area[p];
+    m.volume[p] = volume_per_area[p] * state.area;
     if (*failed == p) {
         raise(m, m.stress_phase, p, MATERIAL);
     } else {

@@ -77,13 +77,11 @@ impl CudaRveMaterial {
     /// # Errors
     /// When they do not fit or a kernel cannot be compiled.
     pub fn new(device: &Arc<Device>, rve: &RveMaterial) -> Result<Self, RveError> {
-        let mut batch = match &rve.batch {
+        let batch = match &rve.batch {
             Batch::F32(batch) => DeviceBatch::F32(CudaRveBatch::upload(device, batch)?),
             Batch::F64(batch) => DeviceBatch::F64(CudaRveBatch::upload(device, batch)?),
         };
         let packings = rve.volume_per_area.len();
-        // Area ratios are then areas.
-        with_batch!(&mut batch, batch => batch.set_reference_areas(&vec![1.0; packings]))?;
         let none = DeviceTally {
             free_steps: 0,
             thin_steps: 0,
@@ -139,13 +137,14 @@ impl CudaRveMaterial {
         elapsed(&self.events)
     }
 
-    /// Packings to stress (compression positive) and area of every point.
+    /// From velocity gradients to the states of all packings.
     ///
-    /// On several GPUs each would launch its own slice here, and stress and area of all points
-    /// would be gathered before this returns: all else is small and done on each.
+    /// On several GPUs each would launch its own slice here, and the states of all packings would
+    /// be gathered before this returns: all else is small and done on each.
     fn queue_packings(&mut self, queue: &Queue) -> Result<(), CudaError> {
         let Queue { stream, dt, velocity_gradient, .. } = *queue;
-        let timed = stream.capture_status()? == CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE;
+        let timed =
+            stream.capture_status()? == CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE;
         if timed {
             self.events[0].record(stream)?;
         }
@@ -161,7 +160,6 @@ impl CudaRveMaterial {
         let mut launch = queue.stream.launch_builder(&self.kernel);
         launch.arg(queue.view);
         with_batch!(&self.batch, batch => {
-            launch.arg(batch.stress()).arg(batch.area_ratio());
             launch.arg(batch.device_states()).arg(batch.failed());
         });
         launch.arg(&self.volume_per_area).arg(&mut self.tally).arg(&self.overlap_warning);
@@ -178,7 +176,8 @@ impl CudaMaterial for CudaRveMaterial {
     }
 
     fn failure(&self, point: usize) -> Result<MaterialError, CudaError> {
-        let error = with_batch!(&self.batch, batch => batch.failure(point)).map_err(device_error)?;
+        let error =
+            with_batch!(&self.batch, batch => batch.failure(point)).map_err(device_error)?;
         match error {
             RveError::Rve { rve, failure, .. } => {
                 Ok(MaterialError::Point { point: rve, reason: failure.to_string() })

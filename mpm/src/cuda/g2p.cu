@@ -23,5 +23,5 @@ extern "C" __global__ void g2p(const Mpm m) {
     confine(m, m.placed + m.obstacles, p, position, velocity);
     m.velocity[p] = velocity;
     m.position[p] = position;
-    if (m.affine) m.affine_velocity[p] = c;
+    m.affine_velocity[p] = m.affine ? c : Matrix{0.0, 0.0, 0.0, 0.0};
 }

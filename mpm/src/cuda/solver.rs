@@ -10,7 +10,7 @@ use super::material::CudaMaterial;
 use super::memory::Memory;
 use super::source::{SOURCE, defines};
 use super::view::{DeviceView, NO_FAILURE, ledger, set_matrices, set_vectors};
-use crate::{Basis, Error, Points, Scheme, Solver, Vec2};
+use crate::{Basis, Error, Mat2, Points, Scheme, Solver, Vec2};
 
 /// Threads of a block, one for each point or 16 for each node.
 const BLOCK: usize = 128;
@@ -195,10 +195,8 @@ impl CudaSolver {
         let clock = stream.clone_dtoh(&self.memory.clock)?;
         if clock[1] != NO_FAILURE {
             let step = self.first_step + clock[0] as usize;
-            return Err(match self.failure((clock[1] & 0xffff_ffff) as usize, material)? {
-                Some(source) => CudaError::Step { step, source },
-                None => gpu::Error::Driver(format!("step {step}: unknown failure")).into(),
-            });
+            let source = self.failure((clock[1] & 0xffff_ffff) as usize, material)?;
+            return Err(CudaError::Step { step, source });
         }
 
         let memory = &self.memory;
@@ -209,41 +207,32 @@ impl CudaSolver {
         set_matrices(&mut points.velocity_gradient, &host(&memory.velocity_gradient)?);
         set_matrices(&mut points.stress, &host(&memory.stress)?);
         points.volume.copy_from_slice(&host(&memory.volume)?[..self.points]);
-        solver.set_ledger(ledger(&host(&memory.ledger)?)).map_err(|source| CudaError::Step {
-            step: self.first_step + clock[0] as usize,
-            source,
-        })
+        solver
+            .set_ledger(ledger(&host(&memory.ledger)?))
+            .map_err(|source| CudaError::Step { step: self.first_step + clock[0] as usize, source })
     }
 
     /// Why a point failed. It is where it was when it did.
-    fn failure(
-        &self,
-        point: usize,
-        material: &dyn CudaMaterial,
-    ) -> Result<Option<Error>, CudaError> {
+    fn failure(&self, point: usize, material: &dyn CudaMaterial) -> Result<Error, CudaError> {
         let stream = self.device.stream();
-        let pair = |array: &CudaSlice<f64>| -> Result<Vec2, CudaError> {
-            Ok(Vec2::from_vec(stream.clone_dtoh(&array.slice(2 * point..2 * point + 2))?))
+        let row = |array: &CudaSlice<f64>, n: usize| {
+            stream.clone_dtoh(&array.slice(n * point..n * point + n))
         };
         let memory = &self.memory;
-        let position = pair(&memory.position)?;
+        let position = Vec2::from_vec(row(&memory.position, 2)?);
         // `Fault` of `mpm.cuh`.
         Ok(match stream.clone_dtoh(&memory.fault.slice(point..=point))?[0] {
             1 => {
-                let velocity = pair(&memory.velocity)?;
-                Some(Error::NotFinite { point, position, velocity })
+                let velocity = Vec2::from_vec(row(&memory.velocity, 2)?);
+                Error::NotFinite { point, position, velocity }
             }
-            2 => Some(Error::OutsideDomain { point, position, size: self.size }),
+            2 => Error::OutsideDomain { point, position, size: self.size },
             3 => {
-                let rows = stream.clone_dtoh(&memory.stress.slice(4 * point..4 * point + 4))?;
-                let volume = stream.clone_dtoh(&memory.volume.slice(point..=point))?[0];
-                let stress = crate::Mat2::from_row_slice(&rows);
-                Some(Error::Response { point, stress, volume })
+                let stress = Mat2::from_row_slice(&row(&memory.stress, 4)?);
+                Error::Response { point, stress, volume: row(&memory.volume, 1)?[0] }
             }
-            4 => Some(material.failure(point)?.into()),
-            code => usize::try_from(code - 5)
-                .ok()
-                .map(|obstacle| Error::InsideObstacle { point, position, obstacle }),
+            4 => material.failure(point)?.into(),
+            inside => Error::InsideObstacle { point, position, obstacle: (inside - 5) as usize },
         })
     }
 
