@@ -92,12 +92,11 @@ struct Place {
 }
 
 fn place(scene: &Scene, device: Device, launch: &Launch) -> miette::Result<Place> {
-    let has_packings = matches!(scene.material, Material::Rve(_));
     if !launch.is_shared() {
-        let device = if has_packings { device.open().into_diagnostic()? } else { None };
-        return Ok(Place { device, ranks: None });
+        return Ok(Place { device: device.open().into_diagnostic()?, ranks: None });
     }
     let Launch { rank, size, local_rank, .. } = *launch;
+    let has_packings = matches!(scene.material, Material::Rve(_));
     if !has_packings || device == Device::Cpu {
         bail!(
             help = "start it once, without mpirun, srun or torchrun",

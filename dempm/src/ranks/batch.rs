@@ -7,7 +7,6 @@ use cudarc::driver::CudaSlice;
 use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState};
 use dem::{RveBatch, RveState};
 use gpu::Device;
-use mpm::{Mat2, MaterialError};
 
 use super::{Ranks, RanksError};
 
@@ -17,6 +16,8 @@ pub struct RankedRveBatch<R: CudaReal> {
     /// The packings of this rank.
     own: CudaRveBatch<R>,
     range: Range<usize>,
+    /// How many there are on all ranks.
+    count: usize,
     shared: Option<Shared>,
 }
 
@@ -24,10 +25,7 @@ pub struct RankedRveBatch<R: CudaReal> {
 struct Shared {
     ranks: Arc<Ranks>,
     states: CudaSlice<DeviceState>,
-    /// For each rank the first of its packings that failed, counted from its own first one.
     failed: CudaSlice<i32>,
-    /// Velocity gradients of this rank's packings: xx, xy, yx, yy of each.
-    gradient: CudaSlice<f64>,
 }
 
 impl<R: CudaReal> RankedRveBatch<R> {
@@ -39,153 +37,127 @@ impl<R: CudaReal> RankedRveBatch<R> {
         device: &Arc<Device>,
         batch: &RveBatch<R>,
         ranks: Option<&Arc<Ranks>>,
-    ) -> Result<Self, MaterialError> {
+    ) -> Result<Self, CudaError> {
         let count = batch.rves.len();
-        let range = ranks.map_or(0..count, |ranks| ranks.slice(count));
-        let shared = ranks
-            .map(|ranks| {
-                if range.is_empty() {
-                    return Err(RanksError::TooMany { points: count, ranks: ranks.size() });
-                }
-                let states = vec![DeviceState::default(); ranks.chunk(count) * ranks.size()];
-                Ok(Shared {
-                    ranks: ranks.clone(),
-                    states: device.upload(&states)?,
-                    failed: device.upload(&vec![i32::MAX; ranks.size()])?,
-                    gradient: device.zeros(4 * range.len())?,
-                })
-            })
-            .transpose()
-            .map_err(other)?;
-        let own = match &shared {
-            None => CudaRveBatch::upload(device, batch),
-            Some(_) => CudaRveBatch::upload(
-                device,
-                &RveBatch {
-                    parameters: batch.parameters.clone(),
-                    rves: batch.rves[range.clone()].to_vec(),
-                    fresh: batch.fresh.clone(),
-                },
-            ),
+        let device = device.clone();
+        let Some(ranks) = ranks else {
+            let own = CudaRveBatch::upload(&device, batch)?;
+            return Ok(Self { device, own, range: 0..count, count, shared: None });
         };
-        Ok(Self { device: device.clone(), own: own.map_err(other)?, range, shared })
+        let range = ranks.slice(count);
+        if range.is_empty() {
+            return Err(failed(RanksError::TooMany { points: count, ranks: ranks.size() }));
+        }
+        let slice = RveBatch {
+            parameters: batch.parameters.clone(),
+            rves: batch.rves[range.clone()].to_vec(),
+            fresh: batch.fresh.clone(),
+        };
+        let states = vec![DeviceState::default(); ranks.chunk(count) * ranks.size()];
+        let shared = Shared {
+            ranks: ranks.clone(),
+            states: device.upload(&states)?,
+            failed: device.upload(&vec![i32::MAX; ranks.size()])?,
+        };
+        let own = CudaRveBatch::upload(&device, &slice)?;
+        Ok(Self { device, own, range, count, shared: Some(shared) })
     }
 
-    /// Advances packing `p` of all by `dt` (s) under `velocity_gradient[p]` (1/s) into `states[p]`.
+    /// Queues one macro step of `dt` (s) of all packings under velocity gradients in device memory
+    /// (1/s; xx, xy, yx, yy of each) on the device's stream, up to the gathering of their states.
+    /// May be captured in a graph.
     ///
     /// # Errors
-    /// The packing of lowest index that failed, on every rank, or a failure of a device.
-    pub fn advance(
-        &mut self,
-        dt: f64,
-        velocity_gradient: &[Mat2],
-        states: &mut [RveState],
-    ) -> Result<(), MaterialError> {
-        let gradient = &velocity_gradient[self.range.clone()];
-        let Some(shared) = &mut self.shared else {
-            return self.own.advance(dt, gradient, states).map_err(|error| failure(error, 0));
-        };
+    /// The launch was refused, or a peer is gone.
+    pub fn launch(&mut self, dt: f64, velocity_gradient: &CudaSlice<f64>) -> Result<(), CudaError> {
         let stream = self.device.stream();
-        let flat: Vec<f64> =
-            gradient.iter().flat_map(|l| [l[(0, 0)], l[(0, 1)], l[(1, 0)], l[(1, 1)]]).collect();
-        stream.memcpy_htod(&flat, &mut shared.gradient).map_err(gpu::Error::from).map_err(other)?;
-        self.own.launch(stream, dt, &shared.gradient).map_err(other)?;
-        shared.gather(&self.device, &self.own, &self.range).map_err(other)?;
+        let Range { start, end } = self.range;
+        self.own.launch(stream, dt, &velocity_gradient.slice(4 * start..4 * end))?;
+        let Some(Shared { ranks, states, failed: first }) = &mut self.shared else {
+            return Ok(());
+        };
+        let own = self.own.device_states().slice(..end - start);
+        stream.memcpy_dtod(&own, &mut states.slice_mut(start..end))?;
+        let rank = ranks.rank();
+        stream.memcpy_dtod(self.own.failed(), &mut first.slice_mut(rank..=rank))?;
+        ranks.all_gather(states).map_err(failed)?;
+        ranks.all_gather(first).map_err(failed)
+    }
 
-        let failed = stream.clone_dtoh(&shared.failed).map_err(gpu::Error::from).map_err(other)?;
-        if let Some((rank, first)) = shared.first_failure(&failed, velocity_gradient.len()) {
-            return Err(shared.explain(rank, first, &self.own, self.range.start));
-        }
-        let gathered =
-            stream.clone_dtoh(&shared.states).map_err(gpu::Error::from).map_err(other)?;
-        for (state, new) in states.iter_mut().zip(gathered) {
-            *state = new.into();
-        }
-        Ok(())
+    /// States of all packings after the last launch.
+    pub fn device_states(&self) -> &CudaSlice<DeviceState> {
+        self.shared.as_ref().map_or_else(|| self.own.device_states(), |shared| &shared.states)
+    }
+
+    /// For each rank the first of its packings that failed, counted from its own first one, which
+    /// is number `rank * chunk` of all; larger than all while none has.
+    pub fn failed(&self) -> &CudaSlice<i32> {
+        self.shared.as_ref().map_or_else(|| self.own.failed(), |shared| &shared.failed)
+    }
+
+    /// Most packings of a rank.
+    pub fn chunk(&self) -> usize {
+        self.shared.as_ref().map_or(self.count, |shared| shared.ranks.chunk(self.count))
+    }
+
+    /// States of all packings, once the last launch is done.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn states(&self) -> Result<Vec<RveState>, CudaError> {
+        let states = self.device.stream().clone_dtoh(self.device_states())?;
+        Ok(states.into_iter().take(self.count).map(RveState::from).collect())
     }
 
     /// Copies all packings back to rank 0, for a checkpoint; `None` on the others.
     ///
     /// # Errors
     /// A failure of a device or of a rank.
-    pub fn download(&self) -> Result<Option<RveBatch<R>>, MaterialError> {
-        let mut batch = self.own.download().map_err(other)?;
+    pub fn download(&self) -> Result<Option<RveBatch<R>>, CudaError> {
+        let mut batch = self.own.download()?;
         let Some(Shared { ranks, .. }) = &self.shared else { return Ok(Some(batch)) };
         let mine = match ranks.is_first() {
             true => Vec::new(),
-            false => postcard::to_stdvec(&batch.rves).map_err(other)?,
+            false => postcard::to_stdvec(&batch.rves).map_err(failed)?,
         };
-        let all = ranks.to_first(mine).map_err(other)?;
+        let all = ranks.to_first(mine).map_err(failed)?;
         if !ranks.is_first() {
             return Ok(None);
         }
         for part in &all[1..] {
-            let rves: Vec<dem::Rve<R>> = postcard::from_bytes(part).map_err(other)?;
+            let rves: Vec<dem::Rve<R>> = postcard::from_bytes(part).map_err(failed)?;
             batch.rves.extend(rves);
         }
         Ok(Some(batch))
     }
-}
 
-impl Shared {
-    /// The states of all packings, and what failed, to every rank.
-    fn gather<R: CudaReal>(
-        &mut self,
-        device: &Device,
-        own: &CudaRveBatch<R>,
-        range: &Range<usize>,
-    ) -> Result<(), RanksError> {
-        let stream = device.stream();
-        let source = own.device_states().slice(..range.len());
-        stream.memcpy_dtod(&source, &mut self.states.slice_mut(range.clone()))?;
-        let rank = self.ranks.rank();
-        stream.memcpy_dtod(own.failed(), &mut self.failed.slice_mut(rank..=rank))?;
-        self.ranks.all_gather(&mut self.states)?;
-        self.ranks.all_gather(&mut self.failed)
-    }
-
-    /// Rank and packing, counted over all, of the first failure. Slices ascend with the ranks.
-    fn first_failure(&self, failed: &[i32], count: usize) -> Option<(usize, usize)> {
-        let chunk = self.ranks.chunk(count);
-        let found = |(rank, &own): (usize, &i32)| {
-            let own = usize::try_from(own).ok().filter(|own| *own < chunk)?;
-            Some((rank, rank * chunk + own))
+    /// Why a packing failed: its rank tells rank 0, the others know the rank only.
+    ///
+    /// # Errors
+    /// A failure of a device or of a rank.
+    pub fn failure(&self, packing: usize) -> Result<String, CudaError> {
+        let reason = |own: usize| -> Result<String, CudaError> {
+            Ok(match self.own.failure(own)? {
+                CudaError::Rve { failure, .. } => failure.to_string(),
+                other => other.to_string(),
+            })
         };
-        failed.iter().enumerate().find_map(found)
-    }
-
-    /// The reason of a failure, which its rank tells rank 0.
-    fn explain<R: CudaReal>(
-        &self,
-        rank: usize,
-        point: usize,
-        own: &CudaRveBatch<R>,
-        first: usize,
-    ) -> MaterialError {
-        let mine = match own.check().map_err(|error| failure(error, first)) {
-            Err(MaterialError::Point { reason, .. }) if rank == self.ranks.rank() => reason,
-            _ => String::new(),
-        };
-        let told = self.ranks.to_first(mine.clone().into_bytes()).unwrap_or_default();
+        let Some(Shared { ranks, .. }) = &self.shared else { return reason(packing) };
+        let rank = packing / self.chunk();
+        let mut mine = String::new();
+        if rank == ranks.rank() {
+            mine = reason(packing - self.range.start)?;
+        }
+        let told = ranks.to_first(mine.clone().into_bytes()).map_err(failed)?;
         let told = told.get(rank).map(|text| String::from_utf8_lossy(text).into_owned());
         let known = [Some(mine), told].into_iter().flatten().find(|reason| !reason.is_empty());
-        let reason = known.unwrap_or_else(|| format!("it failed on rank {rank}"));
-        MaterialError::Point { point, reason }
+        Ok(known.unwrap_or_else(|| format!("it failed on rank {rank}")))
     }
 }
 
-/// A failure of a batch whose first packing is number `first` of all.
-fn failure(error: CudaError, first: usize) -> MaterialError {
-    match error {
-        CudaError::Rve { rve, failure, .. } => {
-            MaterialError::Point { point: first + rve, reason: failure.to_string() }
-        }
-        error => other(error),
-    }
-}
-
-fn other(error: impl std::error::Error + Send + Sync + 'static) -> MaterialError {
-    MaterialError::Other(Box::new(error))
+/// What is no failure of a packing.
+fn failed(error: impl std::fmt::Display) -> CudaError {
+    CudaError::Gpu(gpu::Error::Driver(error.to_string()))
 }
 
 #[cfg(test)]
@@ -216,11 +188,10 @@ mod tests {
         let batch = RveBatch { parameters: p, rves, fresh };
         let run = |ranks: Option<&Arc<Ranks>>| {
             let mut twin = RankedRveBatch::upload(&device, &batch, ranks).unwrap();
-            let gradients: Vec<Mat2> =
-                (1..=5).map(|k| Mat2::new(0.0, f64::from(k), 0.0, 0.0)).collect();
-            let mut states = vec![RveState::default(); 5];
-            (0..50).for_each(|_| twin.advance(1.0e-4, &gradients, &mut states).unwrap());
-            (states, twin.download().unwrap())
+            let gradients: Vec<f64> = (1..=5).flat_map(|k| [0.0, f64::from(k), 0.0, 0.0]).collect();
+            let gradients = device.upload(&gradients).unwrap();
+            (0..50).for_each(|_| twin.launch(1.0e-4, &gradients).unwrap());
+            (twin.states().unwrap(), twin.download().unwrap())
         };
         assert_eq!(run(Some(&ranks)), run(None));
     }
