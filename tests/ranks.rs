@@ -152,8 +152,11 @@ fn a_failure_on_one_rank_ends_all() {
         return;
     }
     let directory = TempDir::new().unwrap();
-    // No overlap at all is allowed.
-    scene(directory.path(), 0.3, "overlap_limit = 1.0e-6");
+    // Thrown against the lid, so that packings of the second rank fail.
+    let path = scene(directory.path(), 0.3, "overlap_limit = 0.1");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let thrown = text.replace("[rve]", "velocity = [0.0, 20.0]\n        [rve]");
+    std::fs::write(&path, thrown).unwrap();
     let said = end(start(directory.path(), 2, "failed.h5", &[]), 1);
     assert!(said[0].contains("overlap"), "{}", said[0]);
     let status = Trajectory::open(&directory.path().join("failed.h5")).unwrap();
