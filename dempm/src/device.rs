@@ -51,6 +51,19 @@ impl Device {
         }
     }
 
+    /// The GPU of rank number `local` on its host: the one of that number among the visible ones
+    /// (which may be one for each rank), unless the user names one.
+    ///
+    /// # Errors
+    /// When the GPU cannot be used; `cpu` is refused too.
+    pub fn open_for_rank(self, local: usize) -> Result<Arc<gpu::Device>, gpu::Error> {
+        match self {
+            Self::Cpu => Err(gpu::Error::NoDevice),
+            Self::Cuda(ordinal) if ordinal > 0 => gpu::Device::new(ordinal),
+            Self::Cuda(_) | Self::Auto => gpu::Device::new(local % gpu::Device::count().max(1)),
+        }
+    }
+
     /// The GPUs for work on several scenes: all that there are for `auto`; none for the CPU.
     ///
     /// # Errors

@@ -1,4 +1,5 @@
 //! Hierarchical MPM x DEM: scene file -> simulation -> trajectory file.
+pub mod bench;
 pub mod check;
 pub mod checkpoint;
 pub mod cuda;
@@ -9,12 +10,14 @@ pub mod export;
 pub mod info;
 pub mod packings;
 pub mod plot;
+pub mod ranks;
 pub mod rate;
 pub mod record;
 pub mod run;
 pub mod rve_material;
 pub mod scene;
 pub mod simulation;
+mod sitting;
 pub mod summary;
 pub mod trajectory;
 pub mod watch;

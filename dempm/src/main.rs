@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use dempm::{check, dataset, element, export, info, plot, run};
+use dempm::{bench, check, dataset, element, export, info, plot, run};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
 #[derive(Parser)]
@@ -27,6 +27,8 @@ enum Command {
     },
     /// Drive one packing along a path of strain and stress.
     Element(element::ElementArgs),
+    /// Measure how fast this machine is, as tables in Markdown.
+    Bench(bench::BenchArgs),
     /// Summarise a trajectory file.
     Info {
         /// Trajectory file (HDF5).
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         Command::Dataset(args) => dataset::dataset(&args),
         Command::Check { scene } => check::check(&scene).map(done),
         Command::Element(args) => element::element(&args).map(done),
+        Command::Bench(args) => bench::bench(&args).map(done),
         Command::Info { file } => info::info(&file).map(done),
         Command::Plot(args) => plot::plot(&args).map(done),
         Command::Export(args) => export::export(&args).map(done),

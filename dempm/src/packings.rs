@@ -83,7 +83,11 @@ fn kept<T: DeserializeOwned>(file: &Path) -> Option<T> {
 fn keep(file: &Path, value: &impl Serialize) -> io::Result<()> {
     let bytes = postcard::to_stdvec(value).map_err(io::Error::other)?;
     let folder = file.parent().unwrap_or(Path::new("."));
-    let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
+    let mut builder = tempfile::Builder::new();
+    // As any other file, and not for this user alone.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut temporary = builder.tempfile_in(folder)?;
     temporary.write_all(&bytes)?;
     temporary.as_file().sync_all()?;
     temporary.persist(file)?;

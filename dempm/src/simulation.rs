@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cuda::CudaSimulation;
 use crate::packings::{self, Ladder};
+use crate::ranks::{Ranks, RanksError};
 use crate::rve_material::RveMaterial;
 use crate::scene::{self, InitialStress, Scene};
 
@@ -22,6 +23,8 @@ pub enum SimulationError {
     Packing(#[from] dem::Error),
     #[error(transparent)]
     Material(#[from] MaterialError),
+    #[error(transparent)]
+    Ranks(#[from] RanksError),
     #[error(transparent)]
     Rves(#[from] dem::cuda::CudaError),
     #[error(transparent)]
@@ -122,14 +125,20 @@ impl Simulation {
         Ok(Self { scene, state, solver, device: cpu(), gpu: None, advancing: Duration::ZERO })
     }
 
-    /// Has everything advanced on a GPU from now on.
+    /// Has everything advanced on a GPU from now on; with `ranks`, the packings of this rank.
     ///
     /// # Errors
     /// When it does not fit or a kernel cannot be compiled.
-    pub fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), SimulationError> {
-        let gpu = CudaSimulation::new(device, &self.solver, &self.state, self.scene.step)?;
-        self.gpu = Some(gpu);
-        device.name().clone_into(&mut self.device);
+    pub fn move_to(
+        &mut self,
+        device: &Arc<gpu::Device>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<(), SimulationError> {
+        let Self { scene, state, solver, .. } = self;
+        self.gpu = Some(CudaSimulation::new(device, solver, state, scene.step, ranks)?);
+        let count = ranks.map_or(1, |ranks| ranks.size());
+        let gpus = if count > 1 { format!("{count} x ") } else { String::new() };
+        self.device = format!("{gpus}{}", device.name());
         Ok(())
     }
 

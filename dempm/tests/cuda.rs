@@ -64,7 +64,7 @@ fn twins(scene: &Scene, device: &Arc<Device>, directory: &Path) -> [Simulation; 
     let cpu = Simulation::new(scene.clone()).unwrap();
     let state = copy(directory, scene, &cpu.state);
     let mut gpu = Simulation::resume(scene.clone(), state).unwrap();
-    gpu.move_to(device).unwrap();
+    gpu.move_to(device, None).unwrap();
     [cpu, gpu]
 }
 
@@ -153,7 +153,7 @@ fn a_resumed_run_is_bitwise_the_same(#[values("rve", "mu-i", "elastic")] materia
     stopped.record().unwrap();
     let state = copy(directory.path(), &scene, &stopped.state);
     let mut resumed = Simulation::resume(scene, state).unwrap();
-    resumed.move_to(&device).unwrap();
+    resumed.move_to(&device, None).unwrap();
     for _ in 0..3 {
         assert_eq!(next_frame(&mut whole).unwrap(), next_frame(&mut resumed).unwrap());
     }
@@ -179,7 +179,7 @@ fn checkpoints_change_places(#[values("rve", "mu-i")] material: &str) {
     cpu.record().unwrap();
     let state = copy(directory.path(), &scene, &cpu.state);
     let mut gpu = Simulation::resume(scene.clone(), state).unwrap();
-    gpu.move_to(&device).unwrap();
+    gpu.move_to(&device, None).unwrap();
     let expected = next_frame(&mut cpu).unwrap();
     assert_frames_close(&next_frame(&mut gpu).unwrap(), &expected, TOLERANCE);
 
@@ -223,7 +223,7 @@ fn failures_are_those_of_the_cpu(#[case] material: &str, #[case] point: usize) {
         let state = copy(directory.path(), &scene, &start.state);
         let mut simulation = Simulation::resume(scene.clone(), state).unwrap();
         if let Some(device) = device {
-            simulation.move_to(device).unwrap();
+            simulation.move_to(device, None).unwrap();
         }
         words(&next_frame(&mut simulation).expect_err("it fails"))
     };

@@ -93,6 +93,11 @@ impl Device {
         &self.architecture
     }
 
+    /// CUDA version that the driver supports: major, minor.
+    pub fn driver(&self) -> (i32, i32) {
+        self.driver
+    }
+
     pub fn context(&self) -> &Arc<CudaContext> {
         &self.context
     }

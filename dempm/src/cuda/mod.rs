@@ -12,6 +12,7 @@ use gpu::Device;
 use mpm::Solver;
 use mpm::cuda::{CudaDruckerPrager, CudaElastic, CudaError, CudaMaterial, CudaSolver};
 
+use crate::ranks::Ranks;
 use crate::simulation::{SceneMaterial, SimulationError, State};
 use rve_material::CudaRveMaterial;
 pub use rve_material::{defines, source};
@@ -38,9 +39,15 @@ enum DeviceMaterial {
 }
 
 impl DeviceMaterial {
-    fn new(device: &Arc<Device>, material: &SceneMaterial) -> Result<Self, SimulationError> {
+    fn new(
+        device: &Arc<Device>,
+        material: &SceneMaterial,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<Self, SimulationError> {
         Ok(match material {
-            SceneMaterial::Rve(rve) => Self::Rve(Box::new(CudaRveMaterial::new(device, rve)?)),
+            SceneMaterial::Rve(rve) => {
+                Self::Rve(Box::new(CudaRveMaterial::new(device, rve, ranks)?))
+            }
             SceneMaterial::MuI(law) => Self::MuI(CudaDruckerPrager::new(device, law)?),
             SceneMaterial::Elastic(law) => Self::Elastic(CudaElastic::new(device, law)?),
         })
@@ -73,11 +80,12 @@ impl CudaSimulation {
         solver: &Solver,
         state: &State,
         dt: f64,
+        ranks: Option<&Arc<Ranks>>,
     ) -> Result<Self, SimulationError> {
         Ok(Self {
             solver: CudaSolver::new(device, solver, &state.points, dt, state.step)
                 .map_err(|error| SimulationError::on_gpu(error, dt))?,
-            material: DeviceMaterial::new(device, &state.material)?,
+            material: DeviceMaterial::new(device, &state.material, ranks)?,
             graphs: None,
             events: timer(device)?,
             device: device.clone(),

@@ -27,8 +27,9 @@ __device__ inline void count(Tally& tally, const State& state, double overlap_wa
     tally.min_width = fmin(tally.min_width, state.min_width);
 }
 
+// `failed` holds the first packing that failed of every `chunk` packings, counted within them.
 extern "C" __global__ void rve_response(const Mpm m, const State* states, const int* failed,
-                                        const double* volume_per_area, Tally* tally,
+                                        int chunk, const double* volume_per_area, Tally* tally,
                                         double overlap_warning) {
     const int p = point_of_thread(m);
     if (p == NOBODY) return;
@@ -39,7 +40,7 @@ extern "C" __global__ void rve_response(const Mpm m, const State* states, const 
     m.stress[p] = {-s[0], -s[1], -s[2], -s[3]};
     // The RVE's cell is the one source of truth for volume.
     m.volume[p] = volume_per_area[p] * state.area;
-    if (*failed == p) {
+    if (failed[p / chunk] == p % chunk) {
         raise(m, m.stress_phase, p, MATERIAL);
     } else {
         check_response(m, p, m.stress[p], m.volume[p]);

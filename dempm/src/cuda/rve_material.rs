@@ -5,12 +5,13 @@ use std::time::Duration;
 
 use cudarc::driver::sys::CUstreamCaptureStatus;
 use cudarc::driver::{CudaEvent, CudaFunction, CudaSlice, DeviceRepr, PushKernelArg};
-use dem::cuda::{CudaError as RveError, CudaRveBatch, DeviceState};
+use dem::cuda::{CudaError as RveError, DeviceState};
 use gpu::Device;
 use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
 use mpm::{Basis, MaterialError};
 
 use super::{elapsed, timer};
+use crate::ranks::{RankedRveBatch, Ranks};
 use crate::rve_material::{Batch, RveMaterial, Tally};
 
 /// The source of the kernel.
@@ -42,8 +43,8 @@ pub(super) struct CudaRveMaterial {
 
 /// The batch in the precision of the scene.
 enum DeviceBatch {
-    F32(CudaRveBatch<f32>),
-    F64(CudaRveBatch<f64>),
+    F32(RankedRveBatch<f32>),
+    F64(RankedRveBatch<f64>),
 }
 
 /// Does the same with a batch of either precision.
@@ -72,14 +73,18 @@ struct DeviceTally {
 unsafe impl DeviceRepr for DeviceTally {}
 
 impl CudaRveMaterial {
-    /// Copies the packings to a GPU.
+    /// Copies the packings to a GPU; with `ranks` those of this rank.
     ///
     /// # Errors
     /// When they do not fit or a kernel cannot be compiled.
-    pub fn new(device: &Arc<Device>, rve: &RveMaterial) -> Result<Self, RveError> {
+    pub fn new(
+        device: &Arc<Device>,
+        rve: &RveMaterial,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<Self, RveError> {
         let batch = match &rve.batch {
-            Batch::F32(batch) => DeviceBatch::F32(CudaRveBatch::upload(device, batch)?),
-            Batch::F64(batch) => DeviceBatch::F64(CudaRveBatch::upload(device, batch)?),
+            Batch::F32(batch) => DeviceBatch::F32(RankedRveBatch::upload(device, batch, ranks)?),
+            Batch::F64(batch) => DeviceBatch::F64(RankedRveBatch::upload(device, batch, ranks)?),
         };
         let packings = rve.volume_per_area.len();
         let none = DeviceTally {
@@ -123,12 +128,15 @@ impl CudaRveMaterial {
         Ok(())
     }
 
-    /// Copies back the packings themselves.
+    /// Copies back the packings themselves; of several ranks only the first gets them.
     pub fn fetch_packings(&self, rve: &mut RveMaterial) -> Result<(), CudaError> {
-        rve.batch = match &self.batch {
-            DeviceBatch::F32(batch) => Batch::F32(batch.download().map_err(device_error)?),
-            DeviceBatch::F64(batch) => Batch::F64(batch.download().map_err(device_error)?),
+        let fetched = match &self.batch {
+            DeviceBatch::F32(batch) => batch.download().map_err(device_error)?.map(Batch::F32),
+            DeviceBatch::F64(batch) => batch.download().map_err(device_error)?.map(Batch::F64),
         };
+        if let Some(batch) = fetched {
+            rve.batch = batch;
+        }
         Ok(())
     }
 
@@ -139,8 +147,8 @@ impl CudaRveMaterial {
 
     /// From velocity gradients to the states of all packings.
     ///
-    /// On several GPUs each would launch its own slice here, and the states of all packings would
-    /// be gathered before this returns: all else is small and done on each.
+    /// On several GPUs each launches its own slice, and the states of all packings are gathered
+    /// before this returns: all else is small and done on each.
     fn queue_packings(&mut self, queue: &Queue) -> Result<(), CudaError> {
         let Queue { stream, dt, velocity_gradient, .. } = *queue;
         let timed =
@@ -148,7 +156,7 @@ impl CudaRveMaterial {
         if timed {
             self.events[0].record(stream)?;
         }
-        with_batch!(&mut self.batch, batch => batch.launch(stream, dt, velocity_gradient))
+        with_batch!(&mut self.batch, batch => batch.launch(dt, velocity_gradient))
             .map_err(device_error)?;
         if timed {
             self.events[1].record(stream)?;
@@ -162,6 +170,8 @@ impl CudaRveMaterial {
         with_batch!(&self.batch, batch => {
             launch.arg(batch.device_states()).arg(batch.failed());
         });
+        let chunk = with_batch!(&self.batch, batch => batch.chunk()) as i32;
+        launch.arg(&chunk);
         launch.arg(&self.volume_per_area).arg(&mut self.tally).arg(&self.overlap_warning);
         // SAFETY: the arguments of `rve_response`, with one entry a point.
         unsafe { launch.launch(queue.one_thread_a_point()) }?;
@@ -176,14 +186,8 @@ impl CudaMaterial for CudaRveMaterial {
     }
 
     fn failure(&self, point: usize) -> Result<MaterialError, CudaError> {
-        let error =
-            with_batch!(&self.batch, batch => batch.failure(point)).map_err(device_error)?;
-        match error {
-            RveError::Rve { rve, failure, .. } => {
-                Ok(MaterialError::Point { point: rve, reason: failure.to_string() })
-            }
-            other => Err(device_error(other)),
-        }
+        let reason = with_batch!(&self.batch, batch => batch.failure(point));
+        Ok(MaterialError::Point { point, reason: reason.map_err(device_error)? })
     }
 }
 

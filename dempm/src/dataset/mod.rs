@@ -123,6 +123,11 @@ fn finished(cases: &[Case], rows: &[report::Row], folder: &Path) -> DataSet {
     DataSet { splits: Split::ALL.map(|split| (split, files(split))).into() }
 }
 
+/// The text of a scene of the paper, such as `col5x5`.
+pub fn paper_scene(name: &str) -> Option<&'static str> {
+    paper::SCENES.iter().find(|scene| scene.1 == name).map(|scene| scene.2)
+}
+
 /// The scenes of the paper or of a list.
 fn cases(scenes: &Path) -> miette::Result<Vec<Case>> {
     if scenes != Path::new("paper") {

@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, Report};
 
 use super::{Case, DatasetError};
 use crate::checkpoint;
-use crate::run::{self, Outcome, sit};
+use crate::sitting::{self, Outcome, sit};
 use crate::trajectory::Trajectory;
 
 /// How the scenes are run.
@@ -121,8 +121,9 @@ impl Queue<'_> {
             };
             let output = case.file(folder);
             let resume = !options.overwrite && checkpoint::path_beside(&output).exists();
-            let run_options = run::Options {
+            let sitting = sitting::Options {
                 device: device.cloned(),
+                ranks: None,
                 resume,
                 // Without a checkpoint a file that is not complete is of no use.
                 overwrite: !resume,
@@ -131,7 +132,7 @@ impl Queue<'_> {
                 total: Some(self.total.clone()),
             };
             let name = format!("{}/{}", case.split.name(), case.name);
-            match sit(case.scene.clone(), output, &run_options, interrupted) {
+            match sit(case.scene.clone(), output, &sitting, interrupted) {
                 Ok(Outcome::Finished(_)) => self.say(&format!("{name} done")),
                 Ok(Outcome::Interrupted { step, steps }) => {
                     self.say(&format!("{name} interrupted at step {step} of {steps}"));

@@ -82,11 +82,10 @@ impl Direct {
     /// If the model wants features that the continuum law lacks.
     pub fn start(&self, simulator: &Simulator) -> Result<Start, StudyError> {
         let window = simulator.config.frames;
-        let statics = start::statics(simulator, &self.scene.name, || Ok(self.first.clone()))
-            .map_err(|e| StudyError::Scene {
-                name: self.scene.name.clone(),
-                reason: e.to_string(),
-            })?;
+        let statics =
+            start::statics(simulator, &self.scene.name, || Ok(self.first.clone())).map_err(
+                |e| StudyError::Scene { name: self.scene.name.clone(), reason: e.to_string() },
+            )?;
         Ok(Start {
             scene: self.scene.clone(),
             header: self.header.clone(),

@@ -1,0 +1,139 @@
+//! A short stretch of whole scenes: time per macro step and phase.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::Extent;
+use super::markdown::table;
+use crate::dataset::paper_scene;
+use crate::scene::{Material, Scene};
+use crate::simulation::Simulation;
+
+const COLUMN: &str = include_str!("../../../scenes/column.toml");
+const COLUMN_MU_I: &str = include_str!("../../../scenes/column-mu-i.toml");
+/// Scenes of the paper that a GPU is measured with.
+const ON_GPU: &[&str] = &["col3x3barriers"];
+const ON_GPU_FULL: &[&str] = &["col2x2", "col3x3barriers", "col10x2", "col5x5"];
+
+/// The table of the scenes on the CPU and, if there is one, the GPU.
+pub fn report(
+    gpu: Option<&Arc<gpu::Device>>,
+    chosen: &[String],
+    extent: Extent,
+) -> miette::Result<String> {
+    let mut rows = Vec::new();
+    for (scene, on_cpu, on_gpu) in scenes(chosen, extent)? {
+        if on_cpu {
+            rows.push(measure(scene.clone(), None, extent)?);
+        }
+        if let Some(device) = gpu.filter(|_| on_gpu) {
+            rows.push(measure(scene, Some(device), extent)?);
+        }
+    }
+    let head = [
+        "scene",
+        "device",
+        "points",
+        "discs",
+        "steps",
+        "ms a step",
+        "of it",
+        "1e6 disc-steps/s",
+        "whole run [s]",
+    ];
+    Ok(format!(
+        "{}\nMeasured over the first steps of each scene and projected to all of them, without \
+         preparation and output; faster flow later in a run searches neighbours more often.\n",
+        table(&head, &rows)
+    ))
+}
+
+/// The scenes, and whether they are measured on the CPU and on the GPU.
+fn scenes(chosen: &[String], extent: Extent) -> miette::Result<Vec<(Scene, bool, bool)>> {
+    if !chosen.is_empty() {
+        return chosen.iter().map(|name| Ok((named(name)?, true, true))).collect();
+    }
+    let mut scenes = vec![
+        (Scene::parse(COLUMN, "column.toml")?, true, true),
+        (Scene::parse(COLUMN_MU_I, "column-mu-i.toml")?, true, true),
+    ];
+    for name in if extent.full { ON_GPU_FULL } else { ON_GPU } {
+        scenes.push((named(name)?, extent.full, true));
+    }
+    Ok(scenes)
+}
+
+/// A scene of the paper by its name, else a file.
+fn named(name: &str) -> miette::Result<Scene> {
+    match paper_scene(name) {
+        Some(text) => Ok(Scene::parse(text, name)?),
+        None => Ok(Scene::load(name)?),
+    }
+}
+
+fn measure(
+    scene: Scene,
+    device: Option<&Arc<gpu::Device>>,
+    extent: Extent,
+) -> miette::Result<Vec<String>> {
+    let mut simulation = Simulation::new(scene)?;
+    if let Some(device) = device {
+        simulation.move_to(device, None)?;
+    }
+    // The first steps search all neighbours.
+    (0..10).try_for_each(|_| simulation.advance())?;
+    simulation.record_wall_time();
+    let before = simulation.state.wall_time.clone();
+    let first = simulation.state.step;
+    let start = Instant::now();
+    while start.elapsed() < 2 * extent.time && simulation.state.step < simulation.scene.steps() {
+        simulation.advance()?;
+    }
+    let steps = (simulation.state.step - first) as f64;
+    let step = start.elapsed().as_secs_f64() / steps;
+    simulation.record_wall_time();
+    let discs = match &simulation.scene.material {
+        Material::Rve(rve) => rve.parameters.discs,
+        Material::MuI(_) | Material::Elastic(_) => 0,
+    };
+    let points = simulation.state.points.len();
+    let rate = match &simulation.scene.material {
+        Material::Rve(rve) => {
+            let substeps = rve.parameters.substeps(simulation.scene.step);
+            format!("{:.1}", 1e-6 * (points * discs * substeps) as f64 / step)
+        }
+        Material::MuI(_) | Material::Elastic(_) => "-".to_owned(),
+    };
+    Ok(vec![
+        simulation.scene.title.clone(),
+        simulation.device.clone(),
+        points.to_string(),
+        (points * discs).to_string(),
+        simulation.scene.steps().to_string(),
+        format!("{:.3}", 1e3 * step),
+        phases(&before, &simulation.state.wall_time, steps),
+        rate,
+        format!("{:.1}", step * simulation.scene.steps() as f64),
+    ])
+}
+
+/// Milliseconds per step of each phase.
+fn phases(before: &BTreeMap<String, f64>, after: &BTreeMap<String, f64>, steps: f64) -> String {
+    let of_phase = |(phase, time): (&String, &f64)| {
+        let time = 1e3 * (time - before.get(phase).copied().unwrap_or_default()) / steps;
+        (time > 0.0).then(|| format!("{phase} {time:.3}"))
+    };
+    after.iter().filter_map(of_phase).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_are_found_by_name_or_as_files() {
+        assert_eq!(named("col5x5").unwrap().point_count(), 6400);
+        assert!(named("nowhere.toml").is_err());
+    }
+}

@@ -1,0 +1,198 @@
+//! The packings of all points, of which this rank advances its slice.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use cudarc::driver::CudaSlice;
+use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState};
+use dem::{RveBatch, RveState};
+use gpu::Device;
+
+use super::{Ranks, RanksError};
+
+/// A batch on one GPU, or on one of several: the twin of [`RveBatch`].
+pub struct RankedRveBatch<R: CudaReal> {
+    device: Arc<Device>,
+    /// The packings of this rank.
+    own: CudaRveBatch<R>,
+    range: Range<usize>,
+    /// How many there are on all ranks.
+    count: usize,
+    shared: Option<Shared>,
+}
+
+/// What several ranks exchange in every step, in equal parts.
+struct Shared {
+    ranks: Arc<Ranks>,
+    states: CudaSlice<DeviceState>,
+    failed: CudaSlice<i32>,
+}
+
+impl<R: CudaReal> RankedRveBatch<R> {
+    /// Copies the packings of this rank to its GPU; all of them without `ranks`.
+    ///
+    /// # Errors
+    /// More ranks than packings, or what [`CudaRveBatch::upload`] says.
+    pub fn upload(
+        device: &Arc<Device>,
+        batch: &RveBatch<R>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<Self, CudaError> {
+        let count = batch.rves.len();
+        let device = device.clone();
+        let Some(ranks) = ranks else {
+            let own = CudaRveBatch::upload(&device, batch)?;
+            return Ok(Self { device, own, range: 0..count, count, shared: None });
+        };
+        let range = ranks.slice(count);
+        if range.is_empty() {
+            return Err(failed(RanksError::TooMany { points: count, ranks: ranks.size() }));
+        }
+        let slice = RveBatch {
+            parameters: batch.parameters.clone(),
+            rves: batch.rves[range.clone()].to_vec(),
+            fresh: batch.fresh.clone(),
+        };
+        let states = vec![DeviceState::default(); ranks.chunk(count) * ranks.size()];
+        let shared = Shared {
+            ranks: ranks.clone(),
+            states: device.upload(&states)?,
+            failed: device.upload(&vec![i32::MAX; ranks.size()])?,
+        };
+        let own = CudaRveBatch::upload(&device, &slice)?;
+        Ok(Self { device, own, range, count, shared: Some(shared) })
+    }
+
+    /// Queues one macro step of `dt` (s) of all packings under velocity gradients in device memory
+    /// (1/s; xx, xy, yx, yy of each) on the device's stream, up to the gathering of their states.
+    /// May be captured in a graph.
+    ///
+    /// # Errors
+    /// The launch was refused, or a peer is gone.
+    pub fn launch(&mut self, dt: f64, velocity_gradient: &CudaSlice<f64>) -> Result<(), CudaError> {
+        let stream = self.device.stream();
+        let Range { start, end } = self.range;
+        self.own.launch(stream, dt, &velocity_gradient.slice(4 * start..4 * end))?;
+        let Some(Shared { ranks, states, failed: first }) = &mut self.shared else {
+            return Ok(());
+        };
+        let own = self.own.device_states().slice(..end - start);
+        stream.memcpy_dtod(&own, &mut states.slice_mut(start..end))?;
+        let rank = ranks.rank();
+        stream.memcpy_dtod(self.own.failed(), &mut first.slice_mut(rank..=rank))?;
+        ranks.all_gather(states).map_err(failed)?;
+        ranks.all_gather(first).map_err(failed)
+    }
+
+    /// States of all packings after the last launch.
+    pub fn device_states(&self) -> &CudaSlice<DeviceState> {
+        self.shared.as_ref().map_or_else(|| self.own.device_states(), |shared| &shared.states)
+    }
+
+    /// For each rank the first of its packings that failed, counted from its own first one, which
+    /// is number `rank * chunk` of all; larger than all while none has.
+    pub fn failed(&self) -> &CudaSlice<i32> {
+        self.shared.as_ref().map_or_else(|| self.own.failed(), |shared| &shared.failed)
+    }
+
+    /// Most packings of a rank.
+    pub fn chunk(&self) -> usize {
+        self.shared.as_ref().map_or(self.count, |shared| shared.ranks.chunk(self.count))
+    }
+
+    /// States of all packings, once the last launch is done.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn states(&self) -> Result<Vec<RveState>, CudaError> {
+        let states = self.device.stream().clone_dtoh(self.device_states())?;
+        Ok(states.into_iter().take(self.count).map(RveState::from).collect())
+    }
+
+    /// Copies all packings back to rank 0, for a checkpoint; `None` on the others.
+    ///
+    /// # Errors
+    /// A failure of a device or of a rank.
+    pub fn download(&self) -> Result<Option<RveBatch<R>>, CudaError> {
+        let mut batch = self.own.download()?;
+        let Some(Shared { ranks, .. }) = &self.shared else { return Ok(Some(batch)) };
+        let mine = match ranks.is_first() {
+            true => Vec::new(),
+            false => postcard::to_stdvec(&batch.rves).map_err(failed)?,
+        };
+        let all = ranks.to_first(mine).map_err(failed)?;
+        if !ranks.is_first() {
+            return Ok(None);
+        }
+        for part in &all[1..] {
+            let rves: Vec<dem::Rve<R>> = postcard::from_bytes(part).map_err(failed)?;
+            batch.rves.extend(rves);
+        }
+        Ok(Some(batch))
+    }
+
+    /// Why a packing failed: its rank tells rank 0, the others know the rank only.
+    ///
+    /// # Errors
+    /// A failure of a device or of a rank.
+    pub fn failure(&self, packing: usize) -> Result<String, CudaError> {
+        let reason = |own: usize| -> Result<String, CudaError> {
+            Ok(match self.own.failure(own)? {
+                CudaError::Rve { failure, .. } => failure.to_string(),
+                other => other.to_string(),
+            })
+        };
+        let Some(Shared { ranks, .. }) = &self.shared else { return reason(packing) };
+        let rank = packing / self.chunk();
+        let mut mine = String::new();
+        if rank == ranks.rank() {
+            mine = reason(packing - self.range.start)?;
+        }
+        let told = ranks.to_first(mine.clone().into_bytes()).map_err(failed)?;
+        let told = told.get(rank).map(|text| String::from_utf8_lossy(text).into_owned());
+        let known = [Some(mine), told].into_iter().flatten().find(|reason| !reason.is_empty());
+        Ok(known.unwrap_or_else(|| format!("it failed on rank {rank}")))
+    }
+}
+
+/// What is no failure of a packing.
+fn failed(error: impl std::fmt::Display) -> CudaError {
+    CudaError::Gpu(gpu::Error::Driver(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ranks::Launch;
+
+    /// The way through NCCL, with one rank: where there is one GPU only.
+    #[test]
+    fn gathered_states_are_those_of_the_batch() {
+        let Some(device) = gpu::for_tests() else { return };
+        let launch =
+            Launch { rank: 0, size: 1, local_rank: 0, address: ("127.0.0.1".to_owned(), 0) };
+        let ranks = match Ranks::join(&launch, &device) {
+            Ok(ranks) => Arc::new(ranks),
+            Err(RanksError::NcclMissing) => {
+                eprintln!("skipped: {}", RanksError::NcclMissing);
+                return;
+            }
+            Err(error) => panic!("{error}"),
+        };
+        assert_eq!(ranks.numbers(7).unwrap(), [7]);
+        assert_eq!(ranks.to_first(vec![1, 2, 3]).unwrap(), [vec![1, 2, 3]]);
+
+        let p = dem::RveParameters { discs: 60, ..dem::RveParameters::default() };
+        let fresh: dem::Packing<f32> = dem::consolidate(&p, 1).unwrap().convert();
+        let rves = vec![dem::Rve::new(fresh.clone()); 5];
+        let batch = RveBatch { parameters: p, rves, fresh };
+        let run = |ranks: Option<&Arc<Ranks>>| {
+            let mut twin = RankedRveBatch::upload(&device, &batch, ranks).unwrap();
+            let gradients: Vec<f64> = (1..=5).flat_map(|k| [0.0, f64::from(k), 0.0, 0.0]).collect();
+            let gradients = device.upload(&gradients).unwrap();
+            (0..50).for_each(|_| twin.launch(1.0e-4, &gradients).unwrap());
+            (twin.states().unwrap(), twin.download().unwrap())
+        };
+        assert_eq!(run(Some(&ranks)), run(None));
+    }
+}

@@ -1,0 +1,304 @@
+//! One run of the program on a scene, from the start or a checkpoint to the end or an interrupt,
+//! with progress and checkpoints.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
+use miette::{IntoDiagnostic, bail};
+
+use crate::checkpoint;
+use crate::ranks::{Ranks, RanksError};
+use crate::scene::Scene;
+use crate::simulation::{Simulation, SimulationError};
+use crate::summary;
+use crate::trajectory::{TrajectoryWriter, utc_now};
+use crate::watch::Watch;
+
+/// Checkpoints take at most this part of the time.
+const CHECKPOINT_SHARE: f64 = 0.02;
+
+/// How a scene is run.
+pub(crate) struct Options {
+    /// The GPU that advances RVEs, `None` for the CPU.
+    pub device: Option<Arc<gpu::Device>>,
+    /// The peers that advance the rest of them.
+    pub ranks: Option<Arc<Ranks>>,
+    /// Continue an interrupted run.
+    pub resume: bool,
+    /// Start again even if the trajectory file exists.
+    pub overwrite: bool,
+    /// Pause between checkpoints; zero: every frame.
+    pub checkpoint_interval: Duration,
+    /// Where progress is shown.
+    pub bars: MultiProgress,
+    /// Progress of many scenes together, in steps of material points.
+    pub total: Option<ProgressBar>,
+}
+
+/// How a sitting ended. Both leave a trajectory that opens; a failure is an error.
+pub(crate) enum Outcome {
+    /// With its summary.
+    Finished(String),
+    /// At this step, with a checkpoint.
+    Interrupted { step: usize, steps: usize },
+}
+
+/// Runs a scene from the start or a checkpoint to the end or an interrupt.
+///
+/// # Errors
+/// An existing output file, a failed step or a file that cannot be written.
+pub(crate) fn sit(
+    scene: Scene,
+    output: PathBuf,
+    options: &Options,
+    interrupted: &AtomicBool,
+) -> miette::Result<Outcome> {
+    let ranks = options.ranks.as_deref();
+    let mut sitting = together(ranks, Sitting::start(scene, output, options))?;
+    // From here on the run can be killed at any moment and resumed.
+    let saved = sitting.save();
+    together(ranks, saved)?;
+    let end = sitting.advance(interrupted, options.checkpoint_interval);
+    let failed = matches!(end, End::Failed(_));
+    let finished = sitting.finish(end);
+    if failed {
+        // A failed device is known to its own rank only: nothing to agree on.
+        return finished;
+    }
+    let outcome = together(ranks, finished)?;
+    if let Some(ranks) = ranks {
+        ranks.all_done();
+    }
+    Ok(outcome)
+}
+
+/// The own result, if all ranks have one: none goes on alone, waiting for a peer that is gone.
+fn together<T>(ranks: Option<&Ranks>, own: miette::Result<T>) -> miette::Result<T> {
+    let Some(ranks) = ranks else { return own };
+    let any_failed = ranks.any(own.is_err());
+    let own = own?;
+    if any_failed? { Err(RanksError::Other.into()) } else { Ok(own) }
+}
+
+/// How the steps of a sitting ended.
+enum End {
+    Finished,
+    Interrupted,
+    Failed(SimulationError),
+}
+
+/// One run of the program on a scene: from the start or a checkpoint to the end or an interrupt.
+struct Sitting {
+    simulation: Simulation,
+    ranks: Option<Arc<Ranks>>,
+    /// Of several ranks only the first one writes.
+    writer: Option<TrajectoryWriter>,
+    checkpoint: PathBuf,
+    output: PathBuf,
+    bar: ProgressBar,
+    total: Option<ProgressBar>,
+    saved: Instant,
+    save_cost: Duration,
+    watch: Watch,
+}
+
+impl Sitting {
+    fn start(scene: Scene, output: PathBuf, options: &Options) -> miette::Result<Self> {
+        let checkpoint = checkpoint::path_beside(&output);
+        let writes = options.ranks.as_ref().is_none_or(|ranks| ranks.is_first());
+        let place = |simulation: &mut Simulation| match &options.device {
+            Some(device) => simulation.move_to(device, options.ranks.as_ref()),
+            None => Ok(()),
+        };
+        let (simulation, writer) = if options.resume {
+            if output.exists() && !checkpoint.exists() {
+                bail!("{}: nothing to resume, there is no checkpoint beside it", output.display());
+            }
+            let state = checkpoint::read(&checkpoint, &scene.text)?;
+            let mut simulation = Simulation::resume(scene, state)?;
+            place(&mut simulation)?;
+            let frames = simulation.frames_so_far();
+            let writer = writes.then(|| TrajectoryWriter::resume(&output, frames)).transpose()?;
+            (simulation, writer)
+        } else {
+            if writes && !options.overwrite && (output.exists() || checkpoint.exists()) {
+                bail!(
+                    help = "--resume continues an interrupted run, --overwrite starts again",
+                    "{}: a run is there already",
+                    output.display()
+                );
+            }
+            let spinner = options.bars.add(ProgressBar::new_spinner());
+            spinner.set_message("preparing packings");
+            spinner.enable_steady_tick(Duration::from_millis(100));
+            let mut simulation = Simulation::new(scene)?;
+            place(&mut simulation)?;
+            spinner.finish_and_clear();
+            let mut writer = None;
+            if writes {
+                let header = simulation.header(utc_now());
+                let points = simulation.static_points();
+                let mut file = TrajectoryWriter::create(&output, &header, &points)?;
+                file.push(simulation.frame())?;
+                writer = Some(file);
+            }
+            (simulation, writer)
+        };
+        let bar = options.bars.add(ProgressBar::new(simulation.scene.steps() as u64));
+        bar.set_style(
+            ProgressStyle::with_template(
+                "{prefix}{bar:24} {percent:>3} %  {pos}/{len}  {rate}  {eta} left  {msg}",
+            )
+            .expect("the template is valid")
+            .with_key(
+                "rate",
+                |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+                    // A terminal that cannot be written to is no reason to stop.
+                    let _ = write!(text, "{:.0} steps/s", state.per_sec());
+                },
+            ),
+        );
+        if options.total.is_some() {
+            bar.set_prefix(format!("{:<20} ", simulation.scene.title));
+        }
+        bar.set_position(simulation.state.step as u64);
+        bar.reset_eta();
+        let total = options.total.clone();
+        if let Some(total) = &total {
+            total.inc(simulation.state.step as u64 * simulation.state.points.len() as u64);
+            total.reset_eta();
+        }
+        Ok(Self {
+            simulation,
+            ranks: options.ranks.clone(),
+            writer,
+            checkpoint,
+            output,
+            bar,
+            total,
+            saved: Instant::now(),
+            save_cost: Duration::ZERO,
+            watch: Watch::default(),
+        })
+    }
+
+    fn advance(&mut self, interrupted: &AtomicBool, interval: Duration) -> End {
+        let steps = self.simulation.scene.steps();
+        let per_frame = self.simulation.scene.steps_per_frame();
+        while self.simulation.state.step < steps {
+            let frame_done = self.simulation.state.step.is_multiple_of(per_frame);
+            match self.agreed(interrupted.load(Ordering::Relaxed), frame_done) {
+                Ok(false) => {}
+                Ok(true) => return End::Interrupted,
+                Err(error) => return End::Failed(error.into()),
+            }
+            let before = self.simulation.state.step;
+            if let Err(error) = self.simulation.advance() {
+                return End::Failed(error);
+            }
+            let step = self.simulation.state.step;
+            let frame_done = step.is_multiple_of(per_frame);
+            if frame_done {
+                let frame = self.simulation.frame();
+                self.bar.set_message(summary::progress(&frame));
+                for doubt in self.watch.observe(&self.simulation, &frame) {
+                    self.bar.suspend(|| eprintln!("{doubt}"));
+                }
+                if let Some(writer) = &mut self.writer {
+                    // Frames of one simulation agree in their fields by construction.
+                    writer.push(frame).expect("frames agree");
+                }
+            }
+            self.bar.set_position(step as u64);
+            if let Some(total) = &self.total {
+                total.inc(((step - before) * self.simulation.state.points.len()) as u64);
+            }
+            let due = if interval.is_zero() {
+                frame_done
+            } else {
+                let pause = interval.max(self.save_cost.div_f64(CHECKPOINT_SHARE));
+                self.saved.elapsed() >= pause
+            };
+            // The first rank knows best what a checkpoint costs.
+            match self.agreed(due && self.writer.is_some(), frame_done) {
+                Ok(false) => {}
+                Ok(true) => {
+                    if let Err(report) = self.save() {
+                        self.bar.suspend(|| eprintln!("{report:?}"));
+                    }
+                }
+                Err(error) => return End::Failed(error.into()),
+            }
+        }
+        End::Finished
+    }
+
+    /// Whether any rank says yes; of several ranks only after a frame, since asking takes time.
+    fn agreed(&self, own: bool, frame_done: bool) -> Result<bool, RanksError> {
+        match &self.ranks {
+            None => Ok(own),
+            Some(ranks) => Ok(frame_done && ranks.any(own)?),
+        }
+    }
+
+    /// Frames first, then the checkpoint: a checkpoint never knows more frames than the file.
+    fn save(&mut self) -> miette::Result<()> {
+        let start = Instant::now();
+        self.simulation.record()?;
+        self.note_wall_time();
+        if let Some(writer) = &mut self.writer {
+            writer.commit()?;
+            let Simulation { scene, state, .. } = &self.simulation;
+            checkpoint::write(&self.checkpoint, &scene.text, state)?;
+        }
+        self.saved = Instant::now();
+        self.save_cost = start.elapsed();
+        Ok(())
+    }
+
+    fn note_wall_time(&mut self) {
+        let Some(writer) = &mut self.writer else { return };
+        for (phase, seconds) in &self.simulation.state.wall_time {
+            writer.set_wall_time(phase, *seconds);
+        }
+    }
+
+    fn finish(mut self, end: End) -> miette::Result<Outcome> {
+        self.bar.finish_and_clear();
+        match end {
+            End::Finished => {
+                self.simulation.record_wall_time();
+                self.note_wall_time();
+                if let Some(writer) = self.writer {
+                    writer.finish("finished")?;
+                    // The trajectory is complete; nothing is left to resume.
+                    if self.checkpoint.exists() {
+                        std::fs::remove_file(&self.checkpoint).into_diagnostic()?;
+                    }
+                }
+                Ok(Outcome::Finished(summary::summary(
+                    &self.simulation,
+                    self.watch.stable_step(),
+                    &self.output,
+                )))
+            }
+            End::Interrupted => {
+                self.save()?;
+                let (step, steps) = (self.simulation.state.step, self.simulation.scene.steps());
+                Ok(Outcome::Interrupted { step, steps })
+            }
+            End::Failed(error) => {
+                let Some(writer) = self.writer else { return Err(error.into()) };
+                let frames = writer.frames();
+                writer.finish(&format!("failed: {error}"))?;
+                Err(miette::Report::new(error).wrap_err(format!(
+                    "{} holds the {frames} frames before",
+                    self.output.display()
+                )))
+            }
+        }
+    }
+}
