@@ -13,6 +13,8 @@ use miette::{IntoDiagnostic, WrapErr};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::machine::{load_per_core, processor_time};
+
 /// Changes whenever results of an older version must not be used any more.
 const VERSION: u32 = 1;
 /// How long an interrupted program may take to save its state.
@@ -299,22 +301,4 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
 fn write_json(path: &Path, value: &impl Serialize) -> miette::Result<()> {
     let text = serde_json::to_vec_pretty(value).into_diagnostic()?;
     write_atomically(path, |temporary| fs::write(temporary, text)).into_diagnostic()
-}
-
-/// Processor time of a process so far, s, from Linux's table of processes.
-fn processor_time(process: u32) -> Option<f64> {
-    /// Ticks a second; fixed for what Linux shows to programs.
-    const TICKS: f64 = 100.0;
-    let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    // The name, in brackets, may contain spaces; user and system time are 12th and 13th after it.
-    let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
-    let ticks = |place: usize| fields.get(place)?.parse::<f64>().ok();
-    Some((ticks(11)? + ticks(12)?) / TICKS)
-}
-
-/// The load average over a minute per core; none where the system does not say.
-fn load_per_core() -> Option<f64> {
-    let text = fs::read_to_string("/proc/loadavg").ok()?;
-    let load: f64 = text.split_whitespace().next()?.parse().ok()?;
-    Some(load / rayon::current_num_threads() as f64)
 }
