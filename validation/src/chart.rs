@@ -157,8 +157,8 @@ impl Chart {
             .y_desc(&self.y.label)
             .x_labels(labels(&self.x))
             .y_labels(labels(&self.y))
-            .x_label_formatter(&|value| tick(*value, &x))
-            .y_label_formatter(&|value| tick(*value, &y))
+            .x_label_formatter(&|value| tick(*value, &x, self.x.log))
+            .y_label_formatter(&|value| tick(*value, &y, self.y.log))
             .draw()?;
         for (series, colour) in self.series.iter().zip(self.colours()) {
             let places = self.shown(series);
@@ -271,10 +271,16 @@ fn labels(axis: &Axis) -> usize {
     if axis.log { 10 } else { 8 }
 }
 
-/// The text of a tick; rounded, since plotters adds up steps.
-fn tick(value: f64, range: &Range<f64>) -> String {
+/// The text of a tick; rounded, since plotters adds up steps. Digits that would stand too close on a
+/// logarithmic axis have none.
+fn tick(value: f64, range: &Range<f64>, log: bool) -> String {
     let small = 1e-9 * (range.end - range.start).abs();
-    if value.abs() < small { "0".to_owned() } else { number(value) }
+    let digit = (value / 10_f64.powf(value.log10().floor())).round();
+    match log {
+        false if value.abs() < small => "0".to_owned(),
+        true if ![1.0, 2.0, 3.0, 5.0, 10.0].contains(&digit) => String::new(),
+        _ => number(value),
+    }
 }
 
 #[cfg(test)]
@@ -306,6 +312,14 @@ mod tests {
         }
         assert!(body.contains("noise") && body.contains("solver"));
         assert!(!inlined(&svg, "t").contains("<style>"));
+    }
+
+    #[test]
+    fn digits_of_a_decade_do_not_crowd() {
+        let texts =
+            [0.01, 0.03, 0.04, 0.05, 0.09, 0.1].map(|value| tick(value, &(0.01..0.5), true));
+        assert_eq!(texts, ["0.01", "0.03", "", "0.05", "", "0.1"]);
+        assert_eq!([0.4, 1e-18].map(|value| tick(value, &(0.0..1.0), false)), ["0.4", "0"]);
     }
 
     #[test]

@@ -147,11 +147,12 @@ fn all(sweep: &Sweep) -> Table {
         "MSE [box²]",
         "front [m]",
         "height profile [m]",
-        "distance of points [m]",
+        "points [m]",
     ];
     let mut table = Table::new("All settings", columns).note(format!(
-        "Processor time: of the whole program, over all threads. MSE and distance: over all points and frames; front and height profile: at the end, where \
-         the front of the reference is at {:.2} m. Where points differ in size, the finer ones are \
+        "Processor time: of the whole program, over all threads. MSE and points (its root, in \
+         metres): over all points and frames; front and height profile: at the end, where the front \
+         of the reference is at {:.2} m. Where points differ in size, the finer ones are \
          averaged over the squares of the coarser ones.",
         sweep.front
     ));
