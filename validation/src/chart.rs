@@ -1,7 +1,9 @@
 //! Charts as SVG that can be read in light and in dark: drawn with plotters in the colours of a
 //! light page, which a style sheet exchanges in a dark one.
 
-use std::fmt::Write as _;
+mod colours;
+mod legend;
+
 use std::ops::Range;
 
 use plotters::coord::Shift;
@@ -9,6 +11,9 @@ use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::{FontStyle, RGBColor, register_font};
 
+use self::colours::{COLOURS, GRID, INK};
+pub use self::colours::{dark_style, inlined};
+use self::legend::Entry;
 use crate::figure::Picture;
 use crate::table::number;
 
@@ -17,23 +22,6 @@ static FONT_FILE: &[u8] = include_bytes!("../../dempm/assets/DejaVuSans-subset.t
 const WIDTH: u32 = 760;
 const HEIGHT: u32 = 440;
 const TEXT: u32 = 14;
-const LEGEND_LINE: u32 = 24;
-
-const INK: RGBColor = RGBColor(0x1C, 0x1C, 0x1A);
-const GRID: RGBColor = RGBColor(0xDC, 0xDB, 0xD4);
-
-/// Colours that people with any kind of colour vision tell apart (after Okabe and Ito), and their
-/// brighter twins for a dark page.
-const COLOURS: [(RGBColor, &str); 8] = [
-    (RGBColor(0x00, 0x72, 0xB2), "#4FB0EC"),
-    (RGBColor(0xD5, 0x5E, 0x00), "#FF8A3D"),
-    (RGBColor(0x00, 0x8F, 0x68), "#2FCFA2"),
-    (RGBColor(0xB8, 0x5C, 0x93), "#E79AC8"),
-    (RGBColor(0xB8, 0x7A, 0x00), "#F2BE4A"),
-    (RGBColor(0x6A, 0x4C, 0xA8), "#B39DEB"),
-    (RGBColor(0x6B, 0x6B, 0x66), "#A9A79F"),
-    (RGBColor(0x9B, 0x22, 0x26), "#F07B78"),
-];
 
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,14 +105,15 @@ impl Chart {
         let style = format!("<style>{}</style>", dark_style());
         let end = text.find('>').map_or(text.len(), |end| end + 1);
         text.insert_str(end, &style);
+        let text = text.replacen("<svg ", "<svg class=\"chart\" ", 1);
         Ok(Picture::Svg(text))
     }
 
     fn draw_into<'a>(&self, text: &'a mut String) -> Drawn<'a> {
         register_font(FONT, FontStyle::Normal, FONT_FILE).map_err(|_| "the font is damaged")?;
-        let names: Vec<(String, Mark, usize)> = self.names();
-        let lines = legend_lines(&names);
-        let legend = LEGEND_LINE * lines.len() as u32 + 6;
+        let entries = self.legend();
+        let lines = legend::lines(&entries);
+        let legend = legend::LINE * lines.len() as u32 + 6;
         let area = SVGBackend::with_string(text, (WIDTH, HEIGHT + legend)).into_drawing_area();
         let (upper, lower) = area.split_vertically(HEIGHT);
         let [x, y] = self.ranges();
@@ -136,7 +125,7 @@ impl Chart {
             (false, true) => self.plot(builder.build_cartesian_2d(x, y.log_scale())?)?,
             (true, true) => self.plot(builder.build_cartesian_2d(x.log_scale(), y.log_scale())?)?,
         }
-        draw_legend(&lower, &lines)?;
+        legend::draw(&lower, &lines)?;
         area.present()?;
         Ok(())
     }
@@ -166,10 +155,10 @@ impl Chart {
             .axis_desc_style(style(TEXT))
             .x_desc(&self.x.label)
             .y_desc(&self.y.label)
-            .x_labels(8)
-            .y_labels(8)
-            .x_label_formatter(&|value| tick(*value, &x))
-            .y_label_formatter(&|value| tick(*value, &y))
+            .x_labels(labels(&self.x))
+            .y_labels(labels(&self.y))
+            .x_label_formatter(&|value| tick(*value, &x, self.x.log))
+            .y_label_formatter(&|value| tick(*value, &y, self.y.log))
             .draw()?;
         for (series, colour) in self.series.iter().zip(self.colours()) {
             let places = self.shown(series);
@@ -234,15 +223,14 @@ impl Chart {
         self.series.iter().map(colour).collect()
     }
 
-    /// Entries of the legend: name, mark, and number of the series.
-    fn names(&self) -> Vec<(String, Mark, usize)> {
-        let mut place = 0;
-        let entry = |series: &Series| {
-            let colour = if series.mark == Mark::Reference { usize::MAX } else { place };
-            place += usize::from(series.mark != Mark::Reference);
-            (series.name.clone(), series.mark, colour)
+    fn legend(&self) -> Vec<Entry> {
+        let entry = |(series, colour): (&Series, RGBColor)| Entry {
+            name: series.name.clone(),
+            mark: series.mark,
+            colour,
         };
-        self.series.iter().map(entry).filter(|(name, ..)| !name.is_empty()).collect()
+        let entries = self.series.iter().zip(self.colours()).map(entry);
+        entries.filter(|entry| !entry.name.is_empty()).collect()
     }
 
     fn ranges(&self) -> [Range<f64>; 2] {
@@ -255,7 +243,7 @@ impl Chart {
     }
 }
 
-/// A range with some air around the values; whole decades where it is logarithmic.
+/// A range with some air around the values.
 fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite() && (!log || *value > 0.0))
@@ -264,11 +252,10 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
         (true, true) => 0.1..1.0,
         (true, false) => 0.0..1.0,
         (false, true) => {
-            let decade = |value: f64, up: bool| {
-                let exponent = value.log10();
-                10_f64.powf(if up { exponent.ceil() } else { exponent.floor() })
-            };
-            let (low, high) = (decade(low / 1.2, false), decade(high * 1.2, true));
+            // At least a decade, so that there are ticks.
+            let (low, high) = (low / 1.6, high * 1.6);
+            let air = (10.0 * low / high).max(1.0).sqrt();
+            let (low, high) = (low / air, high * air);
             low..high
         }
         (false, false) => {
@@ -279,81 +266,21 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
     }
 }
 
-/// The text of a tick; rounded, since plotters adds up steps.
-fn tick(value: f64, range: &Range<f64>) -> String {
+/// Ticks at most. With ten, plotters divides a single decade into its digits.
+fn labels(axis: &Axis) -> usize {
+    if axis.log { 10 } else { 8 }
+}
+
+/// The text of a tick; rounded, since plotters adds up steps. Digits that would stand too close on a
+/// logarithmic axis have none.
+fn tick(value: f64, range: &Range<f64>, log: bool) -> String {
     let small = 1e-9 * (range.end - range.start).abs();
-    if value.abs() < small { "0".to_owned() } else { number(value) }
-}
-
-/// Legend entries broken into lines.
-fn legend_lines(names: &[(String, Mark, usize)]) -> Vec<Vec<(i32, &(String, Mark, usize))>> {
-    let mut lines: Vec<Vec<(i32, &(String, Mark, usize))>> = Vec::new();
-    let mut x = i32::MAX;
-    for entry in names {
-        // About the mean width of a character.
-        let width = 40 + (entry.0.chars().count() as f64 * 0.58 * f64::from(TEXT)) as i32;
-        if x.saturating_add(width) > WIDTH as i32 {
-            lines.push(Vec::new());
-            x = 72;
-        }
-        if let Some(line) = lines.last_mut() {
-            line.push((x, entry));
-        }
-        x += width + 12;
+    let digit = (value / 10_f64.powf(value.log10().floor())).round();
+    match log {
+        false if value.abs() < small => "0".to_owned(),
+        true if ![1.0, 2.0, 3.0, 5.0, 10.0].contains(&digit) => String::new(),
+        _ => number(value),
     }
-    lines
-}
-
-fn draw_legend<'a>(area: &Area<'a>, lines: &[Vec<(i32, &(String, Mark, usize))>]) -> Drawn<'a> {
-    for (row, line) in lines.iter().enumerate() {
-        let y = row as i32 * LEGEND_LINE as i32 + 12;
-        for (x, (name, mark, place)) in line {
-            let colour = match *place {
-                usize::MAX => INK,
-                place => COLOURS[place % COLOURS.len()].0,
-            };
-            let at = (x + 12, y);
-            match mark {
-                Mark::Line | Mark::Reference => {
-                    area.draw(&PathElement::new([(*x, y), (x + 24, y)], colour.stroke_width(2)))?
-                }
-                Mark::Circles => area.draw(&Circle::new(at, 5, colour.filled()))?,
-                Mark::Squares => area.draw(&Rectangle::new(
-                    [(at.0 - 5, y - 5), (at.0 + 5, y + 5)],
-                    colour.filled(),
-                ))?,
-                Mark::Triangles => area.draw(&TriangleMarker::new(at, 7, colour.filled()))?,
-                Mark::Crosses => area.draw(&Cross::new(at, 5, colour.stroke_width(2)))?,
-            }
-            let style = (FONT, TEXT).into_font().color(&INK);
-            area.draw(&Text::new(name.clone(), (x + 30, y - 8), style))?;
-        }
-    }
-    Ok(())
-}
-
-/// Style that exchanges the colours of charts on a dark screen.
-pub fn dark_style() -> String {
-    let hex = |RGBColor(r, g, b): RGBColor| format!("#{r:02X}{g:02X}{b:02X}");
-    let pairs = [(INK, "#E8E6E0"), (GRID, "#3D3C38")];
-    let mut rules = String::new();
-    for (light, dark) in pairs.into_iter().chain(COLOURS) {
-        for property in ["fill", "stroke"] {
-            // Writing to a string cannot fail.
-            let _ = write!(rules, "svg [{property}=\"{}\"]{{{property}:{dark}}}", hex(light));
-        }
-    }
-    format!("@media screen and (prefers-color-scheme: dark){{{rules}}}")
-}
-
-/// The chart as a part of a page, which has the style already: named for those who cannot see it.
-pub fn inlined(svg: &str, title: &str) -> String {
-    let style = format!("<style>{}</style>", dark_style());
-    svg.replacen(&style, "", 1).replacen(
-        "<svg ",
-        &format!("<svg role=\"img\" aria-label=\"{title}\" "),
-        1,
-    )
 }
 
 #[cfg(test)]
@@ -388,9 +315,20 @@ mod tests {
     }
 
     #[test]
+    fn digits_of_a_decade_do_not_crowd() {
+        let texts =
+            [0.01, 0.03, 0.04, 0.05, 0.09, 0.1].map(|value| tick(value, &(0.01..0.5), true));
+        assert_eq!(texts, ["0.01", "0.03", "", "0.05", "", "0.1"]);
+        assert_eq!([0.4, 1e-18].map(|value| tick(value, &(0.0..1.0), false)), ["0.4", "0"]);
+    }
+
+    #[test]
     fn a_value_without_a_logarithm_is_left_out() {
         assert_eq!(chart().shown(&chart().series[0]), [((1.0, 1e-3), "1")]);
-        assert_eq!(range([3e-6, 0.0, 2e-3].into_iter(), true), 1e-6..1e-2);
+        let wide = range([3e-6, 0.0, 2e-3].into_iter(), true);
+        assert!(wide.start < 3e-6 && wide.start > 1e-6 && wide.end > 2e-3 && wide.end < 4e-3);
+        let narrow = range([2.0, 3.0].into_iter(), true);
+        assert!(narrow.end / narrow.start > 9.99);
         assert_eq!(range([].into_iter(), false), 0.0..1.0);
     }
 }

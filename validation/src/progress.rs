@@ -25,6 +25,12 @@ impl Progress {
         Self { bar, began: Instant::now(), total, done: 0.0, now: 0.0 }
     }
 
+    /// Shows nothing: nothing is planned yet.
+    pub fn hidden() -> Self {
+        let bar = ProgressBar::hidden();
+        Self { bar, began: Instant::now(), total: 0.0, done: 0.0, now: 0.0 }
+    }
+
     /// Something of `seconds` begins.
     pub fn begin(&mut self, what: &str, seconds: f64) {
         self.now = seconds;

@@ -9,14 +9,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::trajectory::{utc_now, write_atomically};
+use dempm::trajectory::write_atomically;
 use miette::{IntoDiagnostic, WrapErr, bail};
-use serde_json::{Value, json};
 
 use crate::block::{Block, Figure, Table};
 use crate::context::{Context, Suite, models_in};
 use crate::html;
+use crate::machine::processor;
 use crate::progress::Progress;
+use crate::results::{facts, results};
 use crate::sections;
 use crate::work::{Interrupted, Work};
 
@@ -26,7 +27,7 @@ pub struct ReportArgs {
     /// Folder of trajectories (*.h5) in train/, valid/ and test/, as the paper's scenes make them
     #[arg(long)]
     data: Option<PathBuf>,
-    /// Folder of models: *.safetensors, or folders of trainings
+    /// Folder of models: *.safetensors, or folders of trainings [default: models, if it is there]
     #[arg(long)]
     models: Option<PathBuf>,
     /// How much to compute
@@ -41,9 +42,9 @@ pub struct ReportArgs {
     /// Where to compute: auto, cpu, cuda or cuda:N [default: cpu for quick, auto for full]
     #[arg(long)]
     device: Option<Device>,
-    /// Only sections whose title contains this
-    #[arg(long)]
-    only: Option<String>,
+    /// Only sections whose titles contain one of these
+    #[arg(long, value_delimiter = ',', value_name = "PART")]
+    only: Vec<String>,
 }
 
 /// Exit code after Ctrl-C, as shells use it.
@@ -88,7 +89,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     let mut context = context(args, interrupted)?;
     let wanted = |title: &str| {
         let title = title.to_lowercase();
-        args.only.as_ref().is_none_or(|part| title.contains(&part.to_lowercase()))
+        args.only.is_empty() || args.only.iter().any(|part| title.contains(&part.to_lowercase()))
     };
     let chapters = sections::all();
     let mut written = Vec::new();
@@ -118,7 +119,10 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
                     eprintln!("interrupted; the same command continues");
                     return Ok(ExitCode::from(INTERRUPTED));
                 }
-                Err(error) => (vec![failure(&error)], State::Failed),
+                Err(error) => {
+                    context.progress.say(&format!("{}: {error:?}", section.title()));
+                    (vec![failure(&error)], State::Failed)
+                }
             };
             let entry = &mut written[place].sections[number];
             entry.blocks = blocks;
@@ -170,26 +174,20 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
         name.push("-work");
         name.into()
     });
+    let shipped = Some(PathBuf::from("models")).filter(|folder| folder.is_dir());
+    let models = args.models.clone().or(shipped);
     let program = std::env::current_exe().into_diagnostic()?;
     let absolute = |folder: &PathBuf| fs::canonicalize(folder).into_diagnostic();
     Ok(Context {
         suite: args.suite,
         device: name,
         device_name,
-        work: Work::open(&work, program, interrupted)?,
-        progress: Progress::new(0.0),
+        work: Work::open(&work, program, gpu.is_some(), interrupted)?,
+        progress: Progress::hidden(),
         data: args.data.as_ref().map(absolute).transpose()?,
-        models: args.models.as_ref().map(absolute).transpose()?.map_or(vec![], |f| models_in(&f)),
+        models: models.as_ref().map(absolute).transpose()?.map_or(vec![], |f| models_in(&f)),
         rate,
     })
-}
-
-/// The processor's name as the system has it.
-fn processor() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let line = text.lines().find(|line| line.starts_with("model name"));
-    let name = line.and_then(|line| line.split_once(':')).map(|(_, name)| name.trim());
-    name.unwrap_or("cpu").to_owned()
 }
 
 /// Writes the page, the tables, the figures and the numbers.
@@ -244,68 +242,6 @@ fn slug(title: &str) -> String {
     let plain = title.to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "-");
     let words: Vec<&str> = plain.split('-').filter(|word| !word.is_empty()).collect();
     words.join("-")
-}
-
-/// What the whole report was made with, as (what, value).
-fn facts(context: &Context) -> Vec<(&'static str, String)> {
-    let used = context.work.used();
-    let other = used.iter().filter(|run| run.build != context.work.build()).count();
-    let loads = used.iter().map(|run| run.load).filter(|load| load.is_finite());
-    let load = loads.fold(0.0, f64::max);
-    let command: Vec<String> = std::env::args().collect();
-    vec![
-        ("written", utc_now()),
-        ("command", command.join(" ")),
-        ("suite", format!("{:?}", context.suite).to_lowercase()),
-        ("version", format!("{} (build {})", env!("CARGO_PKG_VERSION"), context.work.build())),
-        ("device", context.device_name.clone()),
-        ("runs used", used.len().to_string()),
-        ("of them by another build", other.to_string()),
-        ("largest load per core at the end of a run", crate::table::number(load)),
-    ]
-}
-
-fn results(facts: &[(&str, String)], context: &Context, written: &[Written]) -> Value {
-    let facts: serde_json::Map<String, Value> =
-        facts.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
-    let section = |section: &WrittenSection| {
-        let blocks: Vec<Value> =
-            section.blocks.iter().map(|block| block_as_json(section, block)).collect();
-        let state = format!("{:?}", section.state).to_lowercase();
-        json!({ "title": section.title, "state": state, "seconds": section.seconds, "blocks": blocks })
-    };
-    let chapters: Vec<Value> = written
-        .iter()
-        .map(|chapter| {
-            let sections: Vec<Value> = chapter.sections.iter().map(section).collect();
-            json!({ "title": chapter.title, "sections": sections })
-        })
-        .collect();
-    json!({ "report": facts, "chapters": chapters, "runs": context.work.used() })
-}
-
-fn block_as_json(section: &WrittenSection, block: &Block) -> Value {
-    let table = |kind: &str, table: &Table| {
-        let file = table_file(section, &table.title);
-        json!({ "kind": kind, "title": table.title, "columns": table.columns, "rows": table.rows,
-                "note": table.note, "file": file })
-    };
-    match block {
-        Block::Heading(text) => json!({ "kind": "heading", "text": text }),
-        Block::Text(text) => json!({ "kind": "text", "text": text }),
-        Block::List(lines) => json!({ "kind": "list", "lines": lines }),
-        Block::Quote(text) => json!({ "kind": "quote", "text": text }),
-        Block::Table(found) => table("table", found),
-        Block::Map(map) => table("map", &map.table()),
-        Block::Figure(figure) => json!({
-            "kind": "figure", "title": figure.title, "caption": figure.caption,
-            "file": figure_file(section, figure),
-        }),
-        Block::Missing(missing) => json!({
-            "kind": "missing", "what": missing.what, "why": missing.why,
-            "remedy": missing.remedy,
-        }),
-    }
 }
 
 #[cfg(test)]

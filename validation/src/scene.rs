@@ -21,6 +21,27 @@ pub fn with(base: &str, changes: &[(&str, Value)]) -> String {
     scene.to_string()
 }
 
+/// The text of a scene file with the keys of `changes` set, such as `rve.discs = 100`.
+///
+/// # Panics
+/// If one of the two is not TOML: scenes of the report are part of the program.
+pub fn merged(base: &str, changes: &str) -> String {
+    let [mut scene, changes]: [Table; 2] =
+        [base, changes].map(|text| text.parse().expect("scenes of the report are TOML"));
+    merge(&mut scene, changes);
+    scene.to_string()
+}
+
+fn merge(scene: &mut Table, changes: Table) {
+    for (key, value) in changes {
+        if let (Some(Value::Table(table)), Value::Table(changes)) = (scene.get_mut(&key), &value) {
+            merge(table, changes.clone());
+        } else {
+            scene.insert(key, value);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -35,5 +56,16 @@ mod tests {
         assert_eq!(table["seed"].as_integer(), Some(2));
         assert_eq!(table["rve"]["discs"].as_integer(), Some(100));
         assert_eq!(table["material"]["kind"].as_str(), Some("mu-i"));
+    }
+
+    #[test]
+    fn tables_are_merged() {
+        let changes = "seed = 2\nrve.discs = 100\nrve.preparation.friction = 0.5";
+        let text = merged("seed = 1\n[rve]\ndiscs = 400\nthickness = 0.1\n", changes);
+        let table: Table = text.parse().unwrap();
+        assert_eq!(table["seed"].as_integer(), Some(2));
+        assert_eq!(table["rve"]["discs"].as_integer(), Some(100));
+        assert_eq!(table["rve"]["thickness"].as_float(), Some(0.1));
+        assert_eq!(table["rve"]["preparation"]["friction"].as_float(), Some(0.5));
     }
 }

@@ -1,15 +1,17 @@
 //! One scene with many methods and settings: what each costs and how wrong it is.
 
+mod cases;
+
 use std::path::Path;
 
 use dempm::trajectory::Trajectory;
 use miette::Context as _;
-use toml::Value;
 
+pub use self::cases::Case;
 use crate::compare::difference;
-use crate::context::{Context, Start, Suite};
+use crate::context::{Context, Start};
 use crate::pareto::Cost;
-use crate::scene::with;
+use crate::wall_time::{computing, with_preparation};
 use crate::work::Run;
 
 /// A kind of method.
@@ -21,20 +23,6 @@ pub enum Family {
     Continuum,
     /// A learned simulator.
     Network,
-}
-
-/// A scene, its reference and the settings that are tried on it.
-pub struct Case {
-    /// Name of the scene in the report.
-    pub name: &'static str,
-    /// What is simulated, in words.
-    pub description: &'static str,
-    /// Scene with the settings of the reference, which runs with two seeds.
-    reference: String,
-    /// Names and scenes of the settings.
-    settings: Vec<(Family, String, String)>,
-    /// How far the column is and how high, m: what errors are relative to.
-    start: [f64; 2],
 }
 
 /// A method and what came out.
@@ -49,6 +37,10 @@ pub struct Measured {
     /// Why it failed, in the words of the program.
     pub failure: String,
     pub device: String,
+    /// Processor time of the whole program, s.
+    pub processor_seconds: Option<f64>,
+    /// Processes that wanted a core, per core.
+    pub load: Option<f64>,
 }
 
 /// Errors against the reference, the mean of those against its two seeds.
@@ -88,148 +80,6 @@ impl Measured {
 }
 
 impl Case {
-    /// The small column: minutes on two cores.
-    pub fn quick() -> Self {
-        // Half of the collapse of the demo column: the whole would take twice as long.
-        let base = with(
-            include_str!("../../scenes/column.toml"),
-            &[
-                ("duration", 0.6.into()),
-                ("rve.discs", 400.into()),
-                ("output.fields", Value::Array(vec![])),
-            ],
-        );
-        let packings: Vec<Change> = vec![
-            ("200 discs", vec![("rve.discs", 200.into())]),
-            ("100 discs", vec![("rve.discs", 100.into())]),
-            ("50 discs", vec![("rve.discs", 50.into())]),
-            (
-                "100 discs + f64",
-                vec![("rve.discs", 100.into()), ("material.precision", "f64".into())],
-            ),
-            (
-                "100 discs + long substeps",
-                vec![("rve.discs", 100.into()), ("rve.step_factor", 0.4.into())],
-            ),
-            (
-                "50 discs + long substeps",
-                vec![("rve.discs", 50.into()), ("rve.step_factor", 0.4.into())],
-            ),
-            (
-                "100 discs + mass x 10",
-                vec![("rve.discs", 100.into()), ("rve.mass_scale", 10.0.into())],
-            ),
-            (
-                "100 discs + mass x 100",
-                vec![("rve.discs", 100.into()), ("rve.mass_scale", 100.0.into())],
-            ),
-            (
-                "100 discs + cells of 0.25 m",
-                vec![("rve.discs", 100.into()), ("domain.cell", 0.25.into())],
-            ),
-        ];
-        Self::new(
-            "Column, 1 m",
-            "the first 0.6 s of the collapse of a column of 1 m x 1 m (256 points, \
-             `scenes/column.toml`)",
-            &base,
-            packings,
-            [1.0, 1.0],
-        )
-    }
-
-    /// Scenes of the paper, with all settings.
-    pub fn full() -> Vec<Self> {
-        let scene = |text: &str| with(text, &[("output.fields", Value::Array(vec![]))]);
-        let packings = || -> Vec<Change> {
-            vec![
-                ("800 discs", vec![("rve.discs", 800.into())]),
-                ("200 discs", vec![("rve.discs", 200.into())]),
-                ("100 discs", vec![("rve.discs", 100.into())]),
-                ("f64", vec![("material.precision", "f64".into())]),
-                ("long substeps", vec![("rve.step_factor", 0.4.into())]),
-                ("short substeps", vec![("rve.step_factor", 0.1.into())]),
-                (
-                    "100 discs + long substeps",
-                    vec![("rve.discs", 100.into()), ("rve.step_factor", 0.4.into())],
-                ),
-                ("mass x 10", vec![("rve.mass_scale", 10.0.into())]),
-                ("mass x 100", vec![("rve.mass_scale", 100.0.into())]),
-                (
-                    "100 discs + mass x 10",
-                    vec![("rve.discs", 100.into()), ("rve.mass_scale", 10.0.into())],
-                ),
-                ("step 0.05 ms", vec![("step", 5e-5.into())]),
-                ("step 0.2 ms", vec![("step", 2e-4.into())]),
-                ("step 0.5 ms", vec![("step", 5e-4.into())]),
-                ("cells of 0.25 m", vec![("domain.cell", 0.25.into())]),
-                ("cells of 0.0625 m", vec![("domain.cell", 0.0625.into())]),
-                (
-                    "100 discs + cells of 0.25 m",
-                    vec![("rve.discs", 100.into()), ("domain.cell", 0.25.into())],
-                ),
-            ]
-        };
-        vec![
-            Self::new(
-                "Col2x2",
-                "a column of 2 m x 2 m, 1024 points, 3 s",
-                &scene(include_str!("../../scenes/paper/test/col2x2.toml")),
-                packings(),
-                [2.0, 2.0],
-            ),
-            Self::new(
-                "Col5x3",
-                "a column of 5 m x 3 m, 3840 points, 3 s",
-                &scene(include_str!("../../scenes/paper/test/col5x3.toml")),
-                packings(),
-                [5.0, 3.0],
-            ),
-        ]
-    }
-
-    fn new(
-        name: &'static str,
-        description: &'static str,
-        base: &str,
-        packings: Vec<Change>,
-        start: [f64; 2],
-    ) -> Self {
-        // Another seed than those of the reference: no setting shares its packing.
-        let base_of_settings = with(base, &[("seed", SEEDS[2].into())]);
-        let mut settings: Vec<(Family, String, String)> = packings
-            .into_iter()
-            .map(|(name, changes)| {
-                (Family::Packings, name.to_owned(), with(&base_of_settings, &changes))
-            })
-            .collect();
-        for cell in [0.25, 0.125, 0.0625] {
-            let changes = [("material.kind", "mu-i".into()), ("domain.cell", cell.into())];
-            let name = format!("mu(I) + cells of {cell} m");
-            settings.push((Family::Continuum, name, with(&base_of_settings, &changes)));
-        }
-        let reference = base.to_owned();
-        Self { name, description, reference, settings, start }
-    }
-
-    /// The cases of a suite.
-    pub fn of(suite: Suite) -> Vec<Self> {
-        let mut cases = vec![Self::quick()];
-        if suite == Suite::Full {
-            cases.extend(Self::full());
-        }
-        cases
-    }
-
-    /// What the reference is computed with, in words.
-    pub fn reference_name(&self) -> &'static str {
-        "400 discs, f32, step 0.1 ms, cells of 0.125 m"
-    }
-
-    fn references(&self) -> [String; 2] {
-        [SEEDS[0], SEEDS[1]].map(|seed| with(&self.reference, &[("seed", seed.into())]))
-    }
-
     /// Estimated time of what is not there yet, s.
     pub fn estimate(&self, context: &Context) -> f64 {
         let settings = self.settings.iter().map(|(_, _, scene)| context.estimate(scene));
@@ -271,15 +121,14 @@ impl Case {
             let run = context.run(&format!("{}: {name}", self.name), scene)?;
             measured.push(self.compared(*family, name, &run, &paths)?);
         }
-        let scene = with(&self.reference, &[("seed", SEEDS[2].into())]);
         for model in context.models.clone() {
-            let run = context.rollout(&model, &Start::Scene(&scene))?;
+            let run = context.rollout(&model, &Start::Scene(&self.start_of_networks))?;
             measured.push(self.compared(Family::Network, &model.name, &run, &paths)?);
         }
         let fronts: Vec<f64> =
             paths.iter().map(|path| front(path)).collect::<miette::Result<_>>()?;
         let front = 0.5 * (fronts[0] + fronts[1]);
-        let [width, height] = self.start;
+        let [width, height] = self.size;
         Ok(Sweep { measured, floor, front, runout: front - width, height })
     }
 
@@ -298,6 +147,8 @@ impl Case {
                 error: None,
                 failure: run.message.clone(),
                 device: String::new(),
+                processor_seconds: run.processor_seconds,
+                load: run.load,
             });
         }
         let error = error(&run.output, references)?;
@@ -305,25 +156,23 @@ impl Case {
     }
 }
 
-/// A setting: its name, and keys of the scene with their values.
-type Change = (&'static str, Vec<(&'static str, Value)>);
-
-/// Seeds of the two references and of everything else.
-const SEEDS: [i64; 3] = [1, 2, 3];
-
 /// The time of a run and where it ran.
 fn measured(family: Family, name: &str, run: &Run) -> miette::Result<Measured> {
     let trajectory = Trajectory::open(&run.output)?;
-    // Packings are prepared once and kept; the first frames of a rollout are simulated each time.
-    let counts = |phase: &str| family == Family::Network || phase != "preparation";
-    let phases = trajectory.wall_time().iter().filter(|(phase, _)| counts(phase));
+    // The first frames of a rollout are simulated each time.
+    let seconds = match family {
+        Family::Network => with_preparation(&trajectory),
+        Family::Packings | Family::Continuum => computing(&trajectory),
+    };
     Ok(Measured {
         family,
         name: name.to_owned(),
-        seconds: phases.map(|(_, seconds)| seconds).sum(),
+        seconds,
         error: None,
         failure: String::new(),
         device: trajectory.header().device.clone(),
+        processor_seconds: run.processor_seconds,
+        load: run.load,
     })
 }
 
