@@ -14,7 +14,11 @@ use crate::table::number;
 pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
     let mut blocks = vec![Block::text(&study.method)];
     if !study.findings.is_empty() {
-        blocks.push(Block::Table(table(study)));
+        blocks.push(Block::Table(thresholds(study)));
+    }
+    let said = messages(study);
+    if !said.rows.is_empty() {
+        blocks.push(Block::Table(said));
     }
     for map in &study.maps {
         blocks.push(Block::Map(rendered(map)));
@@ -32,29 +36,36 @@ pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
     Ok(blocks)
 }
 
-fn table(study: &Study) -> Table {
-    let columns =
-        ["pushed", "parameter", "threshold", "theory", "formula", "beyond it", "what was said"];
-    let title =
-        study.of.as_ref().map_or("Thresholds".into(), |model| format!("Thresholds ({model})"));
-    let mut table = Table::new(title, columns);
+fn thresholds(study: &Study) -> Table {
+    let columns = ["pushed", "parameter", "threshold", "theory", "beyond it"];
+    let mut table = Table::new(titled("Thresholds", study), columns);
     for finding in &study.findings {
-        let (value, formula) = match &finding.theory {
-            Some((value, formula)) => (number(*value), formula.clone()),
-            None => Default::default(),
-        };
+        let theory = finding.theory.as_ref();
+        let theory = theory.map(|(value, formula)| format!("{} ({formula})", number(*value)));
         let (word, ..) = finding.beyond.kind().words();
         table.row([
             finding.case.clone(),
             finding.parameter.clone(),
             finding.measured.to_string(),
-            value,
-            formula,
+            theory.unwrap_or_default(),
             word.to_owned(),
-            finding.beyond.text().to_owned(),
         ]);
     }
     table
+}
+
+/// What was said beyond each threshold, or the symptom about which nothing was.
+fn messages(study: &Study) -> Table {
+    let mut table = Table::new(titled("What was said", study), ["pushed", "beyond it"]);
+    for finding in study.findings.iter().filter(|f| !f.beyond.text().is_empty()) {
+        table.row([finding.case.as_str(), finding.beyond.text()]);
+    }
+    table
+}
+
+/// Titles are unique in a section, which may push several models.
+fn titled(title: &str, study: &Study) -> String {
+    study.of.as_ref().map_or(title.into(), |model| format!("{title} ({model})"))
 }
 
 fn rendered(map: &Map) -> map::Map {
