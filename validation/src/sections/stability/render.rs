@@ -114,3 +114,68 @@ fn drawn(chart: &Chart) -> Result<crate::figure::Picture, ChartError> {
     }
     .draw()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::study::{Curve, Finding, Picture};
+    use super::super::{Outcome, Threshold};
+    use super::*;
+
+    #[test]
+    fn a_study_becomes_blocks_with_its_messages() {
+        let silent = Outcome::Silent { symptom: "wrong".into() };
+        let mut study = Study {
+            method: "how".into(),
+            findings: vec![Finding {
+                case: "case".into(),
+                parameter: "m".into(),
+                measured: Threshold::Between(1.0, 4.0),
+                theory: Some((2.0, "formula".into())),
+                beyond: silent.clone(),
+            }],
+            maps: vec![Map {
+                title: "map".into(),
+                x: Axis::new("x", vec![1.0, 2.0]),
+                y: Axis::named("y", vec!["a".into()]),
+                outcomes: vec![vec![Outcome::Stable, silent]],
+                numbers: vec![vec![0.5, f64::NAN]],
+                caption: "caption.".into(),
+            }],
+            charts: vec![Chart {
+                title: "chart".into(),
+                x: "x".into(),
+                y: "y".into(),
+                log: [false, true],
+                curves: vec![Curve::measured("m", vec![[1.0, 2.0]])],
+                caption: String::new(),
+            }],
+            pictures: vec![Picture {
+                title: "picture".into(),
+                position: vec![[0.5, 0.5]],
+                value: vec![1.0],
+                radius: vec![0.1],
+                window: [0.0, 0.0, 1.0, 1.0],
+                ..Picture::default()
+            }],
+            ..Study::default()
+        };
+        study.name_model("tiny");
+        let blocks = blocks(&study).unwrap();
+        let [Block::Text(_), Block::Table(table), Block::Table(said), Block::Map(map), rest @ ..] =
+            blocks.as_slice()
+        else {
+            panic!("{blocks:?}")
+        };
+        assert_eq!(table.title, "Thresholds (tiny)");
+        assert_eq!(
+            table.rows,
+            [["case", "m", "1 to 4", "2 (formula)", "failed silently"].map(str::to_owned)]
+        );
+        assert_eq!(said.rows, [["case", "wrong"].map(str::to_owned)]);
+        assert_eq!(map.title, "map (tiny)");
+        assert_eq!(map.cells[0][0], (map::Outcome::Stable, "0.5".into()));
+        assert_eq!(map.cells[0][1], (map::Outcome::Silent, String::new()));
+        assert_eq!(map.caption, "caption. One of the failures: wrong.");
+        assert_eq!(rest.len(), 2);
+    }
+}
