@@ -1,15 +1,181 @@
 //! `validation report` as a user meets it: one command, a page, tables, figures, numbers.
 
-use std::path::Path;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use assert_cmd::cargo::cargo_bin;
+use dempm::scene::Scene;
+use dempm::simulation::Simulation;
+use dempm::trajectory::TrajectoryWriter;
+use serde_json::Value;
+use surrogate::backend::{Cpu, device};
+use surrogate::config::ModelConfig;
+use surrogate::features::Normalisation;
+use surrogate::model::Model;
+use surrogate::weights;
 use tempfile::TempDir;
+
+/// All sections that take data and models, and none that computes for long.
+const PAPER: &str = "table 6,table 7,tables 2,fig.,stated,runs behind";
 
 fn report(directory: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(cargo_bin("validation"));
+    // Between fork and exec a child of another test holds the lock of a file being written here.
     command.current_dir(directory).env("HDF5_USE_FILE_LOCKING", "FALSE");
     command.arg("report").args(arguments).output().unwrap()
+}
+
+/// A report on the fixture that has to succeed.
+fn report_on_fixture(directory: &Path) -> PathBuf {
+    fixture(directory);
+    let arguments = ["--data", "data", "--models", "models", "--only", PAPER, "-o", "out"];
+    let output = report(directory, &arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    directory.join("out")
+}
+
+/// Trajectories of 24 points under names of the paper, and a model that has learnt nothing.
+fn fixture(directory: &Path) {
+    for (name, x) in [("test/col2x2", 0.0), ("valid/case1", 0.375), ("train/x0y0-v00", 0.0)] {
+        let scene = format!(
+            "title = \"Tiny column\"\nduration = 0.2\nframe_interval = 0.01\n\
+             [domain]\nsize = [1.0, 0.5]\ncell = 0.125\n\
+             [[column]]\ncorner = [{x:?}, 0.0]\nsize = [0.25, 0.375]\n\
+             [material]\nkind = \"mu-i\"\n[output]\nfields = []\n"
+        );
+        let mut simulation = Simulation::new(Scene::parse(&scene, "tiny.toml").unwrap()).unwrap();
+        let path = directory.join("data").join(name).with_extension("h5");
+        let header = simulation.header("2026-11-21T00:00:00Z".to_owned());
+        let points = simulation.static_points();
+        let mut writer = TrajectoryWriter::create(&path, &header, &points).unwrap();
+        writer.push(simulation.frame()).unwrap();
+        for _ in 0..simulation.scene.frames() {
+            for _ in 0..simulation.scene.steps_per_frame() {
+                simulation.advance().unwrap();
+            }
+            writer.push(simulation.frame()).unwrap();
+        }
+        writer.set_wall_time("preparation", 100.0);
+        writer.set_wall_time("rve", 3.0);
+        writer.set_wall_time("mpm", 0.25);
+        writer.finish("finished").unwrap();
+    }
+    let config = ModelConfig {
+        width: 8,
+        hidden_layers: 1,
+        message_layers: 0,
+        frames: 3,
+        connection_radius: 0.13,
+        ..ModelConfig::default()
+    };
+    let normalisation = Normalisation {
+        velocity_mean: vec![0.0; 2],
+        velocity_std: vec![1e-3; 2],
+        acceleration_mean: vec![0.0; 2],
+        acceleration_std: vec![1e-6; 2],
+    };
+    let training = r#"{ "frame_interval": 0.01, "without_gravity": false, "steps": 1000 }"#;
+    let extra = [("training".to_owned(), training.to_owned())].into();
+    let model: Model<Cpu> = Model::new(&config, 1, &device());
+    let models = directory.join("models");
+    std::fs::create_dir(&models).unwrap();
+    let path = models.join("baseline.safetensors");
+    weights::save(&path, &model, &config, &normalisation, extra).unwrap();
+    let cost = "data_seconds = 5.0\ntraining_seconds = 20.0\ndevice = \"a test\"\n";
+    std::fs::write(models.join("baseline.cost.toml"), cost).unwrap();
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The row of a table that begins so.
+fn row(csv: &str, start: &str) -> Vec<String> {
+    let line = csv.lines().find(|line| line.starts_with(start)).unwrap();
+    line.split(',').map(str::to_owned).collect()
+}
+
+#[test]
+fn a_report_has_a_page_tables_figures_and_numbers() {
+    let directory = TempDir::new().unwrap();
+    let out = report_on_fixture(directory.path());
+    let page = read(&out.join("index.html"));
+    assert!(!page.contains("not computed yet"));
+
+    // Every table and figure has a file, and every file a place in the page.
+    let mut linked = HashSet::new();
+    for link in page.split("href=\"").skip(1).map(|rest| rest.split('"').next().unwrap()) {
+        if !link.starts_with('#') {
+            assert!(out.join(link).is_file(), "{link}");
+            linked.insert(out.join(link));
+        }
+    }
+    for folder in ["tables", "figures"] {
+        for file in std::fs::read_dir(out.join(folder)).unwrap() {
+            assert!(linked.remove(&file.as_ref().unwrap().path()), "{file:?}");
+        }
+    }
+    assert!(linked.is_empty());
+
+    // Paper, ours, ratio; preparation does not count; what is absent stays empty.
+    let times = read(&out.join("tables/table-7-wall-times-of-the-test-set--direct-solver.csv"));
+    assert_eq!(row(&times, "col2x2,")[3..6], ["325", "3.25", "0.01"]);
+    assert_eq!(row(&times, "col5x5,")[4..7], ["", "", ""]);
+    let networks = read(&out.join("tables/table-6-networks--networks-of-the-paper.csv"));
+    let expected = ["1425282", "1425282", "1", "70.5", "20", "0.284", "a test"];
+    assert_eq!(row(&networks, "baseline,")[1..], expected);
+
+    let results: Value = serde_json::from_str(&read(&out.join("results.json"))).unwrap();
+    assert!(results["report"]["device"].is_string());
+    let runs = results["runs"].as_array().unwrap();
+    // One rollout of each of the two cases that need one.
+    assert_eq!(runs.len(), 2);
+    assert!(runs[0]["command"].as_str().unwrap().starts_with("surrogate rollout "));
+    assert_eq!(runs[0]["seed"], 1);
+    assert!(runs[0]["versions"]["surrogate"].is_string());
+    let sections = results["chapters"][0]["sections"].as_array().unwrap();
+    assert!(sections.iter().all(|section| section["state"] == "done"));
+    let missing = results["chapters"][0]["sections"].to_string();
+    assert!(missing.contains("no such trajectory in `test/`"), "{missing}");
+}
+
+#[test]
+fn what_has_been_run_is_used_again() {
+    let directory = TempDir::new().unwrap();
+    let out = report_on_fixture(directory.path());
+    let runs = directory.path().join("out-work/runs");
+    let times = || -> Vec<_> {
+        let entries = std::fs::read_dir(&runs).unwrap().map(|entry| entry.unwrap().path());
+        entries.map(|path| path.join("run.json").metadata().unwrap().modified().unwrap()).collect()
+    };
+    let (before, page) = (times(), read(&out.join("index.html")));
+    std::fs::remove_dir_all(&out).unwrap();
+    let arguments = ["--data", "data", "--models", "models", "--only", PAPER, "-o", "out"];
+    assert!(report(directory.path(), &arguments).status.success());
+    assert_eq!(times(), before);
+    // All but the time of writing is the same.
+    let body = |page: &str| page[page.find("<main>").unwrap()..].to_owned();
+    assert_eq!(body(&read(&out.join("index.html"))), body(&page));
+}
+
+#[test]
+fn a_damaged_file_fails_its_sections_and_only_those() {
+    let directory = TempDir::new().unwrap();
+    fixture(directory.path());
+    std::fs::write(directory.path().join("data/test/col2x2.h5"), "no trajectory").unwrap();
+    let arguments =
+        ["--data", "data", "--models", "models", "--only", "table 6,table 7", "-o", "out"];
+    let output = report(directory.path(), &arguments);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("Table 7"));
+    let results = read(&directory.path().join("out/results.json"));
+    let results: Value = serde_json::from_str(&results).unwrap();
+    for section in results["chapters"][0]["sections"].as_array().unwrap() {
+        let failed = section["title"].as_str().unwrap().starts_with("Table 7");
+        assert_eq!(section["state"] == "failed", failed, "{section}");
+        assert!(!failed || section["blocks"].to_string().contains("col2x2.h5"));
+    }
 }
 
 #[test]
@@ -18,4 +184,53 @@ fn a_folder_that_is_not_there_is_refused() {
     let output = report(directory.path(), &["--data", "nowhere"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("nowhere: there is no such folder"));
+}
+
+/// Says in the page's own text what a browser finds wrong with it.
+const INSPECTION: &str = "<script>
+window.errors = [];
+window.addEventListener('error', e => window.errors.push(String(e.message)));
+window.addEventListener('load', () => {
+  const broken = [...document.images].filter(image => !image.naturalWidth).length;
+  const wide = document.documentElement.scrollWidth - window.innerWidth;
+  const fetched = performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:'));
+  const flat = [...document.querySelectorAll('svg')].filter(s => s.getBoundingClientRect().height < 50);
+  document.documentElement.setAttribute('data-found', `images ${document.images.length}, ` +
+    `broken ${broken}, errors ${window.errors.length}, fetched ${fetched.length}, flat ${flat.length}, ` +
+    `too wide ${wide > 0}`);
+});
+</script>";
+
+#[test]
+fn a_browser_finds_nothing_wrong_with_the_page() {
+    let Some(browser) = ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(|name| Command::new(name).arg("--version").output().is_ok())
+    else {
+        eprintln!("skipped: chromium is not installed");
+        return;
+    };
+    let directory = TempDir::new().unwrap();
+    let out = report_on_fixture(directory.path());
+    let page = read(&out.join("index.html")).replacen("<head>", &format!("<head>{INSPECTION}"), 1);
+    let inspected = out.join("inspected.html");
+    std::fs::write(&inspected, page).unwrap();
+    for width in [500, 1400] {
+        let profile = directory.path().join(format!("profile-{width}"));
+        let output = Command::new(browser)
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])
+            .args(["--disable-dev-shm-usage", "--host-resolver-rules=MAP * ~NOTFOUND"])
+            .arg(format!("--window-size={width},900"))
+            .arg(format!("--user-data-dir={}", profile.display()))
+            .arg(format!("file://{}", inspected.display()))
+            .output()
+            .unwrap();
+        let dom = String::from_utf8_lossy(&output.stdout).into_owned();
+        let found = dom.split("data-found=\"").nth(1).unwrap_or_else(|| {
+            panic!("no inspection: {}", String::from_utf8_lossy(&output.stderr))
+        });
+        let found = found.split('"').next().unwrap();
+        let expected = "images 4, broken 0, errors 0, fetched 0, flat 0, too wide false";
+        assert_eq!(found, expected, "at {width} pixels");
+    }
 }

@@ -1,6 +1,7 @@
 //! `dempm check SCENE`: what a scene needs and whether it stays where the method is sound,
 //! without simulating anything.
 
+mod advice;
 mod table;
 
 use std::path::Path;

@@ -13,8 +13,10 @@ pub enum Block {
     Heading(String),
     /// A paragraph.
     Text(String),
-    /// Findings or remarks, one a line.
+    /// Remarks, one a line.
     List(Vec<String>),
+    /// What came out, one a line; also listed at the top of the page.
+    Findings(Vec<String>),
     /// What a program said, word for word.
     Quote(String),
     Table(Table),

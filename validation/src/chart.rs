@@ -255,7 +255,7 @@ impl Chart {
     }
 }
 
-/// A range with some air around the values; whole decades where it is logarithmic.
+/// A range with some air around the values.
 fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite() && (!log || *value > 0.0))
@@ -264,11 +264,10 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
         (true, true) => 0.1..1.0,
         (true, false) => 0.0..1.0,
         (false, true) => {
-            let decade = |value: f64, up: bool| {
-                let exponent = value.log10();
-                10_f64.powf(if up { exponent.ceil() } else { exponent.floor() })
-            };
-            let (low, high) = (decade(low / 1.2, false), decade(high * 1.2, true));
+            // At least a decade, so that there are ticks.
+            let (low, high) = (low / 1.6, high * 1.6);
+            let air = (10.0 * low / high).max(1.0).sqrt();
+            let (low, high) = (low / air, high * air);
             low..high
         }
         (false, false) => {
@@ -390,7 +389,10 @@ mod tests {
     #[test]
     fn a_value_without_a_logarithm_is_left_out() {
         assert_eq!(chart().shown(&chart().series[0]), [((1.0, 1e-3), "1")]);
-        assert_eq!(range([3e-6, 0.0, 2e-3].into_iter(), true), 1e-6..1e-2);
+        let wide = range([3e-6, 0.0, 2e-3].into_iter(), true);
+        assert!(wide.start < 3e-6 && wide.start > 1e-6 && wide.end > 2e-3 && wide.end < 4e-3);
+        let narrow = range([2.0, 3.0].into_iter(), true);
+        assert!(narrow.end / narrow.start > 9.99);
         assert_eq!(range([].into_iter(), false), 0.0..1.0);
     }
 }

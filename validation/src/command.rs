@@ -12,7 +12,7 @@ pub enum Suite {
     /// `dempm run`
     #[command(hide = true)]
     Run(dempm::run::RunArgs),
-    /// `dempm element`
+    /// `dempm element`, which `validation/yade/compare.py` calls
     #[command(hide = true)]
     Element(dempm::element::ElementArgs),
     /// `surrogate rollout`

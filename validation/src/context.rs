@@ -79,7 +79,7 @@ impl Context {
                 .into_diagnostic()
                 .wrap_err_with(|| format!("cannot read {}", path.display()))
         };
-        let mut key = read(&model.path)?;
+        let mut key = format!("{} {}", hardware(&self.device), read(&model.path)?);
         let mut arguments = vec![model.path.display().to_string(), "--overwrite".to_owned()];
         let mut input = None;
         match start {
@@ -103,19 +103,6 @@ impl Context {
         self.job(&format!("rollout of {}", model.name), 10.0, &job)
     }
 
-    /// Runs an element test, given as the text of its file.
-    ///
-    /// # Errors
-    /// As [`run`](Self::run).
-    pub fn element(&mut self, what: &str, test: &str) -> miette::Result<Run> {
-        self.job(what, 5.0, &element_job(test))
-    }
-
-    /// Whether an element test has been run.
-    pub fn has_element(&self, test: &str) -> bool {
-        self.work.has(&element_job(test))
-    }
-
     /// A value computed in this process, once: `key` says all that it depends on.
     ///
     /// # Errors
@@ -134,6 +121,13 @@ impl Context {
         let value = self.work.cached(kind, key, make);
         self.progress.end();
         value
+    }
+
+    /// Trajectories in a folder of the data (`train`, `valid` or `test`), with their names.
+    pub fn cases(&self, set: &str) -> Vec<(String, PathBuf)> {
+        let name =
+            |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        self.trajectories(set).into_iter().map(|path| (name(&path), path)).collect()
     }
 
     /// Trajectories in a folder of the data: `train`, `valid` or `test`.
@@ -170,7 +164,7 @@ fn scene_job<'a>(scene: &'a str, device: &str) -> Job<'a> {
     Job {
         subcommand: "run",
         program: "dempm",
-        key: format!("{device}, {} threads", rayon::current_num_threads()),
+        key: hardware(device),
         input: Some(Input { name: "scene.toml", text: scene, option: None }),
         output: "trajectory.h5",
         arguments: vec!["--device".to_owned(), device.to_owned()],
@@ -178,16 +172,9 @@ fn scene_job<'a>(scene: &'a str, device: &str) -> Job<'a> {
     }
 }
 
-fn element_job(test: &str) -> Job<'_> {
-    Job {
-        subcommand: "element",
-        program: "dempm",
-        key: String::new(),
-        input: Some(Input { name: "test.toml", text: test, option: None }),
-        output: "path.csv",
-        arguments: Vec::new(),
-        resumes: false,
-    }
+/// What times depend on.
+fn hardware(device: &str) -> String {
+    format!("{device}, {} threads", rayon::current_num_threads())
 }
 
 /// Models in a folder: `*.safetensors` in it, and `best.safetensors` of trainings in folders of it.

@@ -12,7 +12,7 @@ use crate::report::{State, Written, WrittenSection, figure_file, table_file};
 const STYLE: &str = include_str!("style.css");
 
 /// The whole page. `facts` says what it was made with.
-pub fn page(facts: &[(&str, String)], chapters: &[Written]) -> String {
+pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -28,18 +28,19 @@ pub fn page(facts: &[(&str, String)], chapters: &[Written]) -> String {
     }
     html += "</dl>\n<p>Tables are in <code>tables/</code> as CSV, figures in <code>figures/</code>, \
              all numbers, commands and messages in <code>results.json</code>.</p>\n</header>\n<nav>";
-    let chapters = || chapters.iter().filter(|chapter| !chapter.sections.is_empty());
+    let chapters = || written.iter().filter(|chapter| !chapter.sections.is_empty());
     for chapter in chapters() {
-        let _ = write!(html, "<h2>{}</h2><ul>", escape(chapter.title));
+        let _ = write!(html, "<div><h2>{}</h2><ul>", escape(chapter.title));
         for section in &chapter.sections {
             let (class, mark) = standing(section);
             let (slug, title) = (&section.slug, escape(section.title));
             let _ =
                 write!(html, "<li class=\"{class}\"><a href=\"#{slug}\">{title}</a>{mark}</li>");
         }
-        html += "</ul>";
+        html += "</ul></div>";
     }
     html += "</nav>\n<main>\n";
+    write_findings(&mut html, written);
     for chapter in chapters() {
         let _ = writeln!(html, "<h2 class=\"chapter\">{}</h2>", escape(chapter.title));
         for section in &chapter.sections {
@@ -74,13 +75,7 @@ fn write_section(html: &mut String, section: &WrittenSection) {
             Block::Text(text) => {
                 let _ = writeln!(html, "<p>{}</p>", inline(text));
             }
-            Block::List(lines) => {
-                *html += "<ul>";
-                for line in lines {
-                    let _ = write!(html, "<li>{}</li>", inline(line));
-                }
-                *html += "</ul>\n";
-            }
+            Block::List(lines) | Block::Findings(lines) => write_list(html, lines),
             Block::Quote(text) => {
                 let _ = writeln!(html, "<pre>{}</pre>", escape(text));
             }
@@ -99,14 +94,44 @@ fn write_section(html: &mut String, section: &WrittenSection) {
     *html += "</section>\n";
 }
 
+fn write_list(html: &mut String, lines: &[String]) {
+    *html += "<ul>";
+    for line in lines {
+        let _ = write!(html, "<li>{}</li>", inline(line));
+    }
+    *html += "</ul>\n";
+}
+
+/// What came out, section by section.
+fn write_findings(html: &mut String, chapters: &[Written]) {
+    let sections = || chapters.iter().flat_map(|chapter| &chapter.sections);
+    let findings = |section: &WrittenSection| -> Vec<String> {
+        let lines = section.blocks.iter().filter_map(|block| match block {
+            Block::Findings(lines) => Some(lines.clone()),
+            _ => None,
+        });
+        lines.flatten().collect()
+    };
+    if sections().all(|section| findings(section).is_empty()) {
+        return;
+    }
+    *html += "<section id=\"findings\">\n<h2 class=\"chapter\">What came out</h2>\n";
+    for section in sections() {
+        let lines = findings(section);
+        if !lines.is_empty() {
+            let (slug, title) = (&section.slug, escape(section.title));
+            let _ = writeln!(html, "<h4><a href=\"#{slug}\">{title}</a></h4>");
+            write_list(html, &lines);
+        }
+    }
+    *html += "</section>\n";
+}
+
 fn write_table(html: &mut String, section: &WrittenSection, table: &Table) {
     let numeric: Vec<bool> = (0..table.columns.len())
         .map(|k| {
             let mut cells = table.rows.iter().map(|row| row[k].as_str()).filter(|c| !c.is_empty());
-            cells.clone().next().is_some()
-                && cells.all(|cell| {
-                    cell.starts_with(|c: char| "+-−<>≥≤~".contains(c) || c.is_ascii_digit())
-                })
+            cells.clone().next().is_some() && cells.all(is_number)
         })
         .collect();
     let class = |k: usize| if numeric.get(k) == Some(&true) { " class=\"number\"" } else { "" };
@@ -118,7 +143,12 @@ fn write_table(html: &mut String, section: &WrittenSection, table: &Table) {
     for row in &table.rows {
         *html += "<tr>";
         for (k, cell) in row.iter().enumerate() {
-            let _ = write!(html, "<td{}>{}</td>", class(k), inline(cell));
+            // Short words stay on one line; a wide table scrolls.
+            let class = match class(k) {
+                "" if cell.chars().count() <= 34 => " class=\"short\"",
+                class => class,
+            };
+            let _ = write!(html, "<td{class}>{}</td>", inline(cell));
         }
         *html += "</tr>\n";
     }
@@ -129,6 +159,12 @@ fn write_table(html: &mut String, section: &WrittenSection, table: &Table) {
         inline(&table.note),
         table_file(section, &table.title)
     );
+}
+
+/// Whether a cell is a number, with a unit perhaps.
+fn is_number(cell: &str) -> bool {
+    let letters = cell.chars().filter(|c| c.is_alphabetic()).count();
+    cell.starts_with(|c: char| "+-−".contains(c) || c.is_ascii_digit()) && letters <= 3
 }
 
 fn write_figure(html: &mut String, section: &WrittenSection, figure: &Figure) {
@@ -204,6 +240,12 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_are_told_from_words() {
+        assert!(["3.5", "-2.0e-6", "8.96 %", "12 min"].into_iter().all(is_number));
+        assert!(!["50 discs", "never", "100 discs + f64"].into_iter().any(is_number));
+    }
 
     #[test]
     fn texts_cannot_break_the_page() {

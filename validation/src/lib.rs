@@ -1,6 +1,7 @@
 //! The validation report: what the solver and the learned simulators do, measured, beside what
 //! theory, experiments and the paper say.
 
+pub mod animation;
 pub mod block;
 pub mod chart;
 pub mod command;
@@ -20,4 +21,5 @@ pub mod section;
 pub mod sections;
 pub mod sweep;
 pub mod table;
+pub mod wall_time;
 pub mod work;

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::trajectory::{utc_now, write_atomically};
+use dempm::trajectory::{Trajectory, utc_now, write_atomically};
 use miette::{IntoDiagnostic, WrapErr, bail};
 use serde_json::{Value, json};
 
@@ -18,7 +18,7 @@ use crate::context::{Context, Suite, models_in};
 use crate::html;
 use crate::progress::Progress;
 use crate::sections;
-use crate::work::{Interrupted, Work};
+use crate::work::{Interrupted, Run, Work};
 
 /// Arguments of `validation report`.
 #[derive(clap::Args)]
@@ -41,9 +41,9 @@ pub struct ReportArgs {
     /// Where to compute: auto, cpu, cuda or cuda:N [default: cpu for quick, auto for full]
     #[arg(long)]
     device: Option<Device>,
-    /// Only sections whose title contains this
-    #[arg(long)]
-    only: Option<String>,
+    /// Only sections whose titles contain one of these
+    #[arg(long, value_delimiter = ',', value_name = "PART")]
+    only: Vec<String>,
 }
 
 /// Exit code after Ctrl-C, as shells use it.
@@ -88,7 +88,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     let mut context = context(args, interrupted)?;
     let wanted = |title: &str| {
         let title = title.to_lowercase();
-        args.only.as_ref().is_none_or(|part| title.contains(&part.to_lowercase()))
+        args.only.is_empty() || args.only.iter().any(|part| title.contains(&part.to_lowercase()))
     };
     let chapters = sections::all();
     let mut written = Vec::new();
@@ -176,7 +176,7 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
         suite: args.suite,
         device: name,
         device_name,
-        work: Work::open(&work, program, interrupted)?,
+        work: Work::open(&work, program, gpu.is_some(), interrupted)?,
         progress: Progress::new(0.0),
         data: args.data.as_ref().map(absolute).transpose()?,
         models: args.models.as_ref().map(absolute).transpose()?.map_or(vec![], |f| models_in(&f)),
@@ -250,8 +250,7 @@ fn slug(title: &str) -> String {
 fn facts(context: &Context) -> Vec<(&'static str, String)> {
     let used = context.work.used();
     let other = used.iter().filter(|run| run.build != context.work.build()).count();
-    let loads = used.iter().map(|run| run.load).filter(|load| load.is_finite());
-    let load = loads.fold(0.0, f64::max);
+    let load = used.iter().filter_map(|run| run.load).fold(0.0, f64::max);
     let command: Vec<String> = std::env::args().collect();
     vec![
         ("written", utc_now()),
@@ -281,7 +280,23 @@ fn results(facts: &[(&str, String)], context: &Context, written: &[Written]) -> 
             json!({ "title": chapter.title, "sections": sections })
         })
         .collect();
-    json!({ "report": facts, "chapters": chapters, "runs": context.work.used() })
+    let runs: Vec<Value> = context.work.used().iter().map(run_as_json).collect();
+    json!({ "report": facts, "chapters": chapters, "runs": runs })
+}
+
+/// A run with what its trajectory says about it.
+fn run_as_json(run: &Run) -> Value {
+    let mut value = json!(run);
+    if let (Ok(trajectory), Some(entries)) = (Trajectory::open(&run.output), value.as_object_mut())
+    {
+        let header = trajectory.header();
+        entries.insert("seed".into(), json!(header.seed));
+        entries.insert("device".into(), json!(header.device));
+        entries.insert("precision".into(), json!(header.precision));
+        entries.insert("versions".into(), json!(header.versions));
+        entries.insert("wall_time".into(), json!(trajectory.wall_time()));
+    }
+    value
 }
 
 fn block_as_json(section: &WrittenSection, block: &Block) -> Value {
@@ -294,6 +309,7 @@ fn block_as_json(section: &WrittenSection, block: &Block) -> Value {
         Block::Heading(text) => json!({ "kind": "heading", "text": text }),
         Block::Text(text) => json!({ "kind": "text", "text": text }),
         Block::List(lines) => json!({ "kind": "list", "lines": lines }),
+        Block::Findings(lines) => json!({ "kind": "findings", "lines": lines }),
         Block::Quote(text) => json!({ "kind": "quote", "text": text }),
         Block::Table(found) => table("table", found),
         Block::Map(map) => table("map", &map.table()),

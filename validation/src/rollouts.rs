@@ -3,19 +3,22 @@
 use std::path::{Path, PathBuf};
 
 use dempm::trajectory::Trajectory;
+use rayon::prelude::*;
 use surrogate::metrics::Errors;
 
+use crate::animation::animated;
 use crate::block::{Block, Figure, Table};
 use crate::chart::{Axis, Chart, Mark, Series};
 use crate::compare::difference;
 use crate::context::{Context, Model, Start};
 use crate::picture::{RANGE, View, stacked};
 use crate::table::number;
+use crate::wall_time::computing;
 
 /// A rollout and how far it is from the truth.
 pub struct Rollout {
     pub model: String,
-    /// Stem of the truth's file.
+    /// Name of the truth.
     pub case: String,
     pub output: PathBuf,
     pub truth: PathBuf,
@@ -28,22 +31,22 @@ pub struct Rollout {
     pub message: String,
 }
 
-/// Rolls models out from the first frames of trajectories.
+/// Rolls models out from the first frames of trajectories, which are given with their names.
 ///
 /// # Errors
 /// If files cannot be read or the user interrupts. A rollout that breaks down is a result.
 pub fn roll_out(
     context: &mut Context,
     models: &[Model],
-    truths: &[PathBuf],
+    truths: &[(String, PathBuf)],
 ) -> miette::Result<Vec<Rollout>> {
     let mut rollouts = Vec::new();
-    for truth in truths {
+    for (case, truth) in truths {
         for model in models {
             let run = context.rollout(model, &Start::Trajectory(truth))?;
             let mut rollout = Rollout {
                 model: model.name.clone(),
-                case: truth.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+                case: case.clone(),
                 output: run.output.clone(),
                 truth: truth.clone(),
                 errors: Errors::default(),
@@ -54,15 +57,22 @@ pub fn roll_out(
             // A rollout that broke down leaves the frames before; one that was refused, nothing.
             if run.output.exists() {
                 let trajectory = Trajectory::open(&run.output)?;
-                rollout.errors = difference(&run.output, truth)?;
-                rollout.seconds =
-                    trajectory.wall_time().get("surrogate").copied().unwrap_or(f64::NAN);
+                rollout.errors = predicted(difference(&run.output, truth)?);
+                rollout.seconds = computing(&trajectory);
                 rollout.device.clone_from(&trajectory.header().device);
             }
             rollouts.push(rollout);
         }
     }
     Ok(rollouts)
+}
+
+/// Errors without those of the frames that were given, which agree exactly.
+fn predicted(mut errors: Errors) -> Errors {
+    let given = errors.errors.iter().take_while(|error| error.mse == 0.0).count();
+    errors.errors.drain(..given);
+    errors.frames.drain(..given);
+    errors
 }
 
 /// Errors as a table.
@@ -80,7 +90,7 @@ pub fn table(rollouts: &[Rollout]) -> Table {
         "ended",
     ];
     let mut table = Table::new("Errors of rollouts", columns).note(
-        "MSE in units of the box, over all points and frames after the first; front and root mean \
+        "MSE in units of the box, over all points and predicted frames; front and root mean \
          square height at the end. Time of all predictions, the frames at the start not counted.",
     );
     for rollout in rollouts {
@@ -174,6 +184,28 @@ pub fn snapshots(rollout: &Rollout) -> miette::Result<Option<Block>> {
     Ok(Some(Block::Figure(Figure::new(title, stacked(&images)?, caption))))
 }
 
+/// The same as an animation of all frames, or of every n-th where there are many.
+///
+/// # Errors
+/// If a file cannot be read.
+pub fn animation(rollout: &Rollout) -> miette::Result<Option<Block>> {
+    if rollout.errors.errors.is_empty() {
+        return Ok(None);
+    }
+    let pairs = pairs(&rollout.output, &rollout.truth, MOST_PICTURES)?;
+    let truth = Trajectory::open(&rollout.truth)?;
+    let header = truth.header();
+    let frames = pairs.iter().flat_map(|(_, a, b)| [a, b]);
+    let view = View { width: 480, ..View::of(frames, header.point_spacing, header.domain) };
+    let images: Vec<_> = pairs.par_iter().map(|(_, p, t)| view.draw(&p.position, t)).collect();
+    let title = format!("{} on {}, animated", rollout.model, rollout.case);
+    let caption = "Colours as in the snapshots.";
+    Ok(Some(Block::Figure(Figure::new(title, animated(&images)?, caption))))
+}
+
+/// An animation of more pictures would make the page heavy.
+const MOST_PICTURES: usize = 60;
+
 /// Frames of two files at the same times, `count` of them evenly spaced up to the end.
 fn pairs(
     predicted: &Path,
@@ -188,4 +220,23 @@ fn pairs(
         pairs.push((truth.time()[t], predicted.frame(p)?, truth.frame(t)?));
     }
     Ok(pairs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surrogate::metrics::FrameError;
+
+    #[test]
+    fn given_frames_do_not_count() {
+        let error = |mse| FrameError { mse, ..FrameError::default() };
+        let errors = Errors {
+            frames: vec![1, 2, 3, 4],
+            errors: [0.0, 0.0, 1e-6, 0.0].map(error).to_vec(),
+            ..Errors::default()
+        };
+        let predicted = predicted(errors);
+        assert_eq!(predicted.frames, [3, 4]);
+        assert_eq!(predicted.mean(), 5e-7);
+    }
 }

@@ -59,9 +59,10 @@ pub fn number(value: f64) -> String {
         _ if !value.is_finite() => String::new(),
         0.0 => "0".to_owned(),
         _ if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
-        _ if size < 1.0 => trimmed(format!("{value:.4}")),
-        _ if size < 100.0 => trimmed(format!("{value:.2}")),
-        _ => format!("{value:.0}"),
+        _ => {
+            let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
+            trimmed(format!("{value:.decimals$}"))
+        }
     }
 }
 

@@ -23,17 +23,19 @@ const GRACE: Duration = Duration::from_secs(5);
 pub struct Run {
     /// The command as a person would type it.
     pub command: String,
-    /// What it wrote: a trajectory, or the CSV file of an element test.
+    /// The trajectory that it wrote.
     pub output: PathBuf,
     /// Whether it ended with exit code 0.
     pub succeeded: bool,
     /// Wall time of the last sitting of the process, s, files and preparation included.
     pub seconds: f64,
+    /// Processor time of the same over all threads, s; none where the system does not say.
+    pub processor_seconds: Option<f64>,
     /// What it said on standard error, and on standard output.
     pub message: String,
     pub summary: String,
     /// Processes that wanted a core at its end, per core; above 1 its wall time is inflated.
-    pub load: f64,
+    pub load: Option<f64>,
     /// Hash of the program that ran it.
     pub build: String,
 }
@@ -49,6 +51,8 @@ pub struct Work {
     root: PathBuf,
     program: PathBuf,
     build: String,
+    /// Whether programs may use a GPU.
+    gpu: bool,
     interrupted: Arc<AtomicBool>,
     /// Every run that this report used, in the order of use.
     used: Vec<Run>,
@@ -81,19 +85,21 @@ pub struct Input<'a> {
 }
 
 impl Work {
-    /// Opens or makes the directory. Programs run as subcommands of `program`.
+    /// Opens or makes the directory. Programs run as subcommands of `program`; without `gpu` they
+    /// see none, so that all methods run on the same device.
     ///
     /// # Errors
     /// If it cannot be made or `program` cannot be read.
     pub fn open(
         root: &Path,
         program: PathBuf,
+        gpu: bool,
         interrupted: Arc<AtomicBool>,
     ) -> miette::Result<Self> {
         fs::create_dir_all(root)
             .and_then(|()| fs::canonicalize(root))
             .and_then(|root| Ok((root, hash_of_file(&program)?)))
-            .map(|(root, build)| Self { root, program, build, interrupted, used: Vec::new() })
+            .map(|(root, build)| Self { root, program, build, gpu, interrupted, used: Vec::new() })
             .into_diagnostic()
             .wrap_err_with(|| format!("cannot use the work directory {}", root.display()))
     }
@@ -101,6 +107,11 @@ impl Work {
     /// Every run that this report used.
     pub fn used(&self) -> &[Run] {
         &self.used
+    }
+
+    /// The program that has the commands of the suite as subcommands.
+    pub fn program(&self) -> &Path {
+        &self.program
     }
 
     /// Hash of the program that runs now.
@@ -207,7 +218,11 @@ impl Work {
         let mut child = said("stdout.txt")
             .and_then(|out| Ok((out, said("stderr.txt")?)))
             .and_then(|(out, err)| {
-                Command::new(&self.program)
+                let mut command = Command::new(&self.program);
+                if !self.gpu {
+                    command.env("CUDA_VISIBLE_DEVICES", "");
+                }
+                command
                     .args(&arguments)
                     // Colours are for terminals.
                     .env("NO_COLOR", "1")
@@ -219,11 +234,13 @@ impl Work {
             .into_diagnostic()
             .wrap_err_with(failed)?;
         let mut asked: Option<Instant> = None;
+        let mut processor_seconds = None;
         let status = loop {
             if let Some(status) = child.try_wait().into_diagnostic().wrap_err_with(failed)? {
                 break status;
             }
             tick(began.elapsed());
+            processor_seconds = processor_time(child.id()).or(processor_seconds);
             // Ctrl-C reaches the program as well, which saves its state.
             if self.check().is_err() && asked.get_or_insert_with(Instant::now).elapsed() > GRACE {
                 child.kill().into_diagnostic().wrap_err_with(failed)?;
@@ -240,6 +257,7 @@ impl Work {
             output,
             succeeded: status.success(),
             seconds: began.elapsed().as_secs_f64(),
+            processor_seconds,
             message: text("stderr.txt"),
             summary: text("stdout.txt"),
             load: load_per_core(),
@@ -283,9 +301,20 @@ fn write_json(path: &Path, value: &impl Serialize) -> miette::Result<()> {
     write_atomically(path, |temporary| fs::write(temporary, text)).into_diagnostic()
 }
 
-/// The load average over a minute per core; not a number where the system does not say.
-fn load_per_core() -> f64 {
-    let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    let load: Option<f64> = text.split_whitespace().next().and_then(|word| word.parse().ok());
-    load.map_or(f64::NAN, |load| load / rayon::current_num_threads() as f64)
+/// Processor time of a process so far, s, from Linux's table of processes.
+fn processor_time(process: u32) -> Option<f64> {
+    /// Ticks a second; fixed for what Linux shows to programs.
+    const TICKS: f64 = 100.0;
+    let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    // The name, in brackets, may contain spaces; user and system time are 12th and 13th after it.
+    let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = |place: usize| fields.get(place)?.parse::<f64>().ok();
+    Some((ticks(11)? + ticks(12)?) / TICKS)
+}
+
+/// The load average over a minute per core; none where the system does not say.
+fn load_per_core() -> Option<f64> {
+    let text = fs::read_to_string("/proc/loadavg").ok()?;
+    let load: f64 = text.split_whitespace().next()?.parse().ok()?;
+    Some(load / rayon::current_num_threads() as f64)
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{COLLISIONAL, Needs};
+use super::{COLLISIONAL, Needs, advice};
 
 /// A line of the table: what, how much, and what it means.
 struct Row(&'static str, String, String);
@@ -119,8 +119,27 @@ impl Needs {
         cost.push(Row("memory", bytes(self.memory), "points and packings".into()));
         cost.push(Row("trajectory", bytes(self.output), "before compression".into()));
         cost.push(Row("time", duration(self.seconds), "estimate".into()));
-        vec![("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)]
+        let mut sections = vec![("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];
+        // Only packings have cheaper settings.
+        if self.rve.is_some() {
+            sections
+                .push(("Cheaper settings, as far as the validation report measured", cheaper()));
+        }
+        sections
     }
+}
+
+/// What is cheaper than packings of 400 discs, and how far off.
+fn cheaper() -> Vec<Row> {
+    let row = |advice: advice::Advice| {
+        let advice::Advice { scene, goal, tolerance, error, setting, speed_up } = advice;
+        Row(
+            goal,
+            format!("within {tolerance}"),
+            format!("{setting}: {error} off, {speed_up:.0} times faster ({scene})"),
+        )
+    };
+    advice::measured().into_iter().map(row).collect()
 }
 
 impl fmt::Display for Needs {

@@ -9,6 +9,7 @@ mod rollout;
 mod runs;
 mod speed_accuracy;
 pub mod stability;
+mod yade;
 
 use crate::section::Chapter;
 use speed_accuracy::SpeedAccuracy;
@@ -30,7 +31,11 @@ pub fn all() -> Vec<Chapter> {
         Chapter { title: "Stability", sections: stability::all() },
         Chapter {
             title: "External truth",
-            sections: vec![Box::new(columns::Columns), Box::new(elements::Elements)],
+            sections: vec![
+                Box::new(columns::Columns),
+                Box::new(elements::Elements),
+                Box::new(yade::Yade),
+            ],
         },
         Chapter { title: "How it was made", sections: vec![Box::new(runs::Runs)] },
     ]

@@ -10,7 +10,7 @@ use crate::table::{number, seconds};
 pub struct Needs;
 
 /// Tolerances, parts of the runout and of the column's height.
-const TOLERANCES: [f64; 4] = [0.2, 0.1, 0.05, 0.02];
+const TOLERANCES: [f64; 3] = [0.1, 0.05, 0.02];
 
 /// What is to be right: a name, and its relative error.
 type Goal = (&'static str, fn(&Error, &Sweep) -> f64);
@@ -78,7 +78,7 @@ impl Section for Needs {
                  of the column's height, whichever is worse. Every point: the root mean square \
                  distance of points over all frames, as part of the runout.",
             ),
-            Block::List(lines),
+            Block::Findings(lines),
             Block::Table(table),
         ])
     }
@@ -114,6 +114,8 @@ mod tests {
             error: Some(Error { front, ..Error::default() }),
             failure: String::new(),
             device: String::new(),
+            processor_seconds: None,
+            load: None,
         }
     }
 

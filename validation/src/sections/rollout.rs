@@ -3,7 +3,7 @@
 use crate::block::Block;
 use crate::compare::difference;
 use crate::context::Context;
-use crate::rollouts::{chart, failures, roll_out, snapshots, table};
+use crate::rollouts::{animation, chart, failures, roll_out, snapshots, table};
 use crate::section::Section;
 use crate::sections::speed_accuracy::no_model;
 use crate::sweep::Case;
@@ -22,7 +22,7 @@ impl Section for Column {
         }
         let [truth, other] = Case::quick().run_references(context)?;
         let models = context.models.clone();
-        let rollouts = roll_out(context, &models, &[truth.output.clone()])?;
+        let rollouts = roll_out(context, &models, &[("column".to_owned(), truth.output.clone())])?;
         let floor = difference(&other.output, &truth.output)?;
         let all: Vec<_> = rollouts.iter().collect();
         let mut blocks = vec![
@@ -37,6 +37,7 @@ impl Section for Column {
         blocks.extend(failures(&rollouts));
         for rollout in &rollouts {
             blocks.extend(snapshots(rollout)?);
+            blocks.extend(animation(rollout)?);
         }
         Ok(blocks)
     }

@@ -13,7 +13,8 @@ impl Section for Runs {
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let columns = ["run", "command", "ended", "wall time", "load per core", "build"];
+        let columns =
+            ["run", "command", "ended", "wall time", "processor time", "load per core", "build"];
         let mut table = Table::new("Runs", columns).note(
             "Wall time of the process with everything, which speed is not judged by. Where more \
              than one process wanted each core, wall times are longer than they would be alone.",
@@ -24,7 +25,8 @@ impl Section for Runs {
                 format!("`{}`", run.command),
                 if run.succeeded { "well" } else { "with an error" }.to_owned(),
                 seconds(run.seconds),
-                number(run.load),
+                run.processor_seconds.map_or(String::new(), seconds),
+                run.load.map_or(String::new(), number),
                 run.build[..8].to_owned(),
             ]);
         }

@@ -52,6 +52,7 @@ impl Section for SpeedAccuracy {
             case.reference_name(),
             context.device_name
         ))];
+        blocks.extend(busy(&sweep));
         for (name, unit, measure) in MEASURES {
             let picture = chart(&sweep, name, unit, measure).draw()?;
             blocks.push(Block::Figure(Figure::new(
@@ -66,13 +67,34 @@ impl Section for SpeedAccuracy {
         blocks.push(Block::heading("At equal error, at equal time"));
         blocks.extend(comparisons(&sweep));
         blocks.extend(pay_back(context, &sweep));
-        blocks.push(Block::missing("Networks in bf16", "`surrogate` computes in f32 only.", ""));
         if context.models.is_empty() {
             blocks.push(no_model());
+        } else {
+            blocks.push(Block::missing(
+                "Networks in bf16",
+                "the report predicts as `surrogate rollout` does by default.",
+                "",
+            ));
         }
         Ok(blocks)
     }
 }
+
+/// A warning where wall times say little, since other programs were running.
+fn busy(sweep: &Sweep) -> Option<Block> {
+    let load = sweep.measured.iter().filter_map(|m| m.load).fold(0.0, f64::max);
+    (load > BUSY).then(|| {
+        Block::text(format!(
+            "Other programs were running: up to {} processes wanted each core. Wall times are \
+             longer than they would be alone, by different factors; processor times can be \
+             compared.",
+            number(load)
+        ))
+    })
+}
+
+/// Processes per core above which wall times are doubtful: one program, and a little.
+const BUSY: f64 = 1.3;
 
 /// What to say where a model would be needed.
 pub fn no_model() -> Block {
@@ -119,13 +141,14 @@ fn all(sweep: &Sweep) -> Table {
         "",
         "method",
         "wall time [s]",
+        "processor time [s]",
         "MSE [box²]",
         "front [m]",
         "height profile [m]",
         "distance of points [m]",
     ];
     let mut table = Table::new("All settings", columns).note(format!(
-        "MSE and distance: over all points and frames; front and height profile: at the end, where \
+        "Processor time: of the whole program, over all threads. MSE and distance: over all points and frames; front and height profile: at the end, where \
          the front of the reference is at {:.2} m. Where points differ in size, the finer ones are \
          averaged over the squares of the coarser ones.",
         sweep.front
@@ -138,6 +161,7 @@ fn all(sweep: &Sweep) -> Table {
             (place + 1).to_string(),
             m.name.clone(),
             if m.error.is_some() { number(m.seconds) } else { "failed".to_owned() },
+            m.processor_seconds.map_or(String::new(), number),
             error(|e| e.mse),
             error(|e| e.front),
             error(|e| e.height),
@@ -198,7 +222,7 @@ fn comparisons(sweep: &Sweep) -> Vec<Block> {
     if table.rows.is_empty() {
         return Vec::new();
     }
-    vec![Block::List(lines), Block::Table(table)]
+    vec![Block::Findings(lines), Block::Table(table)]
 }
 
 /// What a method is measured against: everything of the families that solve equations.

@@ -1,6 +1,6 @@
 //! Fig. 9 to 14 and 17 to 22: rollouts of the validation and test cases.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use surrogate::config::PAPER_NETWORKS;
 
@@ -9,7 +9,7 @@ use super::times::baseline;
 use super::{ratio, stated};
 use crate::block::{Block, Table};
 use crate::context::{Context, Model};
-use crate::rollouts::{Rollout, chart, failures, roll_out, snapshots, table};
+use crate::rollouts::{Rollout, animation, chart, failures, roll_out, snapshots, table};
 use crate::section::Section;
 use crate::table::number;
 
@@ -24,18 +24,14 @@ pub struct Cases {
     pub snapshots: bool,
 }
 
-fn stem(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
 impl Section for Cases {
     fn title(&self) -> &'static str {
         self.title
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let mut cases = context.trajectories(self.set);
-        cases.retain(|path| self.only.is_none_or(|only| only(&stem(path))));
+        let mut cases = context.cases(self.set);
+        cases.retain(|(name, _)| self.only.is_none_or(|only| only(name)));
         // The paper's network, or what there is in its place.
         let models: Vec<Model> = baseline(&context.models)
             .or_else(|| context.models.first().cloned())
@@ -58,6 +54,7 @@ impl Section for Cases {
         if self.snapshots {
             for rollout in &rollouts {
                 blocks.extend(snapshots(rollout)?);
+                blocks.extend(animation(rollout)?);
             }
         }
         Ok(blocks)
@@ -73,7 +70,7 @@ impl Section for Ablation {
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let cases = context.trajectories("valid");
+        let cases = context.cases("valid");
         let is_paper =
             |model: &&Model| PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name));
         let models: Vec<Model> = context.models.iter().filter(is_paper).cloned().collect();
@@ -82,10 +79,9 @@ impl Section for Ablation {
             return Ok(blocks);
         }
         let rollouts = roll_out(context, &models, &cases)?;
-        for case in &cases {
-            let case = stem(case);
-            let of_case: Vec<&Rollout> = rollouts.iter().filter(|r| r.case == case).collect();
-            blocks.push(chart(&case, &of_case, None)?);
+        for (case, _) in &cases {
+            let of_case: Vec<&Rollout> = rollouts.iter().filter(|r| r.case == *case).collect();
+            blocks.push(chart(case, &of_case, None)?);
         }
         blocks.push(Block::Table(table(&rollouts)));
         blocks.extend(failures(&rollouts));
@@ -137,9 +133,9 @@ impl Section for Stated {
         let model: Vec<Model> = baseline(&context.models).into_iter().collect();
         let mut lacking = 0;
         for (set, case, which, words, paper) in STATED {
-            let path: Vec<PathBuf> =
-                context.trajectories(set).into_iter().filter(|path| stem(path) == case).collect();
-            let rollout = roll_out(context, &model, &path)?.pop();
+            let mut cases = context.cases(set);
+            cases.retain(|(name, _)| name == case);
+            let rollout = roll_out(context, &model, &cases)?.pop();
             let ours = rollout.as_ref().and_then(|rollout| value(rollout, which));
             lacking += usize::from(ours.is_none());
             rows.row([
@@ -183,15 +179,13 @@ fn value(rollout: &Rollout, which: Which) -> Option<f64> {
 }
 
 /// What to say where data or models are lacking.
-fn absent(cases: &[PathBuf], models: &[Model], set: &str) -> Vec<Block> {
+fn absent(cases: &[(String, PathBuf)], models: &[Model], set: &str) -> Vec<Block> {
     let mut blocks = Vec::new();
     if cases.is_empty() {
         blocks.push(Block::missing(
             "This comparison",
             format!("there are no such trajectories in `{set}/` of the data."),
-            format!(
-                "`dempm run scenes/paper/{set}/NAME.toml -o DATA/{set}/NAME.h5`, then `--data DATA`."
-            ),
+            "`dempm dataset paper -o DATA` makes them; `--data DATA` takes them.",
         ));
     }
     if models.is_empty() {

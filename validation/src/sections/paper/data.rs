@@ -70,8 +70,7 @@ impl Section for Data {
             blocks.push(Block::missing(
                 "Part of the paper's trajectories",
                 "they are not in the folder of the data.",
-                "`dempm run` makes one of each scene in `scenes/paper/`; `--data` takes the folder \
-                 with `train/`, `valid/` and `test/`.",
+                "`dempm dataset paper -o DATA` makes them; `--data DATA` takes them.",
             ));
         }
         Ok(blocks)

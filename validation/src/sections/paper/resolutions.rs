@@ -8,7 +8,7 @@ use super::networks::belongs;
 use crate::block::{Block, Figure, Table};
 use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::{Context, Model};
-use crate::rollouts::{chart, failures, roll_out, table};
+use crate::rollouts::{animation, chart, failures, roll_out, snapshots, table};
 use crate::section::Section;
 use crate::table::number;
 
@@ -30,12 +30,12 @@ impl Section for Resolutions {
             blocks.push(Block::missing(
                 "Cells crossed per frame",
                 "there are no trajectories in `train/` of the data.",
-                "`dempm run scenes/paper/train/NAME.toml -o DATA/train/NAME.h5`, then `--data DATA`.",
+                "`dempm dataset paper -o DATA` makes them; `--data DATA` takes them.",
             ));
         } else {
             blocks.extend(crossings(&training)?);
         }
-        let cases = context.trajectories("valid");
+        let cases = context.cases("valid");
         let of_data = |set: usize| {
             let models = context.models.iter();
             models
@@ -59,6 +59,14 @@ impl Section for Resolutions {
         blocks.push(chart("Error over time", &rollouts.iter().collect::<Vec<_>>(), None)?);
         blocks.push(Block::Table(table(&rollouts)));
         blocks.extend(failures(&rollouts));
+        // One case of each data set.
+        for model in &models {
+            let first = rollouts.iter().find(|rollout| rollout.model == model.name);
+            if let Some(rollout) = first {
+                blocks.extend(snapshots(rollout)?);
+                blocks.extend(animation(rollout)?);
+            }
+        }
         Ok(blocks)
     }
 }

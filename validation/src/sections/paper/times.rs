@@ -10,6 +10,7 @@ use crate::context::{Context, Model};
 use crate::rollouts::roll_out;
 use crate::section::Section;
 use crate::table::number;
+use crate::wall_time::computing;
 
 /// Wall times of solver and network.
 pub struct Times;
@@ -53,12 +54,12 @@ impl Section for Times {
             ],
         )
         .note("Time of all predicted frames, graphs included.");
-        let trajectories = context.trajectories("test");
+        let cases = context.cases("test");
         let model = baseline(&context.models);
         let mut absent = Vec::new();
         for (case, points, steps, [dempm, tgnns, h800]) in TABLE_7 {
-            let path = trajectories.iter().find(|path| path.file_stem().is_some_and(|s| s == case));
-            let ours = path.map(|path| direct_time(path)).transpose()?;
+            let found = cases.iter().find(|(name, _)| name == case);
+            let ours = found.map(|(_, path)| direct_time(path)).transpose()?;
             if ours.is_none() {
                 absent.push(case);
             }
@@ -72,9 +73,9 @@ impl Section for Times {
                 ratio(Some(dempm), time),
                 device.unwrap_or_default(),
             ]);
-            let rollout = match (&model, path) {
-                (Some(model), Some(path)) => {
-                    roll_out(context, std::slice::from_ref(model), std::slice::from_ref(path))?
+            let rollout = match (&model, found) {
+                (Some(model), Some(found)) => {
+                    roll_out(context, std::slice::from_ref(model), std::slice::from_ref(found))?
                         .pop()
                 }
                 _ => None,
@@ -98,7 +99,7 @@ impl Section for Times {
             blocks.push(Block::missing(
                 format!("Our time of {}", absent.join(", ")),
                 "there is no such trajectory in `test/` of the data.",
-                "`dempm run scenes/paper/test/NAME.toml -o DATA/test/NAME.h5`, then `--data DATA`.",
+                "`dempm dataset paper -o DATA` makes it; `--data DATA` takes it.",
             ));
         }
         if model.is_none() {
@@ -120,6 +121,5 @@ pub fn baseline(models: &[Model]) -> Option<Model> {
 /// Seconds of the computation, and the device.
 fn direct_time(path: &std::path::Path) -> Result<(f64, String)> {
     let trajectory = Trajectory::open(path)?;
-    let phases = trajectory.wall_time().iter().filter(|(phase, _)| *phase != "preparation");
-    Ok((phases.map(|(_, seconds)| seconds).sum(), trajectory.header().device.clone()))
+    Ok((computing(&trajectory), trajectory.header().device.clone()))
 }
