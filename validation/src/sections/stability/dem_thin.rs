@@ -68,10 +68,19 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
     if let Some(message) = &look.failure {
         return Outcome::Failed { message: message.clone() };
     }
-    let said = look.thin.then(|| dempm::watch::thin(p.thin_width, look.width * p.mean_diameter()));
+    let held = look.thin.then(|| dempm::watch::thin(p.thin_width, look.width * p.mean_diameter()));
     let sound = (SOUND[0]..SOUND[1]).contains(&look.sin_phi);
     let symptom = format!("sin phi {:.2} in a cell {:.1} diameters wide", look.sin_phi, look.width);
-    Outcome::of((!sound).then_some(symptom), said)
+    Outcome::of((!sound).then_some(symptom), held.or_else(|| said(p)))
+}
+
+/// What a scene with such a limit is told.
+fn said(p: &RveParameters) -> Option<String> {
+    super::scene::said(&format!(
+        "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
+         [material]\nkind = \"rve\"\n[rve]\nthin_width = {:?}\n",
+        p.thin_width
+    ))
 }
 
 pub fn study(suite: Suite) -> Result<Study, StudyError> {

@@ -156,7 +156,6 @@ impl Rolled {
             window: window(direct.scene.domain.size, [&self.positions[last], &truth[last]]),
             boxes: boxes.map(|b| [b.corner[0], b.corner[1], b.end()[0], b.end()[1]]).collect(),
             reference: truth[last].clone(),
-            ..Picture::default()
         }
     }
 }
