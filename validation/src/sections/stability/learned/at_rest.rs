@@ -25,7 +25,7 @@ fn rest(simulator: &Simulator, depth: f64, frames: usize) -> Result<Case, StudyE
     let interval = simulator.training.frame_interval;
     let scene = text([BED[0], 2.0], &column([0.0, 0.0], [BED[0], depth], [0.0, 0.0]));
     let direct = Direct::run("bed", &scene, interval, frames)?;
-    let rolled = roll(simulator, &direct.start(simulator.config.frames), frames);
+    let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let last = rolled.positions.len() - 1;
     let speed = |frames: &super::roll::Frames| {
         difference(&frames[last], &frames[0]) / (last as f64 * interval)
@@ -56,7 +56,7 @@ fn push(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
     );
     let scene = text([BED[0], 2.0], &(column([0.0, 0.0], BED, [0.0, 0.0]) + &plate));
     let direct = Direct::run("plate", &scene, interval, frames)?;
-    let rolled = roll(simulator, &direct.start(simulator.config.frames), frames);
+    let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let (number, outcome) = rolled.judge(&direct.positions);
     let picture =
         rolled.picture(format!("Plate pushed in at {speed} m/s"), &direct.positions, &direct);

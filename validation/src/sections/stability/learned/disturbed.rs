@@ -47,24 +47,30 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
         ),
         ..Study::default()
     };
-    noise(suite, simulator, &direct, frames, &mut study);
-    mirror(simulator, &direct, frames, &mut study);
+    noise(suite, simulator, &direct, frames, &mut study)?;
+    mirror(simulator, &direct, frames, &mut study)?;
     study.findings.push(intervals(interval));
     Ok(study)
 }
 
-fn noise(suite: Suite, simulator: &Simulator, direct: &Direct, frames: usize, study: &mut Study) {
+fn noise(
+    suite: Suite,
+    simulator: &Simulator,
+    direct: &Direct,
+    frames: usize,
+    study: &mut Study,
+) -> Result<(), StudyError> {
     let deviations = log_range(1.0e-5, 1.0e-1, pick(suite, 5, 13));
     let cases: Vec<(f64, Outcome, Picture)> = deviations
         .iter()
         .map(|&deviation| {
-            let start = noisy(direct.start(simulator.config.frames), deviation);
+            let start = noisy(direct.start(simulator)?, deviation);
             let rolled = roll(simulator, &start, frames);
             let (error, outcome) = rolled.judge(&direct.positions);
             let title = format!("Rollout from frames with noise of {deviation:.0e} m");
-            (error, outcome, rolled.picture(title, &direct.positions, direct))
+            Ok((error, outcome, rolled.picture(title, &direct.positions, direct)))
         })
-        .collect();
+        .collect::<Result<_, StudyError>>()?;
     let works = deviations.iter().zip(&cases).map(|(&d, (_, o, _))| (d, o.works()));
     let fails = cases.iter().map(|(_, o, _)| o).find(|o| !o.works());
     study.findings.push(Finding {
@@ -83,12 +89,17 @@ fn noise(suite: Suite, simulator: &Simulator, direct: &Direct, frames: usize, st
         caption: "Numbers: error over motion.".into(),
     });
     study.pictures.extend(cases.into_iter().find(|(_, o, _)| !o.works()).map(|(.., p)| p));
+    Ok(())
 }
 
-fn mirror(simulator: &Simulator, direct: &Direct, frames: usize, study: &mut Study) {
-    let start = direct.start(simulator.config.frames);
-    let image =
-        Start { positions: mirrored(&start.positions), ..direct.start(simulator.config.frames) };
+fn mirror(
+    simulator: &Simulator,
+    direct: &Direct,
+    frames: usize,
+    study: &mut Study,
+) -> Result<(), StudyError> {
+    let start = direct.start(simulator)?;
+    let image = Start { positions: mirrored(&start.positions), ..direct.start(simulator)? };
     let straight = roll(simulator, &start, frames);
     let reflected = roll(simulator, &image, frames);
     let back = mirrored(&reflected.positions);
@@ -119,6 +130,7 @@ fn mirror(simulator: &Simulator, direct: &Direct, frames: usize, study: &mut Stu
         caption: "The rollout of the mirrored start, mirrored back, against the rollout itself."
             .into(),
     });
+    Ok(())
 }
 
 /// Frames of another interval are refused, unless they divide the model's.

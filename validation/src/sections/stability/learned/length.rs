@@ -17,7 +17,7 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let scene = text([4.0, 2.0], &column([0.5, 0.0], [1.0, pick(suite, 0.75, 1.0)], [0.0, 0.0]));
     let direct = Direct::run("collapse", &scene, interval, frames)?;
     let truth = &direct.positions;
-    let rolled = roll(simulator, &direct.start(simulator.config.frames), frames);
+    let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let looks: Vec<usize> = (1..=8)
         .map(|k| k * (frames - 1) / 8)
         .filter(|&frame| frame < rolled.positions.len())

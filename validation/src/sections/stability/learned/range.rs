@@ -27,7 +27,7 @@ fn run(
     let scene = text(domain, &column([0.0, 0.0], size, [speed, 0.0]));
     let interval = simulator.training.frame_interval;
     let direct = Direct::run(&name, &scene, interval, frames)?;
-    let rolled = roll(simulator, &direct.start(simulator.config.frames), frames);
+    let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let (error, outcome) = rolled.judge(&direct.positions);
     let end = (rolled.positions.len() - 1) as f64 * interval;
     let picture = rolled.picture(format!("{name}, t = {end:.2} s"), &direct.positions, &direct);

@@ -26,7 +26,7 @@ fn run(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
     let frames = window + (1.5 * gap / speed / interval).ceil() as usize + 5;
     let scene = text([4.0 + gap, 2.0], &column([gap, 0.5], [0.5, 0.5], [-speed, 0.0]));
     let direct = Direct::run("block thrown at a wall", &scene, interval, frames)?;
-    let rolled = roll(simulator, &direct.start(window), frames);
+    let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let through = rolled.positions.iter().flatten().filter(|x| x[0] < 0.0 || x[1] < 0.0).count();
     let (error, outcome) = rolled.judge(&direct.positions);
     let outcome = if through > 0 {
