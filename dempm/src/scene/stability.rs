@@ -16,6 +16,9 @@ const VISCOUS_RATE: f64 = 10.0;
 /// Largest step of packings that may form lattices of equal discs, in `sqrt(m_min / kn)`: their
 /// spins in phase have `omega² = 24 kt / m`, so `2 / omega` is 0.41.
 const LATTICE_STEP: f64 = 0.4;
+/// Cells thinner than this (mean diameters) lock: discs cannot pass each other, and `sin phi` was
+/// measured to jump from 0.3 to 0.7 and more.
+const LOCKED: f64 = 2.0;
 /// Radii that differ by less than this part form lattices.
 const EQUAL: f64 = 0.1;
 /// More macro steps than this do not end.
@@ -254,6 +257,13 @@ fn strength(p: &RveParameters, log: &Log) {
                     format!("inertial numbers are {:.1} times as large", p.mass_scale.sqrt()),
                 )
                 .help("1 is physical; a scaled mass is harmless in slow motion only"),
+        );
+    }
+    if p.thin_width < LOCKED {
+        log.report(
+            Problem::warning(format!("thin_width = {} lets packings lock", p.thin_width))
+                .at(place("thin_width"), "mean diameters")
+                .help(format!("in cells thinner than {LOCKED} discs cannot pass each other")),
         );
     }
     if p.local_damping > 0.0 {

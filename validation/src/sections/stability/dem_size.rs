@@ -19,7 +19,15 @@ const WINDOW: f64 = 0.02;
 const SCATTER: f64 = 0.1;
 
 /// Mean and standard deviation of `sin phi` over windows of a shear test after a strain of 1/2.
-fn strength(p: &RveParameters, seed: u64, strain: f64) -> Result<([f64; 2], Picture), StudyError> {
+struct Strength {
+    mean: f64,
+    scatter: f64,
+    picture: Picture,
+}
+
+type Measured = Result<Strength, StudyError>;
+
+fn strength(p: &RveParameters, seed: u64, strain: f64) -> Measured {
     let mut element = Element::new(consolidated(p, seed)?, p, 1.0e-4)?;
     let stage = Stage::ConstantPressureShear { pressure: PRESSURE, shear_rate: SHEAR_RATE, strain };
     let mut samples = Vec::new();
@@ -32,7 +40,8 @@ fn strength(p: &RveParameters, seed: u64, strain: f64) -> Result<([f64; 2], Pict
     let mean = samples.iter().sum::<f64>() / n;
     let variance = samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / n;
     let title = format!("RVE of {} discs after a shear of {strain}", p.discs);
-    Ok(([mean, variance.sqrt()], picture(&element.rve.packing, title)))
+    let picture = picture(&element.rve.packing, title);
+    Ok(Strength { mean, scatter: variance.sqrt(), picture })
 }
 
 /// What a scene with so many discs is told.
@@ -43,10 +52,10 @@ fn said(discs: usize) -> Option<String> {
     ))
 }
 
-fn judge(discs: usize, result: &Result<([f64; 2], Picture), StudyError>) -> Outcome {
+fn judge(discs: usize, result: &Measured) -> Outcome {
     let said = said(discs);
     match result {
-        Ok(([_, scatter], _)) => {
+        Ok(Strength { scatter, .. }) => {
             let symptom = format!("sin phi scatters by {scatter:.2}");
             Outcome::of((*scatter > SCATTER).then_some(symptom), said)
         }
@@ -67,7 +76,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
         p.preparation.pressure = PRESSURE;
         p
     };
-    let rows: Vec<Vec<Result<([f64; 2], Picture), StudyError>>> = seeds
+    let rows: Vec<Vec<Measured>> = seeds
         .par_iter()
         .map(|&seed| sizes.par_iter().map(|&n| strength(&parameters(n), seed, strain)).collect())
         .collect();
@@ -76,7 +85,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
         .map(|row| sizes.iter().zip(row).map(|(&n, result)| judge(n, result)).collect())
         .collect();
     let scatter = |k: usize| {
-        let found = rows.iter().filter_map(|row| row[k].as_ref().ok()).map(|([_, s], _)| s * s);
+        let found = rows.iter().filter_map(|row| row[k].as_ref().ok()).map(|s| s.scatter.powi(2));
         let all: Vec<f64> = found.collect();
         (all.iter().sum::<f64>() / all.len() as f64).sqrt()
     };
@@ -130,9 +139,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             y: Axis::new("seed", seeds.iter().map(|&s| s as f64).collect()),
             numbers: rows
                 .iter()
-                .map(|row| {
-                    row.iter().map(|r| r.as_ref().map_or(f64::NAN, |([m, _], _)| *m)).collect()
-                })
+                .map(|row| row.iter().map(|r| r.as_ref().map_or(f64::NAN, |s| s.mean)).collect())
                 .collect(),
             outcomes,
             caption: "Numbers: mean sin phi.".into(),
@@ -143,7 +150,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             .into_iter()
             .flatten()
             .flatten()
-            .map(|(_, p)| p)
+            .map(|strength| strength.picture)
             .take(1)
             .collect(),
         ..Study::default()

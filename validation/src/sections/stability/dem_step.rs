@@ -78,7 +78,9 @@ struct Rest {
 
 impl Rest {
     fn new(packing: Packing<f64>, p: &RveParameters, factor: f64) -> Result<Self, StudyError> {
-        let p = RveParameters { step_factor: factor, ..p.clone() };
+        // Rounded, for messages that quote it.
+        let step_factor = (1.0e3 * factor).round() / 1.0e3;
+        let p = RveParameters { step_factor, ..p.clone() };
         let element = Element::new(packing, &p, p.step())?;
         let packing = &element.rve.packing;
         let elastic = packing.elastic_energy(p.normal_stiffness, p.tangential_stiffness);

@@ -22,12 +22,14 @@ const SIN_PHI: f64 = 0.30;
 /// Strength outside of these is not that of the material.
 const SOUND: [f64; 2] = [0.2, 0.4];
 
-/// One look: Hencky strain, width over mean diameter, mean `sin phi` of the window, held thin.
+/// One look: Hencky strain, width over mean diameter, mean `sin phi` of the window, held thin, and
+/// what ended the path.
 struct Look {
     strain: f64,
     width: f64,
     sin_phi: f64,
     thin: bool,
+    failure: Option<String>,
 }
 
 /// Stretches a packing along x and shortens it as much along y.
@@ -36,18 +38,25 @@ fn stretch(p: &RveParameters, looks: usize) -> Result<(Vec<Look>, Picture), Stud
     let mut found = Vec::new();
     let steps = (WINDOW / RATE / element.macro_step).round() as usize;
     let drive = Matrix2::new(RATE, 0.0, 0.0, -RATE);
+    let mut failure: Option<String> = None;
     for n in 1..=looks {
         let held = element.thin_steps;
         let mut stress = Matrix2::zeros();
-        for _ in 0..steps {
-            element.advance(&drive)?;
-            stress += element.state.stress;
+        for _ in 0..if failure.is_some() { 0 } else { steps } {
+            match element.advance(&drive) {
+                Ok(()) => stress += element.state.stress,
+                Err(error) => {
+                    failure = Some(error.to_string());
+                    break;
+                }
+            }
         }
         found.push(Look {
             strain: n as f64 * WINDOW,
             width: element.rve.packing.cell.min_width() / p.mean_diameter(),
-            sin_phi: sin_phi(&stress),
+            sin_phi: if failure.is_some() { f64::NAN } else { sin_phi(&stress) },
             thin: element.thin_steps > held,
+            failure: failure.clone(),
         });
     }
     let strain = looks as f64 * WINDOW;
@@ -56,10 +65,22 @@ fn stretch(p: &RveParameters, looks: usize) -> Result<(Vec<Look>, Picture), Stud
 }
 
 fn judge(look: &Look, p: &RveParameters) -> Outcome {
-    let said = look.thin.then(|| dempm::watch::thin(p.thin_width, look.width * p.mean_diameter()));
+    if let Some(message) = &look.failure {
+        return Outcome::Failed { message: message.clone() };
+    }
+    let held = look.thin.then(|| dempm::watch::thin(p.thin_width, look.width * p.mean_diameter()));
     let sound = (SOUND[0]..SOUND[1]).contains(&look.sin_phi);
     let symptom = format!("sin phi {:.2} in a cell {:.1} diameters wide", look.sin_phi, look.width);
-    Outcome::of((!sound).then_some(symptom), said)
+    Outcome::of((!sound).then_some(symptom), held.or_else(|| said(p)))
+}
+
+/// What a scene with such a limit is told.
+fn said(p: &RveParameters) -> Option<String> {
+    super::scene::said(&format!(
+        "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
+         [material]\nkind = \"rve\"\n[rve]\nthin_width = {:?}\n",
+        p.thin_width
+    ))
 }
 
 pub fn study(suite: Suite) -> Result<Study, StudyError> {

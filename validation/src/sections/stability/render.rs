@@ -14,7 +14,11 @@ use crate::table::number;
 pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
     let mut blocks = vec![Block::text(&study.method)];
     if !study.findings.is_empty() {
-        blocks.push(Block::Table(table(study)));
+        blocks.push(Block::Table(thresholds(study)));
+    }
+    let said = messages(study);
+    if !said.rows.is_empty() {
+        blocks.push(Block::Table(said));
     }
     for map in &study.maps {
         blocks.push(Block::Map(rendered(map)));
@@ -32,29 +36,36 @@ pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
     Ok(blocks)
 }
 
-fn table(study: &Study) -> Table {
-    let columns =
-        ["pushed", "parameter", "threshold", "theory", "formula", "beyond it", "what was said"];
-    let title =
-        study.of.as_ref().map_or("Thresholds".into(), |model| format!("Thresholds ({model})"));
-    let mut table = Table::new(title, columns);
+fn thresholds(study: &Study) -> Table {
+    let columns = ["pushed", "parameter", "threshold", "theory", "beyond it"];
+    let mut table = Table::new(titled("Thresholds", study), columns);
     for finding in &study.findings {
-        let (value, formula) = match &finding.theory {
-            Some((value, formula)) => (number(*value), formula.clone()),
-            None => Default::default(),
-        };
+        let theory = finding.theory.as_ref();
+        let theory = theory.map(|(value, formula)| format!("{} ({formula})", number(*value)));
         let (word, ..) = finding.beyond.kind().words();
         table.row([
             finding.case.clone(),
             finding.parameter.clone(),
             finding.measured.to_string(),
-            value,
-            formula,
+            theory.unwrap_or_default(),
             word.to_owned(),
-            finding.beyond.text().to_owned(),
         ]);
     }
     table
+}
+
+/// What was said beyond each threshold, or the symptom about which nothing was.
+fn messages(study: &Study) -> Table {
+    let mut table = Table::new(titled("What was said", study), ["pushed", "beyond it"]);
+    for finding in study.findings.iter().filter(|f| !f.beyond.text().is_empty()) {
+        table.row([finding.case.as_str(), finding.beyond.text()]);
+    }
+    table
+}
+
+/// Titles are unique in a section, which may push several models.
+fn titled(title: &str, study: &Study) -> String {
+    study.of.as_ref().map_or(title.into(), |model| format!("{title} ({model})"))
 }
 
 fn rendered(map: &Map) -> map::Map {
@@ -102,4 +113,69 @@ fn drawn(chart: &Chart) -> Result<crate::figure::Picture, ChartError> {
         floor: None,
     }
     .draw()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::study::{Curve, Finding, Picture};
+    use super::super::{Outcome, Threshold};
+    use super::*;
+
+    #[test]
+    fn a_study_becomes_blocks_with_its_messages() {
+        let silent = Outcome::Silent { symptom: "wrong".into() };
+        let mut study = Study {
+            method: "how".into(),
+            findings: vec![Finding {
+                case: "case".into(),
+                parameter: "m".into(),
+                measured: Threshold::Between(1.0, 4.0),
+                theory: Some((2.0, "formula".into())),
+                beyond: silent.clone(),
+            }],
+            maps: vec![Map {
+                title: "map".into(),
+                x: Axis::new("x", vec![1.0, 2.0]),
+                y: Axis::named("y", vec!["a".into()]),
+                outcomes: vec![vec![Outcome::Stable, silent]],
+                numbers: vec![vec![0.5, f64::NAN]],
+                caption: "caption.".into(),
+            }],
+            charts: vec![Chart {
+                title: "chart".into(),
+                x: "x".into(),
+                y: "y".into(),
+                log: [false, true],
+                curves: vec![Curve::measured("m", vec![[1.0, 2.0]])],
+                caption: String::new(),
+            }],
+            pictures: vec![Picture {
+                title: "picture".into(),
+                position: vec![[0.5, 0.5]],
+                value: vec![1.0],
+                radius: vec![0.1],
+                window: [0.0, 0.0, 1.0, 1.0],
+                ..Picture::default()
+            }],
+            ..Study::default()
+        };
+        study.name_model("tiny");
+        let blocks = blocks(&study).unwrap();
+        let [Block::Text(_), Block::Table(table), Block::Table(said), Block::Map(map), rest @ ..] =
+            blocks.as_slice()
+        else {
+            panic!("{blocks:?}")
+        };
+        assert_eq!(table.title, "Thresholds (tiny)");
+        assert_eq!(
+            table.rows,
+            [["case", "m", "1 to 4", "2 (formula)", "failed silently"].map(str::to_owned)]
+        );
+        assert_eq!(said.rows, [["case", "wrong"].map(str::to_owned)]);
+        assert_eq!(map.title, "map (tiny)");
+        assert_eq!(map.cells[0][0], (map::Outcome::Stable, "0.5".into()));
+        assert_eq!(map.cells[0][1], (map::Outcome::Silent, String::new()));
+        assert_eq!(map.caption, "caption. One of the failures: wrong.");
+        assert_eq!(rest.len(), 2);
+    }
 }

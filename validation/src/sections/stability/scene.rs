@@ -60,6 +60,7 @@ mod tests {
         let said = |line: &str| said(&format!("{COLUMN}{line}\n")).unwrap_or_default();
         assert_eq!(said("discs = 400"), "");
         assert!(said("mass_scale = 30.0").contains("mass_scale = 30 makes flow stronger"));
+        assert!(said("thin_width = 0.0").contains("lets packings lock"));
         assert!(said("local_damping = 0.2").contains("local_damping = 0.2"));
         let unstable = "step_factor = 0.5 may be unstable";
         assert!(said("step_factor = 0.5\ndamping_ratio = 0.9").contains(unstable));

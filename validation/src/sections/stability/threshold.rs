@@ -111,7 +111,7 @@ mod tests {
 
     #[test]
     fn a_narrow_bracket_is_one_number() {
-        assert_eq!(Threshold::Between(0.99, 1.01).to_string(), "1");
+        assert_eq!(Threshold::Between(1.99, 2.01).to_string(), "2");
         assert_eq!(Threshold::Between(1.0, 2.0).to_string(), "1 to 2");
         assert_eq!(Threshold::Beyond(3.0).to_string(), "none up to 3");
     }

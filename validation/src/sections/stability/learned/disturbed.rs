@@ -16,8 +16,7 @@ const SEED: u64 = 1;
 
 /// The same frames with independent noise on every position (m), uniform with this standard
 /// deviation.
-fn noisy(start: &Start, deviation: f64) -> Start {
-    let mut start = start.clone();
+fn noisy(mut start: Start, deviation: f64) -> Start {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let half = deviation * 3.0_f64.sqrt();
     for x in start.positions.iter_mut().flatten().flatten() {
@@ -48,9 +47,8 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
         ),
         ..Study::default()
     };
-    let start = direct.start(simulator)?;
-    noise(suite, simulator, (&direct, &start), frames, &mut study);
-    mirror(simulator, &start, frames, &mut study);
+    noise(suite, simulator, &direct, frames, &mut study)?;
+    mirror(simulator, &direct, frames, &mut study)?;
     study.findings.push(intervals(interval));
     Ok(study)
 }
@@ -58,21 +56,21 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
 fn noise(
     suite: Suite,
     simulator: &Simulator,
-    (direct, start): (&Direct, &Start),
+    direct: &Direct,
     frames: usize,
     study: &mut Study,
-) {
+) -> Result<(), StudyError> {
     let deviations = log_range(1.0e-5, 1.0e-1, pick(suite, 5, 13));
     let cases: Vec<(f64, Outcome, Picture)> = deviations
         .iter()
         .map(|&deviation| {
-            let start = noisy(start, deviation);
+            let start = noisy(direct.start(simulator)?, deviation);
             let rolled = roll(simulator, &start, frames);
             let (error, outcome) = rolled.judge(&direct.positions);
             let title = format!("Rollout from frames with noise of {deviation:.0e} m");
-            (error, outcome, rolled.picture(title, &direct.positions, direct))
+            Ok((error, outcome, rolled.picture(title, &direct.positions, direct)))
         })
-        .collect();
+        .collect::<Result<_, StudyError>>()?;
     let works = deviations.iter().zip(&cases).map(|(&d, (_, o, _))| (d, o.works()));
     let fails = cases.iter().map(|(_, o, _)| o).find(|o| !o.works());
     study.findings.push(Finding {
@@ -91,11 +89,18 @@ fn noise(
         caption: "Numbers: error over motion.".into(),
     });
     study.pictures.extend(cases.into_iter().find(|(_, o, _)| !o.works()).map(|(.., p)| p));
+    Ok(())
 }
 
-fn mirror(simulator: &Simulator, start: &Start, frames: usize, study: &mut Study) {
-    let image = Start { positions: mirrored(&start.positions), ..start.clone() };
-    let straight = roll(simulator, start, frames);
+fn mirror(
+    simulator: &Simulator,
+    direct: &Direct,
+    frames: usize,
+    study: &mut Study,
+) -> Result<(), StudyError> {
+    let start = direct.start(simulator)?;
+    let image = Start { positions: mirrored(&start.positions), ..direct.start(simulator)? };
+    let straight = roll(simulator, &start, frames);
     let reflected = roll(simulator, &image, frames);
     let back = mirrored(&reflected.positions);
     let interval = simulator.training.frame_interval;
@@ -125,6 +130,7 @@ fn mirror(simulator: &Simulator, start: &Start, frames: usize, study: &mut Study
         caption: "The rollout of the mirrored start, mirrored back, against the rollout itself."
             .into(),
     });
+    Ok(())
 }
 
 /// Frames of another interval are refused, unless they divide the model's.

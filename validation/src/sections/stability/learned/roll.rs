@@ -4,10 +4,9 @@ use std::path::Path;
 
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
-use dempm::trajectory::{Frame, Header, Points};
 use surrogate::rollout::Rollout;
 use surrogate::simulator::Simulator;
-use surrogate::start::{self, Start};
+use surrogate::start::Start;
 use surrogate::watch::{self, Watch};
 
 use super::super::outcome::Outcome;
@@ -41,11 +40,8 @@ pub fn column(corner: [f64; 2], size: [f64; 2], velocity: [f64; 2]) -> String {
 /// What the direct solver does with a scene, in frames of a model.
 pub struct Direct {
     scene: Scene,
-    header: Header,
-    points: Points,
-    first: Frame,
+    interval: f64,
     pub positions: Frames,
-    velocities: Frames,
 }
 
 impl Direct {
@@ -57,45 +53,22 @@ impl Direct {
         scene.step = interval / (interval / scene.step).ceil();
         let steps = (interval / scene.step).round() as usize;
         let mut simulation = Simulation::new(scene.clone()).map_err(|e| error(e.to_string()))?;
-        let mut direct = Self {
-            header: Header { frame_interval: interval, ..simulation.header(String::new()) },
-            points: simulation.static_points(),
-            first: simulation.frame(),
-            scene,
-            positions: Vec::new(),
-            velocities: Vec::new(),
-        };
+        let mut positions = Frames::new();
         for frame in 0..frames {
             for _ in 0..if frame == 0 { 0 } else { steps } {
                 simulation.advance().map_err(|e| error(e.to_string()))?;
             }
             let points = &simulation.state.points;
-            direct.positions.push(points.position.iter().map(|&x| x.into()).collect());
-            direct.velocities.push(points.velocity.iter().map(|&v| v.into()).collect());
+            positions.push(points.position.iter().map(|&x| x.into()).collect());
         }
-        Ok(direct)
+        Ok(Self { scene, interval, positions })
     }
 
-    /// Its first frames, for a model to start from.
-    ///
-    /// # Errors
-    /// If the model wants features that the continuum law lacks.
+    /// Its first frames, which a model starts from.
     pub fn start(&self, simulator: &Simulator) -> Result<Start, StudyError> {
-        let window = simulator.config.frames;
-        let statics =
-            start::statics(simulator, &self.scene.name, || Ok(self.first.clone())).map_err(
-                |e| StudyError::Scene { name: self.scene.name.clone(), reason: e.to_string() },
-            )?;
-        Ok(Start {
-            scene: self.scene.clone(),
-            header: self.header.clone(),
-            points: self.points.clone(),
-            positions: self.positions[..window].to_vec(),
-            velocities: self.velocities[..window].to_vec(),
-            time: 0.0,
-            statics,
-            frames: self.positions.len(),
-        })
+        let name = self.scene.name.clone();
+        Start::from_scene(self.scene.clone(), simulator)
+            .map_err(|e| StudyError::Scene { name, reason: e.to_string() })
     }
 }
 
@@ -155,7 +128,7 @@ impl Rolled {
     /// The last predicted frame over that of the direct solver.
     pub fn picture(&self, title: String, truth: &Frames, direct: &Direct) -> Picture {
         let last = self.positions.len() - 1;
-        let time = last as f64 * direct.header.frame_interval;
+        let time = last as f64 * direct.interval;
         let boxes = direct.scene.plate.iter().map(|plate| plate.at(time));
         let away = |(x, t): (&[f64; 2], &[f64; 2])| (x[0] - t[0]).hypot(x[1] - t[1]);
         Picture {
@@ -167,7 +140,6 @@ impl Rolled {
             window: window(direct.scene.domain.size, [&self.positions[last], &truth[last]]),
             boxes: boxes.map(|b| [b.corner[0], b.corner[1], b.end()[0], b.end()[1]]).collect(),
             reference: truth[last].clone(),
-            ..Picture::default()
         }
     }
 }
