@@ -23,6 +23,8 @@ pub enum RolloutError {
     NotFinite { frame: usize, point: usize },
     #[error("frame {frame}: point {point} leaves the domain by {distance:.3} m")]
     Left { frame: usize, point: usize, distance: f64 },
+    #[error("the rollout on the GPU: {message}")]
+    Device { message: String },
 }
 
 /// A rollout under way.

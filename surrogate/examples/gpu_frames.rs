@@ -1,0 +1,160 @@
+//! Times of what a frame of a rollout takes on the GPU besides the network.
+//!
+//! `cargo run --release -p surrogate --example gpu_frames`
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use cudarc::driver::CudaSlice;
+use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
+use dempm::scene::Scene;
+use gpu::Device;
+use surrogate::config::ModelConfig;
+use surrogate::constraints::Constraints;
+use surrogate::cuda::{
+    Augmentation, BLOCK, BatchBuilder, CudaError, CudaRollout, FrameBuilder, FrameInput,
+    Integrator, Member, Motion, Network,
+};
+use surrogate::data::Example;
+use surrogate::features::Normalisation;
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Launches of a part in one CUDA graph, and launches of the graph.
+const REPEATS: usize = 20;
+const LAUNCHES: usize = 20;
+
+/// Nothing accelerates.
+struct Rest(CudaSlice<f32>);
+
+impl Network for Rest {
+    fn make_room(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
+        Ok(())
+    }
+
+    fn accelerations(&mut self, _: &[&FrameInput], _: bool) -> Result<&CudaSlice<f32>, CudaError> {
+        Ok(&self.0)
+    }
+
+    fn period(&self) -> usize {
+        1
+    }
+}
+
+/// Microseconds of one call of `work`, launched as a part of a CUDA graph.
+fn time(device: &Device, mut work: impl FnMut() -> Result<(), gpu::Error>) -> Result<f64, Failure> {
+    work()?;
+    let stream = device.stream();
+    stream.synchronize()?;
+    stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
+    let queued = (0..REPEATS).try_for_each(|_| work());
+    let graph = stream.end_capture(CUgraphInstantiate_flags(0))?.ok_or("nothing captured")?;
+    queued?;
+    graph.launch()?;
+    stream.synchronize()?;
+    let began = Instant::now();
+    (0..LAUNCHES).try_for_each(|_| graph.launch())?;
+    stream.synchronize()?;
+    Ok(began.elapsed().as_secs_f64() * 1e6 / (REPEATS * LAUNCHES) as f64)
+}
+
+/// A column of points 1/16 m apart, as high as wide, each a little off its place.
+fn column(points: usize) -> Vec<[f64; 2]> {
+    let columns = (points as f64).sqrt().ceil() as usize;
+    let offset = |k: usize| (k as f64 * 0.618_034).fract() * 0.02;
+    let place = |k: usize, n: usize| (n as f64 + 0.5) / 16.0 + offset(k);
+    (0..points).map(|k| [place(k, k % columns), place(3 * k, k / columns)]).collect()
+}
+
+fn main() -> Result<(), Failure> {
+    let device = Device::new(0)?;
+    println!("{}; microseconds", device.name());
+    println!(
+        "{:>7} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9} {:>12}",
+        "points", "edges", "graph", "features", "integrate", "frame", "batch 2", "graph on CPU"
+    );
+    for points in [1000, 2304, 5120, 10_000, 30_000, 100_000] {
+        measure(&device, points)?;
+    }
+    Ok(())
+}
+
+fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
+    let config = ModelConfig::default();
+    let norm = Normalisation {
+        velocity_mean: vec![0.0; 2],
+        velocity_std: vec![0.01; 2],
+        acceleration_mean: vec![0.0; 2],
+        acceleration_std: vec![1e-3; 2],
+    };
+    let text = "duration = 1.0\n[material]\nkind = \"mu-i\"\n[domain]\nsize = [100.0, 100.0]\n\
+        [[column]]\nsize = [0.5, 0.5]\n\
+        [[obstacle]]\ncorner = [50.0, 0.0]\nsize = [0.5, 0.8]\n";
+    let motion = Motion {
+        constraints: Constraints::new(&Scene::parse(text, "scene.toml")?),
+        fall: [0.0; 2],
+        start: 0.0,
+        interval: 0.01,
+    };
+    let positions = column(points);
+    let window = vec![positions.clone(); config.frames];
+    let bounds = motion.constraints.domain().map(|length| [0.0, length]);
+
+    let mut builder = FrameBuilder::new(device, &config, &norm, &bounds, &[points])?;
+    let single: Vec<f32> = positions.as_flattened().iter().map(|&x| x as f32).collect();
+    let position = device.upload(&single)?;
+    let mut frame = builder.allocate(48 * points)?;
+    let graph = time(device, || builder.graph(&position.as_view(), &mut frame))?;
+    let edges = builder.needed()?;
+    let before = position.as_view();
+    let features =
+        time(device, || builder.features(&position.as_view(), Some(&before), &mut frame))?;
+
+    let mut integrator = Integrator::new(device, &config, &norm, &motion, points)?;
+    integrator.begin([&positions, &positions], 6)?;
+    let output = device.zeros(2 * points)?;
+    let mut moved = device.zeros(2 * points)?;
+    let integrate = time(device, || integrator.step(&output, &mut moved))?;
+
+    let network = Rest(device.zeros(2 * points)?);
+    let mut rollout = CudaRollout::new(device, &config, &norm, &motion, &window, network)?;
+    for _ in 0..2 {
+        rollout.block()?;
+    }
+    let blocks = 10;
+    let began = Instant::now();
+    for _ in 0..blocks {
+        rollout.block()?;
+    }
+    let frame = began.elapsed().as_secs_f64() * 1e6 / (blocks * BLOCK) as f64;
+
+    let augmentation =
+        Augmentation { seed: 1, noise: 3e-4, without_gravity: false, width: bounds[0][1] };
+    let mut batches = BatchBuilder::new(device, &config, &norm, &bounds, augmentation)?;
+    let member = |place| Member {
+        example: Example {
+            points,
+            positions: window.iter().flatten().flatten().copied().collect(),
+            next: positions.iter().flatten().copied().collect(),
+            gravity: [0.0; 2],
+        },
+        place,
+        mirror: false,
+    };
+    let members = [member(0), member(1)];
+    batches.make(&members)?;
+    let began = Instant::now();
+    for _ in 0..blocks {
+        batches.make(&members)?;
+    }
+    let batch = began.elapsed().as_secs_f64() * 1e6 / f64::from(blocks as u32);
+
+    let began = Instant::now();
+    surrogate::graph::radius_graph(&single, 2, config.connection_radius as f32);
+    let cpu = began.elapsed().as_secs_f64() * 1e6;
+    println!(
+        "{points:>7} {edges:>9} {graph:>8.1} {features:>9.1} {integrate:>9.1} {frame:>10.1} \
+         {batch:>9.0} {cpu:>12.0}"
+    );
+    Ok(())
+}
