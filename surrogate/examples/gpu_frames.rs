@@ -118,10 +118,10 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
 
     let network = Rest(device.zeros(2 * points)?);
     let mut rollout = CudaRollout::new(device, &config, &norm, &motion, &window, network)?;
-    for _ in 0..2 {
+    for _ in 0..3 {
         rollout.block()?;
     }
-    let blocks = 10;
+    let blocks = 20;
     let began = Instant::now();
     for _ in 0..blocks {
         rollout.block()?;

@@ -13,6 +13,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::constraints::Constraints;
+use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
 
@@ -30,6 +31,7 @@ pub enum RolloutError {
 /// A rollout under way.
 pub struct Rollout<'a> {
     simulator: &'a Simulator,
+    network: Inference,
     constraints: Constraints,
     /// The window of frames that the model sees next, the oldest first.
     window: VecDeque<Vec<[f64; 2]>>,
@@ -44,6 +46,7 @@ impl<'a> Rollout<'a> {
         let interval = simulator.training.frame_interval;
         Self {
             simulator,
+            network: simulator.inference(),
             constraints: Constraints::new(&start.scene),
             window: start.positions.iter().cloned().collect(),
             gravity: start.scene.gravity.map(|g| g * interval * interval),
@@ -62,18 +65,29 @@ impl<'a> Rollout<'a> {
         self.start + frame as f64 * self.simulator.training.frame_interval
     }
 
-    /// Predicts one frame: acceleration of the network, semi-implicit Euler, walls and boxes.
+    /// Predicts one frame.
     ///
     /// # Errors
-    /// If a position is not finite or leaves the domain so far that no wall explains it; the frame
-    /// is then not made.
+    /// If a position is not finite or leaves the domain so far that no wall explains it, or the GPU
+    /// fails; the frame is then not made.
     pub fn advance(&mut self) -> Result<&[[f64; 2]], RolloutError> {
+        let domain = self.constraints.domain();
+        let flat: Vec<f32> = self.window.iter().flatten().flatten().map(|&x| x as f32).collect();
+        let (network, points) = (&mut self.network, self.window[0].len());
+        let accelerations =
+            self.simulator.accelerations(network, &flat, points, domain, self.gravity);
+        let next = self.integrate(&accelerations)?;
+        self.window.pop_front();
+        self.window.push_back(next);
+        self.frame += 1;
+        Ok(&self.window[self.window.len() - 1])
+    }
+
+    /// Semi-implicit Euler, walls and boxes.
+    fn integrate(&self, accelerations: &[f64]) -> Result<Vec<[f64; 2]>, RolloutError> {
         let last = &self.window[self.window.len() - 1];
         let before = &self.window[self.window.len() - 2];
-        let flat: Vec<f32> = self.window.iter().flatten().flatten().map(|&x| x as f32).collect();
         let domain = self.constraints.domain();
-        let accelerations = self.simulator.accelerations(&flat, last.len(), domain, self.gravity);
-
         let frame = self.frame + 1;
         let times = [self.time(self.frame), self.time(frame)];
         let mut next = Vec::with_capacity(last.len());
@@ -89,10 +103,7 @@ impl<'a> Rollout<'a> {
             }
             next.push(self.constraints.confine(last[point], free, times));
         }
-        self.window.pop_front();
-        self.window.push_back(next);
-        self.frame = frame;
-        Ok(&self.window[self.window.len() - 1])
+        Ok(next)
     }
 
     /// The last frame as a trajectory records it.

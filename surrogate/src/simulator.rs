@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::backend::{Cpu, Device, device};
 use crate::config::ModelConfig;
 use crate::features::{Normalisation, Window, window_input};
+use crate::inference::Inference;
 use crate::model::Model;
 use crate::weights::{self, WeightsError};
 
@@ -75,10 +76,16 @@ impl Simulator {
         })
     }
 
+    /// The network for the processor, apart from the simulator as it remembers frames.
+    pub fn inference(&self) -> Inference {
+        Inference::new(&self.model, &self.config)
+    }
+
     /// Accelerations of the points of a window in m/frame², x and y in turn. `gravity` is in
     /// m/frame², `domain` is the size of the domain.
     pub fn accelerations(
         &self,
+        network: &mut Inference,
         window: &[f32],
         points: usize,
         domain: [f64; 2],
@@ -88,13 +95,13 @@ impl Simulator {
         let bounds = domain.map(|length| [0.0, length]);
         let input =
             window_input::<Cpu>(&windows, &self.config, &self.normalisation, &bounds, &self.device);
-        let output = self.model.forward(&input).into_data();
+        let output = network.forward(&input);
         let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
         let scale = |(place, a): (usize, f32)| {
             let axis = place % 2;
             let fall = if self.training.without_gravity { gravity[axis] } else { 0.0 };
             f64::from(a) * acceleration_std[axis] + acceleration_mean[axis] + fall
         };
-        output.iter::<f32>().enumerate().map(scale).collect()
+        output.into_iter().enumerate().map(scale).collect()
     }
 }

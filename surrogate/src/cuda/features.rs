@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaView, DeviceRepr, PushKernelArg, sys::CUdeviceptr};
+use cudarc::driver::sys::CUdeviceptr;
+use cudarc::driver::{CudaFunction, CudaView, DeviceRepr, PinnedHostSlice, PushKernelArg};
 use gpu::{Device, Error};
 
 use super::buffers::FrameInput;
@@ -135,6 +136,14 @@ impl FrameBuilder {
             }
         }
         Ok(())
+    }
+
+    /// See [`GraphBuilder::copy_needed`].
+    ///
+    /// # Errors
+    /// The copy was refused.
+    pub fn copy_needed(&mut self, needed: &mut PinnedHostSlice<u64>) -> Result<(), Error> {
+        self.graph.copy_needed(needed)
     }
 
     /// See [`GraphBuilder::needed`].

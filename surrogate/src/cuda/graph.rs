@@ -3,7 +3,9 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaSlice, CudaView, DeviceRepr, PushKernelArg, sys};
+use cudarc::driver::{
+    CudaFunction, CudaSlice, CudaView, DeviceRepr, PinnedHostSlice, PushKernelArg, sys,
+};
 use gpu::{Device, Error};
 
 use super::buffers::DeviceGraph;
@@ -251,7 +253,18 @@ impl GraphBuilder {
         Ok(())
     }
 
-    /// The most edges of a graph since the last call, once all queued work is done. If that is more
+    /// Queues the copy of the most edges of a graph since the last time, for a caller that does not
+    /// wait as in [`needed`](Self::needed).
+    ///
+    /// # Errors
+    /// The copy was refused.
+    pub fn copy_needed(&mut self, needed: &mut PinnedHostSlice<u64>) -> Result<(), Error> {
+        let stream = self.device.stream();
+        stream.memcpy_dtoh(&self.needed, needed)?;
+        Ok(stream.memset_zeros(&mut self.needed)?)
+    }
+
+    /// The most edges of a graph since the last time, once all queued work is done. If that is more
     /// than the graph had room for, it has to be built again in a larger one.
     ///
     /// # Errors

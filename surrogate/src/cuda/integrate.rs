@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaSlice, DeviceRepr, PushKernelArg};
+use cudarc::driver::{CudaFunction, CudaSlice, DeviceRepr, PinnedHostSlice, PushKernelArg};
 use gpu::{Device, Error};
 
 use super::constraints::{self, BoxRecord};
@@ -18,7 +18,7 @@ pub const INTEGRATE_SOURCE: &str =
     concat!(include_str!("constraints.cu"), include_str!("integrate.cu"));
 
 /// Frames that are made before the host looks at them.
-pub const BLOCK: usize = 16;
+pub const BLOCK: usize = 8;
 /// Frames of the history: a block, and the one before it, whose last two the next step needs.
 const ROWS: usize = 2 * BLOCK;
 /// No failure.
@@ -153,28 +153,57 @@ impl Integrator {
         Ok(())
     }
 
-    /// Waits for block number `block` of [`BLOCK`] frames since the beginning and gives its frames;
-    /// fewer if one makes no sense, and why.
+    /// Page-locked memory for the results of a block.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn landing(&self) -> Result<Landing, Error> {
+        let context = self.device.context();
+        let values = BLOCK * 2 * self.setup.points as usize;
+        // SAFETY: read after a copy has filled it only.
+        let landing = unsafe {
+            Landing {
+                positions: context.alloc_pinned_with_flags(values, 0)?,
+                failed: context.alloc_pinned_with_flags(1, 0)?,
+            }
+        };
+        Ok(landing)
+    }
+
+    /// Queues the copy of block number `block` of [`BLOCK`] frames since the beginning.
+    ///
+    /// # Errors
+    /// The copy was refused.
+    pub fn copy_block(&self, block: usize, landing: &mut Landing) -> Result<(), Error> {
+        let stream = self.device.stream();
+        let values = 2 * self.setup.points as usize;
+        let row = block % (ROWS / BLOCK) * BLOCK;
+        let rows = self.history.slice(row * values..(row + BLOCK) * values);
+        stream.memcpy_dtoh(&rows, &mut landing.positions)?;
+        stream.memcpy_dtoh(&self.failed, &mut landing.failed)?;
+        Ok(())
+    }
+
+    /// Waits for the copy of a block, the first frame of which has number `first`, and gives its
+    /// frames; fewer if one makes no sense, and why.
     ///
     /// # Errors
     /// A kernel failed.
-    pub fn block(&self, block: usize) -> Result<(Frames, Option<RolloutError>), Error> {
-        let stream = self.device.stream();
-        let values = 2 * self.setup.points as usize;
-        let rows = block % (ROWS / BLOCK) * BLOCK;
-        let rows = self.history.slice(rows * values..(rows + BLOCK) * values);
-        let positions = stream.clone_dtoh(&rows)?;
-        let mut frames: Frames =
-            positions.chunks_exact(values).map(|frame| frame.as_chunks().0.to_vec()).collect();
-        let failed = stream.clone_dtoh(&self.failed)?[0];
+    pub fn block(
+        &self,
+        landing: &Landing,
+        first: usize,
+    ) -> Result<(Frames, Option<RolloutError>), Error> {
+        let positions = landing.positions.as_slice()?;
+        let failed = landing.failed.as_slice()?[0];
+        let frames = positions.chunks_exact(2 * self.setup.points as usize);
+        let mut frames: Frames = frames.map(|frame| frame.as_chunks().0.to_vec()).collect();
         if failed == FINE {
             return Ok((frames, None));
         }
         let (frame, point) = ((failed >> 32) as usize, failed as u32 as usize);
-        let made = stream.clone_dtoh(&self.clock)?[0].frame as usize;
-        let good = (frame + BLOCK).saturating_sub(made);
-        let place = frames[good][point];
-        frames.truncate(good);
+        let place = frames[frame - first][point];
+        frames.truncate(frame - first);
         Ok((frames, Some(self.failure(frame, point, place))))
     }
 
@@ -186,6 +215,12 @@ impl Integrator {
         let beyond = [0, 1].map(|k| (-place[k]).max(place[k] - domain[k]));
         RolloutError::Left { frame, point, distance: beyond[0].max(beyond[1]).max(0.0) }
     }
+}
+
+/// Where the results of a block arrive on the host, so that the device can go on meanwhile.
+pub struct Landing {
+    positions: PinnedHostSlice<f64>,
+    failed: PinnedHostSlice<u64>,
 }
 
 /// Positions (m) of the points, frame by frame.

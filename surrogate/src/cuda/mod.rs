@@ -19,6 +19,6 @@ pub use buffers::{DeviceGraph, FrameInput};
 pub use error::CudaError;
 pub use features::{FEATURES_SOURCE, FrameBuilder, features_defines};
 pub use graph::{GRAPH_SOURCE, GraphBuilder, graph_defines};
-pub use integrate::{BLOCK, Frames, INTEGRATE_SOURCE, Integrator, Motion};
+pub use integrate::{BLOCK, Frames, INTEGRATE_SOURCE, Integrator, Landing, Motion};
 pub use noise::{Augmentation, Member, NOISE_SOURCE, make_windows_on_cpu};
 pub use predict::{CudaRollout, Network};

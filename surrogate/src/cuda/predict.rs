@@ -4,13 +4,13 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
-use cudarc::driver::{CudaGraph, CudaSlice};
+use cudarc::driver::{CudaGraph, CudaSlice, PinnedHostSlice};
 use gpu::Device;
 
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::features::FrameBuilder;
-use super::integrate::{BLOCK, Frames, Integrator, Motion};
+use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
 use crate::config::ModelConfig;
 use crate::features::Normalisation;
 use crate::rollout::RolloutError;
@@ -59,8 +59,11 @@ pub struct CudaRollout<N> {
     window: VecDeque<Vec<[f64; 2]>>,
     /// Number of the frame that follows them.
     frame: usize,
-    /// Frames queued since [`begin`](Self::begin).
+    /// Frames queued, and blocks given to the caller, since [`begin`](Self::begin).
     queued: usize,
+    given: usize,
+    /// Where the blocks arrive in turn.
+    landings: [(Landing, PinnedHostSlice<u64>); 2],
     /// The work of a frame, which repeats itself.
     graphs: Vec<Option<CudaGraph>>,
 }
@@ -81,15 +84,23 @@ impl<N: Network> CudaRollout<N> {
         let points = window[0].len();
         let bounds = motion.constraints.domain().map(|length| [0.0, length]);
         let builder = FrameBuilder::new(device, config, norm, &bounds, &[points])?;
+        let integrator = Integrator::new(device, config, norm, motion, points)?;
+        let landing = || -> Result<_, CudaError> {
+            // SAFETY: read after a copy has filled it only.
+            let needed = unsafe { device.context().alloc_pinned_with_flags(1, 0) }?;
+            Ok((integrator.landing()?, needed))
+        };
         let mut rollout = Self {
             network,
-            integrator: Integrator::new(device, config, norm, motion, points)?,
+            landings: [landing()?, landing()?],
+            integrator,
             positions: window.iter().map(|_| device.zeros(2 * points)).collect::<Result<_, _>>()?,
             inputs: Vec::new(),
             builder,
             window: window.iter().cloned().collect(),
             frame: window.len(),
             queued: 0,
+            given: 0,
             graphs: Vec::new(),
             device: device.clone(),
         };
@@ -113,9 +124,7 @@ impl<N: Network> CudaRollout<N> {
     fn begin(&mut self) -> Result<(), CudaError> {
         let stream = self.device.stream().clone();
         let frames = self.window.len();
-        self.queued = 0;
-        self.graphs.clear();
-        self.graphs.resize_with(least_common_multiple(frames, self.network.period()), || None);
+        (self.queued, self.given) = (0, 0);
         self.integrator.begin([&self.window[frames - 2], &self.window[frames - 1]], self.frame)?;
         for (position, frame) in self.positions.iter_mut().zip(&self.window) {
             let single: Vec<f32> = frame.as_flattened().iter().map(|&x| x as f32).collect();
@@ -130,8 +139,9 @@ impl<N: Network> CudaRollout<N> {
                 break;
             }
             self.make_room(needed + needed / 4)?;
-            self.graphs.resize_with(least_common_multiple(frames, self.network.period()), || None);
         }
+        self.graphs.clear();
+        self.graphs.resize_with(least_common_multiple(frames, self.network.period()), || None);
         // The first frame's velocities are unknown, and nobody reads them.
         (0..frames).try_for_each(|k| self.features(k, k.saturating_sub(1)))
     }
@@ -187,14 +197,27 @@ impl<N: Network> CudaRollout<N> {
         Ok(graph?)
     }
 
-    /// Predicts [`BLOCK`] frames; fewer if one makes no sense, and why.
+    /// Queues a block of frames and the copy of its results.
+    fn queue_block(&mut self) -> Result<(), CudaError> {
+        let block = self.queued / BLOCK;
+        (0..BLOCK).try_for_each(|_| self.step())?;
+        let (landing, needed) = &mut self.landings[block % 2];
+        self.integrator.copy_block(block, landing)?;
+        Ok(self.builder.copy_needed(needed)?)
+    }
+
+    /// Predicts [`BLOCK`] frames; fewer if one makes no sense, and why. The device is left with the
+    /// next block to compute.
     ///
     /// # Errors
     /// Too little memory for the edges, or a kernel failed.
     pub fn block(&mut self) -> Result<(Frames, Option<RolloutError>), CudaError> {
         loop {
-            (0..BLOCK).try_for_each(|_| self.step())?;
-            let needed = self.builder.needed()?;
+            while self.queued < (self.given + 2) * BLOCK {
+                self.queue_block()?;
+            }
+            let needed = self.landings[self.given % 2].1.as_slice()?[0];
+            let needed = usize::try_from(needed).unwrap_or(usize::MAX);
             if needed <= self.room() {
                 break;
             }
@@ -202,9 +225,11 @@ impl<N: Network> CudaRollout<N> {
             self.make_room(needed + needed / 4)?;
             self.begin()?;
         }
-        let (frames, failure) = self.integrator.block(self.queued / BLOCK - 1)?;
+        let (frames, failure) =
+            self.integrator.block(&self.landings[self.given % 2].0, self.frame)?;
+        self.given += 1;
         self.frame += frames.len();
-        for frame in &frames {
+        for frame in frames.iter().rev().take(self.window.len()).rev() {
             self.window.pop_front();
             self.window.push_back(frame.clone());
         }
