@@ -1,4 +1,5 @@
 # make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
+# make learn   train a small network on direct runs, let it predict scenes/column.toml: out/learn
 # make test    the whole test suite
 # make lint    formatting and clippy, as the continuous integration does
 # make build   all programs
@@ -10,12 +11,29 @@ PROGRAMS := dempm surrogate
 CARGO := scripts/with-cmake cargo
 RUN := $(CARGO) run --release --quiet --package
 
-.PHONY: demo test lint build
+.PHONY: demo learn test lint build
 .DELETE_ON_ERROR:
 
 demo: build-dempm
 	$(RUN) dempm -- run scenes/column.toml -o out/column.h5 --overwrite
 	$(RUN) dempm -- plot out/column.h5 -o out/column.png
+
+LEARN := out/learn
+RUNS := train/column train/tall train/wide valid/between other-packing/between
+
+learn: build-surrogate $(RUNS:%=$(LEARN)/data/%.h5)
+	$(RUN) surrogate -- train configs/tiny.toml --data $(LEARN)/data -o $(LEARN)/run --overwrite
+	$(RUN) surrogate -- rollout $(LEARN)/run/best.safetensors --scene scenes/column.toml \
+		-o $(LEARN)/column.h5 --overwrite
+	$(RUN) dempm -- plot $(LEARN)/column.h5 -o $(LEARN)/column.png
+	$(RUN) surrogate -- eval $(LEARN)/run/best.safetensors --data $(LEARN)/data/valid \
+		--noise-floor $(LEARN)/data/other-packing -o $(LEARN)/eval
+
+$(LEARN)/data/train/column.h5: scenes/column.toml | build-dempm
+	$(RUN) dempm -- run $< -o $@ --overwrite
+
+$(LEARN)/data/%.h5: configs/tiny/%.toml | build-dempm
+	$(RUN) dempm -- run $< -o $@ --overwrite
 
 test:
 	$(CARGO) test --workspace --release

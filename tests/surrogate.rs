@@ -155,15 +155,20 @@ fn trajectories_become_a_model_that_continues_them() {
         "-o",
         "eval",
         "--noise-floor",
-        "data/train/left.h5",
-        "data/train/left.h5",
+        "data/valid",
     ]));
-    assert!(report.contains("between") && report.contains("noise floor"), "{report}");
+    assert!(report.contains("between") && report.contains("mean floor"), "{report}");
     let best = column(&here.join("run/validation.csv"), "mse");
     let best = best.into_iter().fold(f64::INFINITY, f64::min);
     let means = column(&here.join("eval/summary.csv"), "mse_mean");
     assert!((means[0] / best - 1.0).abs() < 1e-5, "{means:?} {best}");
-    assert_eq!(means[2], 0.0, "a run does not differ from itself");
+    assert_eq!((means[1], means[3]), (0.0, 0.0), "a run does not differ from itself");
+    assert_eq!(means[2], means[0], "the mean of one case");
+    let mirrored =
+        ["eval", "run/best.safetensors", "--data", "data/valid", "-o", "image", "--mirror"];
+    succeeds(surrogate(here).args(mirrored));
+    let image = column(&here.join("image/summary.csv"), "mse_mean")[0];
+    assert!(image != means[0] && image < 2.0 * means[0], "{image} {means:?}");
     assert!(here.join("eval/errors.svg").exists());
 }
 
@@ -175,7 +180,8 @@ fn an_interrupted_training_resumes_bitwise() {
     let directory = TempDir::new().unwrap();
     let here = directory.path();
     data(here);
-    let config = config(here, 900, "ema = 0.99\n[data]\nmirror = true");
+    let more = "ema = 0.99\n[data]\nmirror = true\n[pushforward]\nsteps = 2\nstart = 600";
+    let config = config(here, 900, more);
     succeeds(&mut train(here, &config, "whole"));
 
     let cut = here.join("cut/checkpoint.bin");
@@ -224,6 +230,70 @@ fn an_interrupted_training_resumes_bitwise() {
     }
 }
 
+/// Two processes that share the windows of each step learn what one with twice the batch does.
+#[test]
+fn two_processes_train_like_one() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    data(here);
+    let more = "[data]\nmirror = true\n[pushforward]\nsteps = 1\nstart = 20";
+    let whole = config(here, 40, &format!("batch = 4\n{more}"));
+    let whole_text = std::fs::read_to_string(&whole).unwrap();
+    succeeds(&mut train(here, &whole, "whole"));
+    let half = here.join("half.toml");
+    std::fs::write(&half, whole_text.replace("batch = 4", "batch = 2")).unwrap();
+    let port = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let rank = |rank: &str, config: &Path| {
+        let mut command = train(here, config, "shared");
+        command.env("WORLD_SIZE", "2").env("RANK", rank).env("MASTER_PORT", port.to_string());
+        command
+    };
+    let mut second = rank("1", &half).spawn().unwrap();
+    succeeds(&mut rank("0", &half));
+    assert!(second.wait().unwrap().success());
+    let numbers = |run: &str, file: &str, name: &str| column(&here.join(run).join(file), name);
+    // Sums in another order, which rollouts amplify.
+    for (file, name, tolerance) in [("log.csv", "loss", 1e-3), ("validation.csv", "mse", 0.05)] {
+        let (one, two) = (numbers("whole", file, name), numbers("shared", file, name));
+        assert!(!one.is_empty() && one.len() == two.len());
+        for (a, b) in one.iter().zip(two) {
+            assert!((a / b - 1.0).abs() < tolerance, "{name}: {a} and {b}");
+        }
+    }
+
+    // Processes that do not belong together say so.
+    std::fs::write(&half, whole_text.replace("batch = 4", "batch = 3")).unwrap();
+    let mut second = rank("1", &half).spawn().unwrap();
+    let error = fails(rank("0", &whole).arg("--overwrite"));
+    assert!(error.contains("rank 1 and rank 0 do not train the same"), "{error}");
+    assert!(!second.wait().unwrap().success());
+}
+
+/// Rollouts of networks with further features start from what the scene or the file says.
+#[test]
+fn networks_can_know_load_and_first_stress() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let with_stress = |x| scene(x, 1.0, "").replace("fields = []", "fields = [\"stress\"]");
+    simulate(&with_stress(0.0), &here.join("data/left.h5"));
+    let path = config(here, 20, "");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let features = "[model]\nnode_features = [\"overburden\", \"initial-stress\"]";
+    std::fs::write(&path, text.replace("[model]", features)).unwrap();
+    succeeds(&mut train(here, &path, "run"));
+    std::fs::write(here.join("scene.toml"), with_stress(0.125)).unwrap();
+    let rollout = ["rollout", "run/last.safetensors", "--frames", "6", "-o", "out.h5"];
+    succeeds(surrogate(here).args(rollout).args(["--scene", "scene.toml"]));
+    succeeds(surrogate(here).args(rollout).args(["--from", "data/left.h5", "--overwrite"]));
+
+    simulate(&scene(0.0, 1.0, ""), &here.join("data/bare.h5"));
+    let error =
+        fails(surrogate(here).args(rollout).args(["--from", "data/bare.h5", "--overwrite"]));
+    assert!(error.contains("bare.h5") && error.contains("no stress in it"), "{error}");
+    let error = fails(train(here, &path, "run").arg("--overwrite"));
+    assert!(error.contains("bare.h5") && error.contains("no stress in it"), "{error}");
+}
+
 #[test]
 fn windows_of_every_stride_are_frames_of_the_files() {
     let directory = TempDir::new().unwrap();
@@ -266,6 +336,7 @@ fn errors_name_the_file_and_what_is_wrong() {
     expect(&refused("step = 3"), &["bad.toml", "`step`", "`steps`"]);
     expect(&refused("batch = 0"), &["bad.toml", "`batch` is 0"]);
     expect(&refused("[model]\nwidth = 0"), &["bad.toml", "`width`"]);
+    expect(&refused("precision = \"bf16\""), &["bf16", "CPU"]);
     expect(&refused("[data]\nstride = 30"), &["left.h5", "41 frames", "stride 30"]);
     assert!(!here.join("bad").exists(), "nothing is written for a wrong file");
 
@@ -355,8 +426,10 @@ fn a_broken_model_says_where_it_broke() {
                 velocity_std: vec![1e-3; 2],
                 acceleration_mean: vec![0.0; 2],
                 acceleration_std: vec![size; 2],
+                ..Normalisation::default()
             },
             training: Training { frame_interval: 0.01, without_gravity: false, steps: 0 },
+            mirror: false,
             device: device(),
         };
         simulator.save(&here.join("model.safetensors")).unwrap();
@@ -380,7 +453,7 @@ fn the_configurations_that_come_with_the_program_are_valid() {
         networks.insert((config.network, config.data.stride));
     }
     assert_eq!(networks.len(), 50, "ten networks on five data sets");
-    for set in ["train", "valid"] {
+    for set in ["train", "valid", "other-packing"] {
         for entry in std::fs::read_dir(configs.join("tiny").join(set)).unwrap() {
             Scene::load(entry.unwrap().path()).unwrap();
         }

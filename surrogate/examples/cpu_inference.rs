@@ -19,12 +19,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let name = arguments.next().unwrap_or("baseline".to_owned());
     let config = ModelConfig::named(&name).ok_or("no such network")?;
     let model = Model::<Cpu>::new(&config, 1, &device());
-    let mut inference = Inference::new(&model, &config);
+    let mut inference = Inference::new(&model, &config, 1);
     let norm = Normalisation {
         velocity_mean: vec![0.0; 2],
         velocity_std: vec![0.01; 2],
         acceleration_mean: vec![0.0; 2],
         acceleration_std: vec![0.1; 2],
+        ..Normalisation::default()
     };
     // A column of points 1/16 m apart, each a little off its place, that flows apart.
     let columns = (points as f64).sqrt().ceil() as usize;
@@ -39,7 +40,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut difference = 0.0_f32;
     for (k, frames) in frames.windows(config.frames).enumerate() {
         let began = Instant::now();
-        let window = Window { positions: &frames.concat(), points };
+        let window = Window { positions: &frames.concat(), points, statics: &[] };
         let input = window_input::<Cpu>(&[window], &config, &norm, &[[0.0, 10.0]; 2], &device());
         let prepared = began.elapsed();
         let began = Instant::now();

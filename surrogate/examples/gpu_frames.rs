@@ -86,6 +86,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         velocity_std: vec![0.01; 2],
         acceleration_mean: vec![0.0; 2],
         acceleration_std: vec![1e-3; 2],
+        ..Normalisation::default()
     };
     let text = "duration = 1.0\n[material]\nkind = \"mu-i\"\n[domain]\nsize = [100.0, 100.0]\n\
         [[column]]\nsize = [0.5, 0.5]\n\
@@ -137,6 +138,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
             positions: window.iter().flatten().flatten().copied().collect(),
             next: positions.iter().flatten().copied().collect(),
             gravity: [0.0; 2],
+            statics: Vec::new(),
         },
         place,
         mirror: false,

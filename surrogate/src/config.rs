@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::MlpShape;
+use crate::node_features::{self, NodeFeature};
 
 /// Names that [`ModelConfig::named`] knows from the paper's Table 6, in its order.
 pub const PAPER_NETWORKS: [&str; 10] = [
@@ -52,6 +53,9 @@ pub struct ModelConfig {
     pub connection_radius: f64,
     /// Message-passing layers (GNS).
     pub gns_layers: usize,
+    /// Features of every node beyond velocity and walls, in this order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub node_features: Vec<NodeFeature>,
 }
 
 impl Default for ModelConfig {
@@ -67,6 +71,7 @@ impl Default for ModelConfig {
             leaky_slope: 0.1,
             connection_radius: 0.25,
             gns_layers: 10,
+            node_features: Vec::new(),
         }
     }
 }
@@ -159,14 +164,19 @@ impl ModelConfig {
         real("connection_radius", radius, radius > 0.0 && radius.is_finite(), "positive (metres)")
     }
 
-    /// Distances to the 2 n_d walls.
-    pub fn first_node_features(&self) -> usize {
-        2 * self.dimensions
+    /// Numbers that [`node_features`](Self::node_features) add to a node.
+    pub fn further_node_features(&self) -> usize {
+        node_features::columns(&self.node_features)[0]
     }
 
-    /// Velocity and distances to the walls.
+    /// Distances to the 2 n_d walls, and what else is asked for.
+    pub fn first_node_features(&self) -> usize {
+        2 * self.dimensions + self.further_node_features()
+    }
+
+    /// Velocity and distances to the walls, and what else is asked for.
     pub fn later_node_features(&self) -> usize {
-        3 * self.dimensions
+        3 * self.dimensions + self.further_node_features()
     }
 
     /// Direction and distance.
@@ -179,9 +189,9 @@ impl ModelConfig {
         2 * self.dimensions + 1
     }
 
-    /// All velocities of the window and the distances to the walls.
+    /// All velocities of the window and the distances to the walls, and what else is asked for.
     pub fn gns_node_features(&self) -> usize {
-        (self.frames + 1) * self.dimensions
+        (self.frames + 1) * self.dimensions + self.further_node_features()
     }
 
     /// An MLP of this network that ends in LayerNorm.

@@ -14,17 +14,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{ModelConfig, ModelKind};
 use crate::graph::{RadiusGraph, radius_graph};
+use crate::node_features::{self, NodeFeature, overburden};
 
 /// Means and standard deviations of a training set, per component of space. Velocities are
 /// x_k - x_(k-1) [m/frame] and accelerations x_(k+1) - 2 x_k + x_(k-1) [m/frame^2]. Standard
 /// deviations are positive.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Normalisation {
     pub velocity_mean: Vec<f64>,
     pub velocity_std: Vec<f64>,
     pub acceleration_mean: Vec<f64>,
     pub acceleration_std: Vec<f64>,
+    /// Of the columns of [`ModelConfig::node_features`].
+    pub features_mean: Vec<f64>,
+    pub features_std: Vec<f64>,
 }
 
 /// Consecutive frames of one trajectory.
@@ -33,6 +37,8 @@ pub struct Window<'a> {
     /// frames x points x dimensions [m], oldest frame first.
     pub positions: &'a [f32],
     pub points: usize,
+    /// points x features that never change ([`node_features::static_features`]).
+    pub statics: &'a [f32],
 }
 
 /// Features and graph of one frame of a batch: the graphs of the windows side by side, the points
@@ -76,8 +82,9 @@ pub struct WindowInput<B: Backend> {
 /// each direction [m].
 ///
 /// # Panics
-/// If a window's positions are not `config.frames` x points x `config.dimensions`, or the
-/// normalisation or the bounds have other dimensions.
+/// If a window's positions are not `config.frames` x points x `config.dimensions`, its static
+/// features not those of `config.node_features`, or the normalisation or the bounds have other
+/// dimensions.
 pub fn window_input<B: Backend>(
     windows: &[Window],
     config: &ModelConfig,
@@ -90,6 +97,9 @@ pub fn window_input<B: Backend>(
     assert_eq!(norm.velocity_std.len(), config.dimensions);
     for window in windows {
         assert_eq!(window.positions.len(), config.frames * window.points * config.dimensions);
+        let [all, statics] = node_features::columns(&config.node_features);
+        assert_eq!(window.statics.len(), window.points * statics);
+        assert_eq!([norm.features_mean.len(), norm.features_std.len()], [all; 2]);
     }
     let features = Features { config, norm, bounds };
     let first = match config.kind {
@@ -146,11 +156,13 @@ impl Features<'_> {
             ModelKind::Tgnns => frame..frame + 1,
             ModelKind::Gns => 1..frame + 1,
         };
+        let load = self.overburden(at(frame));
         for point in 0..window.points {
             for k in steps.clone().filter(|&k| k > 0) {
                 self.velocity(at(k - 1), at(k), point, &mut nodes);
             }
             self.wall_distances(at(frame), point, &mut nodes);
+            self.further(window, &load, point, &mut nodes);
         }
         let moving = self.config.kind == ModelKind::Tgnns && frame > 0;
         for (receiver, sender) in graph.pairs() {
@@ -199,6 +211,35 @@ impl Features<'_> {
         for (k, [lower, upper]) in self.bounds.iter().enumerate() {
             let x = now[point * d + k];
             features.extend([scaled(x - *lower as f32), scaled(*upper as f32 - x)]);
+        }
+    }
+
+    /// Points above each point, if the network is to know.
+    fn overburden(&self, now: &[f32]) -> Vec<f32> {
+        if self.config.node_features.contains(&NodeFeature::Overburden) {
+            overburden(now, self.config.dimensions, self.config.connection_radius as f32)
+        } else {
+            Vec::new()
+        }
+    }
+
+    /// The further features of one point, (value - mean) / std.
+    fn further(&self, window: &Window, load: &[f32], point: usize, features: &mut Vec<f32>) {
+        let [_, width] = node_features::columns(&self.config.node_features);
+        let mut statics = &window.statics[point * width..(point + 1) * width];
+        let first = features.len();
+        for feature in &self.config.node_features {
+            if feature.is_static() {
+                let (mine, rest) = statics.split_at(feature.columns());
+                features.extend(mine);
+                statics = rest;
+            } else {
+                features.push(load[point]);
+            }
+        }
+        let scales = self.norm.features_mean.iter().zip(&self.norm.features_std);
+        for (value, (mean, std)) in features[first..].iter_mut().zip(scales) {
+            *value = (*value - *mean as f32) / *std as f32;
         }
     }
 

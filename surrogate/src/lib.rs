@@ -12,6 +12,7 @@ pub mod graph;
 pub mod inference;
 pub mod metrics;
 pub mod model;
+pub mod node_features;
 pub mod rollout;
 pub mod simulator;
 pub mod start;

@@ -13,6 +13,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::constraints::Constraints;
+use crate::features::Window;
 use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
@@ -35,6 +36,8 @@ pub struct Rollout<'a> {
     constraints: Constraints,
     /// The window of frames that the model sees next, the oldest first.
     window: VecDeque<Vec<[f64; 2]>>,
+    /// Features of the points that never change.
+    statics: Vec<f32>,
     gravity: [f64; 2],
     start: f64,
     frame: usize,
@@ -49,6 +52,7 @@ impl<'a> Rollout<'a> {
             network: simulator.inference(),
             constraints: Constraints::new(&start.scene),
             window: start.positions.iter().cloned().collect(),
+            statics: start.statics.clone(),
             gravity: start.scene.gravity.map(|g| g * interval * interval),
             start: start.time,
             frame: start.positions.len() - 1,
@@ -73,9 +77,10 @@ impl<'a> Rollout<'a> {
     pub fn advance(&mut self) -> Result<&[[f64; 2]], RolloutError> {
         let domain = self.constraints.domain();
         let flat: Vec<f32> = self.window.iter().flatten().flatten().map(|&x| x as f32).collect();
-        let (network, points) = (&mut self.network, self.window[0].len());
+        let points = self.window[0].len();
+        let window = Window { positions: &flat, points, statics: &self.statics };
         let accelerations =
-            self.simulator.accelerations(network, &flat, points, domain, self.gravity);
+            self.simulator.accelerations(&mut self.network, &window, domain, self.gravity);
         let next = self.integrate(&accelerations)?;
         self.window.pop_front();
         self.window.push_back(next);
@@ -153,6 +158,9 @@ pub struct RolloutArgs {
     /// Frames of the result, the first ones included [default: as many as scene or trajectory have]
     #[arg(long)]
     frames: Option<usize>,
+    /// Average each prediction with the mirrored one of the mirrored window
+    #[arg(long)]
+    mirror: bool,
     /// Trajectory file to write (HDF5)
     #[arg(short, long)]
     output: PathBuf,
@@ -173,7 +181,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
-    let simulator = Simulator::load(&args.model)?;
+    let simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
     let prepared = Instant::now();
     let start = match (&args.scene, &args.from) {
         (Some(scene), _) => Start::from_scene(Scene::load(scene)?, &simulator)?,

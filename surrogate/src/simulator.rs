@@ -30,6 +30,8 @@ pub struct Simulator {
     pub config: ModelConfig,
     pub normalisation: Normalisation,
     pub training: Training,
+    /// Averages with the mirrored prediction of the mirrored window.
+    pub mirror: bool,
     pub device: Device,
 }
 
@@ -60,7 +62,7 @@ impl Simulator {
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
-        Ok(Self { model, config, normalisation, training, device })
+        Ok(Self { model, config, normalisation, training, mirror: false, device })
     }
 
     /// Writes the weights and everything else, whole or not at all.
@@ -78,23 +80,51 @@ impl Simulator {
 
     /// The network for the processor, apart from the simulator as it remembers frames.
     pub fn inference(&self) -> Inference {
-        Inference::new(&self.model, &self.config)
+        let windows = if self.mirror { 2 } else { 1 };
+        Inference::new(&self.model, &self.config, windows)
     }
 
     /// Accelerations of the points of a window in m/frame², x and y in turn. `gravity` is in
     /// m/frame², `domain` is the size of the domain.
+    ///
+    /// With `mirror`, a(X) becomes (a(X) + M a(M X)) / 2 with the reflection M of left and right:
+    /// the mirrored window then has the mirrored accelerations, whatever the network has learnt.
     pub fn accelerations(
         &self,
         network: &mut Inference,
-        window: &[f32],
-        points: usize,
+        window: &Window,
         domain: [f64; 2],
         gravity: [f64; 2],
     ) -> Vec<f64> {
-        let windows = [Window { positions: window, points }];
+        let straight = self.predict(network, window, domain, gravity);
+        if !self.mirror {
+            return straight;
+        }
+        let width = domain[0] as f32;
+        let rows = window.positions.as_chunks::<2>().0.iter();
+        let image: Vec<f32> = rows.flat_map(|[x, y]| [width - x, *y]).collect();
+        let image = Window { positions: &image, ..*window };
+        let mirrored = self.predict(network, &image, domain, [-gravity[0], gravity[1]]);
+        let pairs = straight.as_chunks::<2>().0.iter().zip(mirrored.as_chunks::<2>().0);
+        pairs.flat_map(|(a, b)| [(a[0] - b[0]) / 2.0, (a[1] + b[1]) / 2.0]).collect()
+    }
+
+    /// What the network says.
+    fn predict(
+        &self,
+        network: &mut Inference,
+        window: &Window,
+        domain: [f64; 2],
+        gravity: [f64; 2],
+    ) -> Vec<f64> {
         let bounds = domain.map(|length| [0.0, length]);
-        let input =
-            window_input::<Cpu>(&windows, &self.config, &self.normalisation, &bounds, &self.device);
+        let input = window_input::<Cpu>(
+            &[*window],
+            &self.config,
+            &self.normalisation,
+            &bounds,
+            &self.device,
+        );
         let output = network.forward(&input);
         let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
         let scale = |(place, a): (usize, f32)| {

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use dempm::scene::{Scene, SceneError};
 use dempm::simulation::{Simulation, SimulationError};
-use dempm::trajectory::{Header, Points, Trajectory, TrajectoryError, utc_now};
+use dempm::trajectory::{Frame, Header, Points, Trajectory, TrajectoryError, utc_now};
 
+use crate::node_features::{Missing, static_features};
 use crate::simulator::Simulator;
 
 /// Relative difference of times that is rounding.
@@ -25,6 +26,8 @@ pub struct Start {
     pub velocities: Vec<Vec<[f64; 2]>>,
     /// Time of the first of them, s.
     pub time: f64,
+    /// Features of the points that never change.
+    pub statics: Vec<f32>,
     /// Frames to the end of the scene or trajectory, those above included.
     pub frames: usize,
 }
@@ -45,6 +48,9 @@ pub enum StartError {
     Interval { place: String, model: f64, found: f64 },
     #[error("{}: from frame {first} on there are {found} frames {stride} apart, but the model starts from {needed}", path.display())]
     TooShort { path: PathBuf, first: usize, found: usize, stride: usize, needed: usize },
+    #[error("{place}")]
+    #[diagnostic(help("the model has to know it: list it in `output.fields` of the scene"))]
+    Field { place: String, source: Missing },
     #[error("{place}: the position of point {point} in frame {frame} is not finite")]
     NotFinite { place: String, frame: usize, point: usize },
 }
@@ -66,8 +72,11 @@ impl Start {
             positions: Vec::new(),
             velocities: Vec::new(),
             time: 0.0,
+            statics: Vec::new(),
             frames: frames.max(simulator.config.frames),
         };
+        let place = start.scene.name.clone();
+        start.statics = statics(simulator, &place, || Ok(simulation.frame()))?;
         for frame in 0..simulator.config.frames {
             for _ in 0..if frame == 0 { 0 } else { steps } {
                 simulation.advance()?;
@@ -111,6 +120,7 @@ impl Start {
             positions: Vec::new(),
             velocities: Vec::new(),
             time: trajectory.time()[first],
+            statics: statics(simulator, &place, || Ok(trajectory.frame(0)?))?,
             frames: found,
         };
         for frame in (first..).step_by(stride).take(needed) {
@@ -124,6 +134,20 @@ impl Start {
         }
         Ok(start)
     }
+}
+
+/// The features that never change, if the model has any.
+fn statics(
+    simulator: &Simulator,
+    place: &str,
+    first: impl FnOnce() -> Result<Frame, StartError>,
+) -> Result<Vec<f32>, StartError> {
+    let features = &simulator.config.node_features;
+    if !features.iter().any(|feature| feature.is_static()) {
+        return Ok(Vec::new());
+    }
+    static_features(features, &first()?)
+        .map_err(|source| StartError::Field { place: place.to_owned(), source })
 }
 
 /// How many times `short` (s) fits into `long`, a whole number.

@@ -73,6 +73,9 @@ pub fn save<B: Backend>(
     model.visit(&mut collect);
     let mut tensors = collect.tensors;
     for (name, values) in normalisation_tensors(normalisation) {
+        if values.is_empty() {
+            continue;
+        }
         let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         tensors.push(Stored { name, dtype: Dtype::F64, shape: vec![values.len()], bytes });
     }
@@ -107,7 +110,7 @@ pub fn load<B: Backend>(
     }
     let config = metadata.config;
     config.validate().map_err(|source| WeightsError::Config { path: path.into(), source })?;
-    let normalisation = file.normalisation(config.dimensions)?;
+    let normalisation = file.normalisation(&config)?;
     file.check_size(&config)?;
     let mut fill = Fill { names: Names::default(), file: &file, error: None };
     let model = Model::new(&config, 0, device).map(&mut fill);
@@ -118,12 +121,14 @@ pub fn load<B: Backend>(
 }
 
 /// The normalisation is stored as tensors: float64 survives a file to the bit, unlike in JSON.
-fn normalisation_tensors(n: &Normalisation) -> [(String, &[f64]); 4] {
+fn normalisation_tensors(n: &Normalisation) -> [(String, &[f64]); 6] {
     [
         ("normalisation.velocity_mean".into(), &n.velocity_mean),
         ("normalisation.velocity_std".into(), &n.velocity_std),
         ("normalisation.acceleration_mean".into(), &n.acceleration_mean),
         ("normalisation.acceleration_std".into(), &n.acceleration_std),
+        ("normalisation.features_mean".into(), &n.features_mean),
+        ("normalisation.features_std".into(), &n.features_std),
     ]
 }
 
@@ -267,10 +272,15 @@ impl<'a> File<'a> {
         Ok(tensor.data())
     }
 
-    fn normalisation(&self, dimensions: usize) -> Result<Normalisation, WeightsError> {
+    fn normalisation(&self, config: &ModelConfig) -> Result<Normalisation, WeightsError> {
+        let further = config.further_node_features();
         let read = |name: &str, valid: fn(f64) -> bool, reason| {
+            let length = if name.starts_with("features") { further } else { config.dimensions };
+            if length == 0 {
+                return Ok(Vec::new());
+            }
             let name = format!("normalisation.{name}");
-            let bytes = self.values(&name, Dtype::F64, &[dimensions])?;
+            let bytes = self.values(&name, Dtype::F64, &[length])?;
             let values: Vec<f64> =
                 bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
             if values.iter().all(|&v| valid(v)) {
@@ -286,6 +296,8 @@ impl<'a> File<'a> {
             velocity_std: std("velocity_std")?,
             acceleration_mean: mean("acceleration_mean")?,
             acceleration_std: std("acceleration_std")?,
+            features_mean: mean("features_mean")?,
+            features_std: std("features_std")?,
         })
     }
 }

@@ -32,6 +32,7 @@ fn normalisation(dimensions: usize) -> Normalisation {
         velocity_std: vec![0.01; dimensions],
         acceleration_mean: vec![1e-4; dimensions],
         acceleration_std: vec![2e-3; dimensions],
+        ..Normalisation::default()
     }
 }
 
@@ -235,8 +236,11 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
             frame
         })
         .collect();
-    let windows: Vec<Window> =
-        windows.iter().zip(sizes).map(|(positions, points)| Window { positions, points }).collect();
+    let windows: Vec<Window> = windows
+        .iter()
+        .zip(sizes)
+        .map(|(positions, points)| Window { positions, points, statics: &[] })
+        .collect();
     check_frames(&device, &frames, &windows, &config, &norm, &bounds);
 }
 
@@ -260,7 +264,8 @@ fn batches_match() {
                     drifting(points, 2, 5, k as u64).into_iter().map(f64::from).collect();
                 let (positions, next) = all.split_at(4 * 2 * points);
                 let (positions, next) = (positions.to_vec(), next.to_vec());
-                let example = Example { points, positions, next, gravity: [1e-4, -4e-3] };
+                let gravity = [1e-4, -4e-3];
+                let example = Example { points, positions, next, gravity, statics: Vec::new() };
                 Member { example, place: (1 << 33) + (2 * step + k) as u64, mirror: k == 1 }
             })
             .collect();
@@ -286,7 +291,7 @@ fn batches_match() {
         let windows: Vec<Window> = windows
             .iter()
             .zip(sizes)
-            .map(|(positions, points)| Window { positions, points })
+            .map(|(positions, points)| Window { positions, points, statics: &[] })
             .collect();
         check_frames(&device, &batch.frames, &windows, &config, &norm, &bounds);
     }
@@ -444,7 +449,8 @@ fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) 
     let norm = normalisation(2);
     let flat: Vec<f32> = window.iter().flatten().flatten().map(|&x| x as f32).collect();
     let (before, last) = (&window[window.len() - 2], &window[window.len() - 1]);
-    let output = stand_in(&[Window { positions: &flat, points: last.len() }], &config, scale);
+    let output =
+        stand_in(&[Window { positions: &flat, points: last.len(), statics: &[] }], &config, scale);
     let time = |frame: usize| motion.start + frame as f64 * motion.interval;
     let times = [time(frame - 1), time(frame)];
     (0..last.len())

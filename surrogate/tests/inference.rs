@@ -23,15 +23,16 @@ fn input(frames: &[Vec<f32>], config: &ModelConfig) -> WindowInput<Cpu> {
         velocity_std: vec![0.01; 2],
         acceleration_mean: vec![0.0; 2],
         acceleration_std: vec![0.1; 2],
+        ..Normalisation::default()
     };
-    let window = Window { positions: &frames.concat(), points: frames[0].len() / 2 };
+    let window = Window { positions: &frames.concat(), points: frames[0].len() / 2, statics: &[] };
     window_input(&[window], config, &norm, &[[0.0, 2.0]; 2], &device())
 }
 
 /// Windows that move along a trajectory, so that encodings are used again; then one from elsewhere.
 fn check(config: &ModelConfig, points: usize) {
     let model = Model::<Cpu>::new(config, 7, &device());
-    let mut inference = Inference::new(&model, config);
+    let mut inference = Inference::new(&model, config, 1);
     let long = trajectory(points, config.frames + 3);
     let other = trajectory(points + 1, config.frames);
     for frames in long.windows(config.frames).chain([&other[..], &long[..config.frames]]) {

@@ -8,9 +8,10 @@ use cudarc::driver::{CudaFunction, CudaView, DeviceRepr, PinnedHostSlice, PushKe
 use gpu::{Device, Error};
 
 use super::buffers::FrameInput;
+use super::error::CudaError;
 use super::graph::GraphBuilder;
 use super::launch::{address, each};
-use crate::config::ModelConfig;
+use crate::config::{ModelConfig, ModelKind};
 use crate::features::Normalisation;
 
 /// The source of the kernels.
@@ -49,14 +50,21 @@ impl FrameBuilder {
     /// of each direction (m).
     ///
     /// # Errors
-    /// Too little memory, or no compiler.
+    /// A network that reads other features, too little memory, or no compiler.
     pub fn new(
         device: &Arc<Device>,
         config: &ModelConfig,
         norm: &Normalisation,
         bounds: &[[f64; 2]],
         windows: &[usize],
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, CudaError> {
+        let layers = if config.kind == ModelKind::Gns { config.gns_layers } else { 0 };
+        for (key, value) in [("node_features", config.node_features.len()), ("gns_layers", layers)]
+        {
+            if value > 0 {
+                return Err(CudaError::Unsupported { key, value, most: 0 });
+            }
+        }
         let d = config.dimensions;
         let radius = config.connection_radius as f32;
         let mut scales = Scales { radius, ..Scales::default() };

@@ -230,6 +230,7 @@ mod tests {
             positions: vec![1.0; frames * 2 * points],
             next: vec![1.0; 2 * points],
             gravity: [0.0; 2],
+            statics: Vec::new(),
         };
         let augmentation = Augmentation { seed: 5, noise, without_gravity: false, width: 10.0 };
         let norm = Normalisation {
@@ -237,6 +238,7 @@ mod tests {
             velocity_std: vec![1.0; 2],
             acceleration_mean: vec![0.0; 2],
             acceleration_std: vec![1.0; 2],
+            ..Normalisation::default()
         };
         let member = Member { example, place: 3, mirror: false };
         let (positions, targets) = make_windows_on_cpu(&augmentation, &norm, &[member]);

@@ -3,18 +3,27 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{DataError, DataSet, Order};
+use super::{DataError, DataSet, Draft, Order};
 use crate::features::Normalisation;
 
 /// Windows and what should follow, ready for the model.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Batch {
     /// Positions of each window, m, frame after frame, the oldest first.
     pub windows: Vec<Vec<f32>>,
     /// Points of each window.
     pub points: Vec<usize>,
+    /// Features of the points of each window that never change.
+    pub statics: Vec<Vec<f32>>,
     /// Normalised accelerations of the points of all windows.
     pub targets: Vec<f32>,
+}
+
+/// Which windows of a step a process takes, of those that train one network together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    pub rank: usize,
+    pub ranks: usize,
 }
 
 /// How batches are made of windows.
@@ -24,6 +33,14 @@ pub struct Recipe {
     pub seed: u64,
     /// Windows in a batch.
     pub batch: usize,
+    pub shard: Shard,
+    /// Frames of a window. The examples of the data set are longer by as many frames as
+    /// `unroll` may have.
+    pub frames: usize,
+    /// Steps that the model makes by itself before it learns, at most (pushforward),
+    pub unroll: usize,
+    /// and the training step from which on it does.
+    pub unroll_from: u64,
     /// Standard deviation of the noise on the last velocity, m/frame.
     pub noise: f64,
     /// Mirrors every other window, at random.
@@ -35,27 +52,48 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// Makes the batch of a step. The same step always gives the same batch; `order` has to be
-    /// that of `self.seed` and `data`.
+    /// The examples of a step. The same step always gives the same examples; `order` has to be
+    /// that of `self.seed` and `data`. The examples of all ranks of a step follow one another in
+    /// the order, so n ranks learn what one with n times the batch would.
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn batch(&self, data: &DataSet, order: &mut Order, step: u64) -> Result<Batch, DataError> {
-        let mut batch = Batch { windows: Vec::new(), points: Vec::new(), targets: Vec::new() };
+    pub fn draft(&self, data: &DataSet, order: &mut Order, step: u64) -> Result<Draft, DataError> {
         let [[_, width], _] = data.bounds();
-        for member in 0..self.batch as u64 {
-            let place = step * self.batch as u64 + member;
+        let mut draft = Draft { examples: Vec::new(), future: Vec::new(), unroll: 0 };
+        if self.unroll > 0 && step >= self.unroll_from {
+            draft.unroll = self.rng(u64::MAX - step).random_range(0..=self.unroll);
+        }
+        let Shard { rank, ranks } = self.shard;
+        for member in 0..self.batch {
+            let place = (step * ranks as u64 + rank as u64) * self.batch as u64 + member as u64;
             let mut example = data.example(order.window(place))?;
-            // Not the streams of the order, which has the seed itself.
-            let mut rng = ChaCha8Rng::seed_from_u64(!self.seed);
-            rng.set_stream(place);
+            let mut rng = self.rng(place);
             if self.mirror && rng.random() {
                 example.mirror(width);
             }
+            let future = example.shorten(self.frames);
             if self.noise > 0.0 {
                 example.add_noise(self.noise, &mut rng);
             }
-            let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
+            draft.examples.push(example);
+            draft.future.push(future);
+        }
+        Ok(draft)
+    }
+
+    /// Random numbers that are not those of the order, which has the seed itself.
+    fn rng(&self, stream: u64) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(!self.seed);
+        rng.set_stream(stream);
+        rng
+    }
+
+    /// What the model gets of examples.
+    pub fn batch(&self, draft: &Draft) -> Batch {
+        let mut batch = Batch::default();
+        let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
+        for example in &draft.examples {
             let targets = example.acceleration().into_iter().enumerate().map(|(place, a)| {
                 let axis = place % 2;
                 let gravity = if self.without_gravity { example.gravity[axis] } else { 0.0 };
@@ -63,8 +101,9 @@ impl Recipe {
             });
             batch.targets.extend(targets);
             batch.points.push(example.points);
-            batch.windows.push(example.positions.iter().map(|&x| x as f32).collect());
+            batch.windows.push(example.window());
+            batch.statics.push(example.statics.clone());
         }
-        Ok(batch)
+        batch
     }
 }

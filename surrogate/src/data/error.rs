@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use dempm::trajectory::TrajectoryError;
 
+use crate::node_features::Missing;
+
 /// An error that names the file.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum DataError {
@@ -47,6 +49,15 @@ pub enum DataError {
         frame: usize,
         /// The point.
         point: usize,
+    },
+    /// A trajectory without a field that the network is to know.
+    #[error("{}", path.display())]
+    #[diagnostic(help("list it in `output.fields` of the scene, or not in `model.node_features`"))]
+    Field {
+        /// The trajectory file.
+        path: PathBuf,
+        /// The field.
+        source: Missing,
     },
     /// A trajectory that cannot be mixed with the others.
     #[error("{}: {what} is {found}, but {} has {expected}", path.display(), other.display())]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use dempm::trajectory::{Header, Trajectory};
 
 use super::DataError;
+use crate::node_features::{NodeFeature, static_features};
 
 /// The trajectory files (`*.h5`) of a folder, by name.
 ///
@@ -115,6 +116,18 @@ impl Recording {
             Some(all) => Ok(all[frame * self.values()..][..self.values()].to_vec()),
             None => self.read(frame),
         }
+    }
+
+    /// Features of the points that never change.
+    ///
+    /// # Errors
+    /// If the first frame cannot be read or lacks a field.
+    pub fn static_features(&self, features: &[NodeFeature]) -> Result<Vec<f32>, DataError> {
+        if !features.iter().any(|feature| feature.is_static()) {
+            return Ok(Vec::new());
+        }
+        static_features(features, &self.trajectory.frame(0)?)
+            .map_err(|source| DataError::Field { path: self.path().to_owned(), source })
     }
 
     fn read(&self, frame: usize) -> Result<Vec<f64>, DataError> {

@@ -25,6 +25,7 @@ mod tests {
             positions: vec![1.0, 0.5, 1.25, 0.5],
             next: vec![1.75, 0.25],
             gravity: [0.5, -1.0],
+            statics: Vec::new(),
         };
         let mut image = example.clone();
         image.mirror(4.0);

@@ -1,11 +1,12 @@
 //! From trajectory files to training batches.
 //!
 //! Files ([`Recording`]) -> windows of frames with the frame that follows ([`DataSet`]) -> shuffled
-//! ([`Order`]), mirrored, noisy and normalised ([`Recipe`]) -> [`Batch`]es, made ahead of time on
-//! another thread ([`Prefetch`]). A batch is a function of the seed and its number alone, so a
+//! ([`Order`]), mirrored and noisy ([`Recipe`], [`Draft`]) -> normalised [`Batch`]es, made ahead of
+//! time on another thread ([`Prefetch`]). A batch is a function of the seed and its number alone, so a
 //! training resumes where it was without any state of the data.
 
 mod batch;
+mod draft;
 mod error;
 mod files;
 mod mirror;
@@ -15,10 +16,11 @@ mod prefetch;
 mod statistics;
 mod windows;
 
-pub use batch::{Batch, Recipe};
+pub use batch::{Batch, Recipe, Shard};
+pub use draft::Draft;
 pub use error::DataError;
 pub use files::{DataFolder, Recording, trajectories_in};
 pub use order::Order;
 pub use prefetch::Prefetch;
-pub use statistics::{Statistics, Welford};
+pub use statistics::{Statistics, Welford, further_features};
 pub use windows::{DataSet, Example, Shape};

@@ -58,6 +58,7 @@ mod tests {
             positions: vec![1.0; frames * 2 * points],
             next: vec![1.0; 2 * points],
             gravity: [0.0; 2],
+            statics: Vec::new(),
         };
         let mut noisy = still.clone();
         noisy.add_noise(sigma, &mut ChaCha8Rng::seed_from_u64(1));

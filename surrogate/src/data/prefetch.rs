@@ -3,7 +3,7 @@
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread;
 
-use super::{Batch, DataError, DataSet, Order, Recipe};
+use super::{DataError, DataSet, Draft, Order, Recipe};
 
 /// Batches that wait at most.
 const AHEAD: usize = 3;
@@ -14,18 +14,18 @@ pub struct Prefetch<T> {
 }
 
 impl<T: Send + 'static> Prefetch<T> {
-    /// Begins with the batch of `step`; `prepare` is the last thing done on the thread.
+    /// Begins with the examples of `step`; `prepare` is the last thing done on the thread.
     pub fn start(
         data: DataSet,
         recipe: Recipe,
         step: u64,
-        prepare: impl Fn(Batch) -> T + Send + 'static,
+        prepare: impl Fn(Draft) -> T + Send + 'static,
     ) -> Self {
         let (send, batches) = sync_channel(AHEAD);
         thread::spawn(move || {
             let mut order = Order::new(recipe.seed, data.len());
             for step in step.. {
-                let batch = recipe.batch(&data, &mut order, step).map(&prepare);
+                let batch = recipe.draft(&data, &mut order, step).map(&prepare);
                 let failed = batch.is_err();
                 // Nobody listens any more once the training ends.
                 if send.send(batch).is_err() || failed {

@@ -1,7 +1,9 @@
 //! Mean and standard deviation of velocities and accelerations, for the normalisation.
 
 use super::{DataError, DataSet};
+use crate::config::ModelConfig;
 use crate::features::Normalisation;
+use crate::node_features::{columns, overburden};
 
 /// Less than any motion of grains per frame, m: keeps a direction in which nothing moves finite.
 const NO_MOTION: f64 = 1e-9;
@@ -104,8 +106,43 @@ impl Statistics {
             velocity_std: deviation(self.velocity).to_vec(),
             acceleration_mean: mean(self.acceleration),
             acceleration_std: deviation(self.acceleration).to_vec(),
+            ..Normalisation::default()
         }
     }
+}
+
+/// Means and standard deviations of the further node features of a network, over the points of all
+/// files and, where they follow the motion, every tenth frame.
+///
+/// # Errors
+/// If a file cannot be read.
+pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64>; 2], DataError> {
+    let [all, width] = columns(&config.node_features);
+    let mut spread = vec![Welford::default(); all];
+    for (recording, statics) in data.recordings().iter().zip(data.statics()) {
+        let (mut column, mut mine) = (0, 0);
+        for feature in &config.node_features {
+            if feature.is_static() {
+                for k in 0..feature.columns() {
+                    let values = statics.iter().skip(mine + k).step_by(width);
+                    values.for_each(|&value| spread[column + k].add(f64::from(value)));
+                }
+                mine += feature.columns();
+            } else {
+                for frame in (0..recording.frames()).step_by(10) {
+                    let positions: Vec<f32> =
+                        recording.positions(frame)?.iter().map(|&x| x as f32).collect();
+                    overburden(&positions, config.dimensions, config.connection_radius as f32)
+                        .into_iter()
+                        .for_each(|value| spread[column].add(f64::from(value)));
+                }
+            }
+            column += feature.columns();
+        }
+    }
+    // Rounding of what is the same everywhere has to stay small.
+    let deviation = |w: &Welford| w.deviation().max(1e-6 * w.mean().abs()).max(NO_MOTION);
+    Ok([spread.iter().map(Welford::mean).collect(), spread.iter().map(deviation).collect()])
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::{DataError, Recording};
+use crate::node_features::NodeFeature;
 
 /// What a window is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +34,8 @@ pub struct Example {
     pub next: Vec<f64>,
     /// Gravity, m/frame².
     pub gravity: [f64; 2],
+    /// Features of the points that never change.
+    pub statics: Vec<f32>,
 }
 
 impl Example {
@@ -54,6 +57,19 @@ impl Example {
         last.iter().zip(before).map(|(last, before)| last - before).collect()
     }
 
+    /// The positions as a model gets them.
+    pub fn window(&self) -> Vec<f32> {
+        self.positions.iter().map(|&x| x as f32).collect()
+    }
+
+    /// Keeps the first `frames` frames and the one after them; gives all frames after them.
+    pub(super) fn shorten(&mut self, frames: usize) -> Vec<f64> {
+        let mut future = self.positions.split_off(frames * self.values());
+        future.append(&mut self.next);
+        self.next = future[..self.values()].to_vec();
+        future
+    }
+
     fn last_two(&self) -> (&[f64], &[f64]) {
         let (rest, last) = self.positions.split_at(self.positions.len() - self.values());
         (&rest[rest.len() - self.values()..], last)
@@ -67,6 +83,8 @@ impl Example {
 pub struct DataSet {
     recordings: Vec<Recording>,
     shape: Shape,
+    /// Features that never change, of the points of each file.
+    statics: Vec<Vec<f32>>,
 }
 
 impl DataSet {
@@ -97,7 +115,19 @@ impl DataSet {
             }
             recordings.push(recording);
         }
-        Ok(Self { recordings, shape })
+        let statics = vec![Vec::new(); recordings.len()];
+        Ok(Self { recordings, shape, statics })
+    }
+
+    /// Reads the features that never change.
+    ///
+    /// # Errors
+    /// If a file cannot be read or lacks a field that a feature needs.
+    pub fn with_statics(mut self, features: &[NodeFeature]) -> Result<Self, DataError> {
+        for (recording, statics) in self.recordings.iter().zip(&mut self.statics) {
+            *statics = recording.static_features(features)?;
+        }
+        Ok(self)
     }
 
     /// The number of windows.
@@ -113,6 +143,11 @@ impl DataSet {
     /// The files.
     pub fn recordings(&self) -> &[Recording] {
         &self.recordings
+    }
+
+    /// Features that never change, of the points of each file.
+    pub fn statics(&self) -> &[Vec<f32>] {
+        &self.statics
     }
 
     /// What windows are made of.
@@ -139,12 +174,12 @@ impl DataSet {
     /// If the file cannot be read.
     pub fn example(&self, window: usize) -> Result<Example, DataError> {
         let mut first = window;
-        let mut files = self.recordings.iter();
-        let recording = loop {
-            let recording = files.next().expect("the window is one of the data set");
+        let mut files = self.recordings.iter().zip(&self.statics);
+        let (recording, statics) = loop {
+            let (recording, statics) = files.next().expect("the window is one of the data set");
             match first.checked_sub(self.windows(recording)) {
                 Some(rest) => first = rest,
-                None => break recording,
+                None => break (recording, statics.clone()),
             }
         };
         let mut positions = Vec::new();
@@ -154,7 +189,7 @@ impl DataSet {
         let next = recording.positions(first + self.shape.span())?;
         let interval = self.frame_interval();
         let gravity = recording.header().gravity.map(|g| g * interval * interval);
-        Ok(Example { points: recording.points(), positions, next, gravity })
+        Ok(Example { points: recording.points(), positions, next, gravity, statics })
     }
 
     fn windows(&self, recording: &Recording) -> usize {

@@ -23,10 +23,11 @@ pub enum Inference {
 }
 
 impl Inference {
-    pub fn new(model: &Model<Cpu>, config: &ModelConfig) -> Self {
+    /// Remembers the encodings of `windows` windows that move on by turns.
+    pub fn new(model: &Model<Cpu>, config: &ModelConfig, windows: usize) -> Self {
         match model {
             Model::Tgnns(network) if network.edge_fusion.is_none() => {
-                Self::Tgnns(Box::new(Layers::new(network, config)))
+                Self::Tgnns(Box::new(Layers::new(network, config, windows)))
             }
             other => Self::Plain(other.clone()),
         }
@@ -96,7 +97,7 @@ impl Encoder {
 }
 
 impl Layers {
-    fn new<B: Backend>(network: &Tgnns<B>, config: &ModelConfig) -> Self {
+    fn new<B: Backend>(network: &Tgnns<B>, config: &ModelConfig, windows: usize) -> Self {
         let slope = config.leaky_slope;
         let layers = |list: &[crate::model::MessageLayer<B>]| {
             list.iter().map(|layer| MessageLayer::new(layer, slope)).collect()
@@ -106,13 +107,13 @@ impl Layers {
                 nodes: Mlp::new(&network.node_encoder_first, slope),
                 edges: Mlp::new(&network.edge_encoder_first, slope),
                 known: Vec::new(),
-                room: 1,
+                room: windows,
             },
             later: Encoder {
                 nodes: Mlp::new(&network.node_encoder_later, slope),
                 edges: Mlp::new(&network.edge_encoder_later, slope),
                 known: Vec::new(),
-                room: config.frames - 1,
+                room: windows * (config.frames - 1),
             },
             node_fusion: Mlp::new(&network.node_fusion, slope),
             frame_layers: layers(&network.frame_layers),

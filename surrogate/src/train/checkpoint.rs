@@ -5,8 +5,11 @@ use std::path::{Path, PathBuf};
 use dempm::trajectory::{WriteError, write_atomically};
 use serde::{Deserialize, Serialize};
 
+use super::config::TrainConfig;
 use super::engine::State;
 use super::log::Log;
+use super::tcp::Fingerprint;
+use crate::data::{DataError, DataSet, Statistics, further_features};
 use crate::features::Normalisation;
 
 const MAGIC: &str = "DEMPM surrogate training";
@@ -34,6 +37,36 @@ pub struct Identity {
     pub files: Vec<(String, u64, u64)>,
     /// Their statistics: other contents have others.
     pub normalisation: Normalisation,
+}
+
+impl Identity {
+    /// What a configuration makes of data on `ranks` processes.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn of(config: &TrainConfig, data: &DataSet, ranks: usize) -> Result<Self, DataError> {
+        let mut statistics = Statistics::measure(data, config.data.subtract_gravity)?;
+        if config.data.mirror {
+            statistics = statistics.mirrored();
+        }
+        let [features_mean, features_std] = further_features(data, &config.model())?;
+        let normalisation = statistics.normalisation(config.data.noise);
+        let files = data.recordings().iter().map(|r| {
+            let name = r.path().file_name().unwrap_or_default().to_string_lossy();
+            (name.into_owned(), r.points() as u64, r.frames() as u64)
+        });
+        Ok(Self {
+            config: format!("{} on {ranks}", config.identity()),
+            files: files.collect(),
+            normalisation: Normalisation { features_mean, features_std, ..normalisation },
+        })
+    }
+
+    /// A hash by which processes know that they are about to make the same step.
+    pub fn fingerprint(&self, step: u64) -> Fingerprint {
+        let bytes = postcard::to_allocvec(&(self, step)).expect("an identity is plain data");
+        *blake3::hash(&bytes).as_bytes()
+    }
 }
 
 /// Why a checkpoint could not be used.

@@ -26,8 +26,11 @@ pub struct TrainConfig {
     /// Decay of a moving average of the weights, which then is what is validated and saved; 0
     /// for none.
     pub ema: f64,
+    /// Precision of the network's arithmetic.
+    pub precision: Precision,
     pub data: Data,
     pub schedule: Schedule,
+    pub pushforward: Pushforward,
     pub validation: Validation,
     /// Steps between lines of the log.
     pub log_every: u64,
@@ -49,6 +52,26 @@ pub struct Data {
     pub memory: usize,
 }
 
+/// Precision of products in training; weights and sums are single precision in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    #[default]
+    F32,
+    /// Tensor cores of a GPU.
+    Bf16,
+}
+
+/// Windows that the model itself has moved on, so that it learns to go on from its own errors.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Pushforward {
+    /// Each step draws how many frames from 0 to this; 0 for no pushforward.
+    pub steps: usize,
+    /// Training step with which it begins.
+    pub start: u64,
+}
+
 /// When and how rollouts judge the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -68,8 +91,10 @@ impl Default for TrainConfig {
             steps: 1_000_000,
             batch: 2,
             ema: 0.0,
+            precision: Precision::default(),
             data: Data::default(),
             schedule: Schedule::default(),
+            pushforward: Pushforward::default(),
             validation: Validation::default(),
             log_every: 100,
         }
@@ -174,6 +199,7 @@ impl TrainConfig {
             ("schedule.rate", rate, 1e-12, 1.0),
             ("schedule.final_rate", final_rate, 0.0, rate),
             ("schedule.decay_steps", decay_steps, 1.0, 1e12),
+            ("pushforward.steps", self.pushforward.steps as f64, 0.0, 16.0),
             ("validation.every", self.validation.every as f64, 1.0, 1e12),
             ("model.dimensions", model.dimensions as f64, 2.0, 2.0),
             ("model.frames", model.frames as f64, 2.0, 100.0),
@@ -231,6 +257,8 @@ mod tests {
             ("[data]\nnoise = -1.0", "data.noise"),
             ("[schedule]\nfinal_rate = 1.0", "schedule.final_rate"),
             ("[schedule]\nkind = \"linear\"", "linear"),
+            ("[pushforward]\nsteps = 100", "pushforward.steps"),
+            ("precision = \"f16\"", "f16"),
             ("[validation]\neach = 3", "each"),
         ] {
             let message = message(text);

@@ -1,10 +1,12 @@
 //! What computes a training step: network, gradients and optimiser on one device.
 
+use burn::module::AutodiffModule;
 use burn::tensor::{Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 
 use super::adam::Adam;
 use super::parameters::{gradients, weights, with_weights};
+use super::ranks::{AllReduce, RankError};
 use crate::backend::{Cpu, CpuAutodiff, Device, device};
 use crate::config::ModelConfig;
 use crate::data::Batch;
@@ -31,7 +33,7 @@ pub struct Engine {
     state: State,
     decay: f64,
     /// Losses that nobody has read yet.
-    losses: Vec<Tensor<Cpu, 1>>,
+    losses: Vec<f64>,
 }
 
 /// A batch on the device, as a graph.
@@ -40,21 +42,29 @@ pub struct Prepared {
     targets: Tensor<CpuAutodiff, 2>,
 }
 
-/// Builds the graphs of a batch; runs ahead of the training on another thread.
-pub fn prepare(
-    batch: &Batch,
-    config: &ModelConfig,
-    normalisation: &Normalisation,
-    bounds: &[[f64; 2]],
-) -> Prepared {
-    let device: Device = device();
-    let windows = batch.windows.iter().zip(&batch.points);
-    let windows: Vec<Window> =
-        windows.map(|(positions, &points)| Window { positions, points }).collect();
-    let input = window_input(&windows, config, normalisation, bounds, &device);
-    let shape = [batch.targets.len() / 2, 2];
-    let targets = Tensor::from_data(TensorData::new(batch.targets.clone(), shape), &device);
-    Prepared { input, targets }
+/// Makes graphs of batches.
+#[derive(Clone, Debug)]
+pub struct Preparation {
+    pub config: ModelConfig,
+    pub normalisation: Normalisation,
+    /// Walls of the domain, m.
+    pub bounds: [[f64; 2]; 2],
+}
+
+impl Preparation {
+    /// Builds the graphs of a batch; may run ahead of the training on another thread.
+    pub fn prepare(&self, batch: &Batch) -> Prepared {
+        let device: Device = device();
+        let windows = batch.windows.iter().zip(&batch.points).zip(&batch.statics);
+        let windows: Vec<Window> = windows
+            .map(|((positions, &points), statics)| Window { positions, points, statics })
+            .collect();
+        let input =
+            window_input(&windows, &self.config, &self.normalisation, &self.bounds, &device);
+        let shape = [batch.targets.len() / 2, 2];
+        let targets = Tensor::from_data(TensorData::new(batch.targets.clone(), shape), &device);
+        Prepared { input, targets }
+    }
 }
 
 impl Engine {
@@ -89,13 +99,26 @@ impl Engine {
         &self.state
     }
 
-    /// One step: loss sum (a - a*)² / sum (a*)², its gradients, Adam.
-    pub fn step(&mut self, batch: Prepared, rate: f64) {
-        let scale = batch.targets.clone().powi_scalar(2).sum().clamp_min(SMALLEST_TARGET);
+    /// One step: loss sum (a - a*)² / sum (a*)² over the windows of all ranks, its gradients, Adam.
+    ///
+    /// # Errors
+    /// If another rank is gone.
+    pub fn step(
+        &mut self,
+        batch: Prepared,
+        rate: f64,
+        ranks: &mut dyn AllReduce,
+    ) -> Result<(), RankError> {
+        let targets = batch.targets.clone().powi_scalar(2).sum().into_scalar();
         let error = self.model.forward(&batch.input) - batch.targets;
-        let loss = error.powi_scalar(2).sum() / scale;
-        self.losses.push(loss.clone().inner());
-        let gradients = gradients(&self.model, &loss.backward());
+        let errors = error.powi_scalar(2).sum();
+        let mut gradients = gradients(&self.model, &errors.backward());
+        // Both sums go along with the gradients of one of them.
+        gradients.extend([errors.into_scalar(), targets]);
+        ranks.sum(&mut gradients)?;
+        let scale = gradients.pop().unwrap_or_default().max(SMALLEST_TARGET);
+        gradients.iter_mut().for_each(|sum| *sum /= scale);
+        self.losses.extend(gradients.pop().map(f64::from));
         self.state.adam.step(&mut self.state.weights, &gradients, rate);
         self.model = with_weights(self.model.clone(), &self.state.weights);
         self.state.step += 1;
@@ -107,18 +130,22 @@ impl Engine {
                 *mean = decay * *mean + (1.0 - decay) * weight;
             }
         }
+        Ok(())
     }
 
-    /// The losses since this was last asked for. Reading waits for the device, so do it rarely.
+    /// The losses since this was last asked for.
     pub fn take_losses(&mut self) -> Vec<f64> {
-        let losses = std::mem::take(&mut self.losses);
-        losses.into_iter().map(|loss| f64::from(loss.into_scalar())).collect()
+        std::mem::take(&mut self.losses)
+    }
+
+    /// The network as it learns.
+    pub fn network(&self) -> Model<Cpu> {
+        self.model.valid()
     }
 
     /// The network to use: with averaged weights if there are any.
     pub fn model(&self) -> Model<Cpu> {
-        use burn::module::AutodiffModule;
         let weights = self.state.average.as_ref().unwrap_or(&self.state.weights);
-        with_weights(self.model.valid(), weights)
+        with_weights(self.network(), weights)
     }
 }

@@ -7,8 +7,12 @@ mod engine;
 mod log;
 mod parameters;
 mod progress;
+#[cfg(test)]
+mod rank_tests;
+mod ranks;
 mod schedule;
 mod sitting;
+mod tcp;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -18,7 +22,7 @@ use std::time::Duration;
 
 use miette::{Context, IntoDiagnostic, bail};
 
-pub use self::config::{ConfigError, TrainConfig};
+pub use self::config::{ConfigError, Precision, TrainConfig};
 pub use self::parameters::{gradients, weights, with_weights};
 pub use self::schedule::{Decay, Schedule};
 use self::sitting::Sitting;

@@ -43,10 +43,11 @@ impl Default for Schedule {
 }
 
 impl Schedule {
-    /// The rate of a step of `steps`, the first of which is 0.
-    pub fn at(&self, step: u64, steps: u64) -> f64 {
+    /// The rate of a step of `steps`, the first of which is 0. `ranks` processes learn from as many
+    /// times the windows in a step, so the paper's decay is faster by that.
+    pub fn at(&self, step: u64, steps: u64, ranks: usize) -> f64 {
         let part = match self.kind {
-            Decay::Exponential => 0.1_f64.powf(step as f64 / self.decay_steps),
+            Decay::Exponential => 0.1_f64.powf(step as f64 * ranks as f64 / self.decay_steps),
             Decay::Cosine => {
                 let length = steps.saturating_sub(self.warm_up).max(1) as f64;
                 let done = step.saturating_sub(self.warm_up) as f64 / length;
@@ -70,9 +71,10 @@ mod tests {
     #[test]
     fn the_paper() {
         let schedule = Schedule::default();
-        assert_eq!(schedule.at(0, 1), 1e-4);
+        assert_eq!(schedule.at(0, 1, 1), 1e-4);
         let expected = (1e-4 - 1e-6) * 0.1 + 1e-6;
-        assert!((schedule.at(5_000_000, 1) / expected - 1.0).abs() < 1e-12);
+        assert!((schedule.at(5_000_000, 1, 1) / expected - 1.0).abs() < 1e-12);
+        assert!((schedule.at(1_250_000, 1, 4) / expected - 1.0).abs() < 1e-12);
     }
 
     #[test]
@@ -84,9 +86,9 @@ mod tests {
             warm_up: 9,
             decay_steps: 1.0,
         };
-        assert!((schedule.at(0, 109) - 0.1).abs() < 1e-12);
-        assert!((schedule.at(9, 109) - 1.0).abs() < 1e-12);
-        assert!((schedule.at(59, 109) - 0.55).abs() < 1e-12);
-        assert!((schedule.at(109, 109) - 0.1).abs() < 1e-12);
+        assert!((schedule.at(0, 109, 1) - 0.1).abs() < 1e-12);
+        assert!((schedule.at(9, 109, 1) - 1.0).abs() < 1e-12);
+        assert!((schedule.at(59, 109, 1) - 0.55).abs() < 1e-12);
+        assert!((schedule.at(109, 109, 1) - 0.1).abs() < 1e-12);
     }
 }

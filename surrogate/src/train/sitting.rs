@@ -9,14 +9,17 @@ use indicatif::ProgressBar;
 use miette::bail;
 
 use super::checkpoint::{Checkpoint, Identity};
-use super::config::TrainConfig;
-use super::engine::{Engine, Prepared, prepare};
+use super::config::{Precision, TrainConfig};
+use super::engine::{Engine, Preparation, Prepared};
 use super::log::Log;
 use super::progress;
-use crate::backend::device;
-use crate::config::ModelConfig;
-use crate::data::{DataFolder, DataSet, Prefetch, Recipe, Shape, Statistics};
+use super::ranks::{AllReduce, Alone, Place};
+use super::tcp::Tcp;
+use crate::backend::{Cpu, device};
+use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
+use crate::features::Window;
+use crate::model::Model;
 use crate::simulator::{Simulator, Training};
 
 /// Exit code after Ctrl-C, as shells use it.
@@ -27,14 +30,23 @@ pub fn checkpoint_in(folder: &Path) -> PathBuf {
     folder.join("checkpoint.bin")
 }
 
+/// What the next step learns from.
+enum Work {
+    Graph(Prepared),
+    /// Windows that the network has to move on first, as it is by then.
+    Draft(Draft),
+}
+
 /// A training under way.
 pub struct Sitting {
     config: TrainConfig,
-    model: ModelConfig,
     identity: Identity,
     frame_interval: f64,
     engine: Engine,
-    batches: Prefetch<Prepared>,
+    ranks: Box<dyn AllReduce>,
+    recipe: Recipe,
+    preparation: Preparation,
+    batches: Prefetch<Work>,
     log: Log,
     best: Option<f64>,
     valid: Vec<PathBuf>,
@@ -50,28 +62,23 @@ impl Sitting {
         folder: &Path,
         resume: bool,
     ) -> miette::Result<Self> {
+        if config.precision == Precision::Bf16 {
+            bail!(
+                help = "leave `precision` out, or say \"f32\"",
+                "`precision` is \"bf16\", which only tensor cores of a GPU have; this training \
+                 computes on the CPU"
+            );
+        }
+        let place = Place::from_variables(|name| std::env::var(name).ok())?;
+        let (rank, size) = place.as_ref().map_or((0, 1), |place| (place.rank, place.ranks));
         let model = config.model();
         let files = DataFolder::open(data)?;
-        let shape = Shape { frames: model.frames, stride: config.data.stride };
-        let data = DataSet::open(&files.train, shape, config.data.memory << 20)?;
+        let frames = model.frames + config.pushforward.steps;
+        let shape = Shape { frames, stride: config.data.stride };
+        let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
+            .with_statics(&model.node_features)?;
         let frame_interval = data.frame_interval();
-
-        let mut statistics = Statistics::measure(&data, config.data.subtract_gravity)?;
-        if config.data.mirror {
-            statistics = statistics.mirrored();
-        }
-        let identity = Identity {
-            config: config.identity(),
-            files: data
-                .recordings()
-                .iter()
-                .map(|r| {
-                    let name = r.path().file_name().unwrap_or_default().to_string_lossy();
-                    (name.into_owned(), r.points() as u64, r.frames() as u64)
-                })
-                .collect(),
-            normalisation: statistics.normalisation(config.data.noise),
-        };
+        let identity = Identity::of(&config, &data, size)?;
 
         let mut engine = Engine::new(&model, config.seed, config.ema);
         let (mut log, mut best) = (Log::default(), None);
@@ -83,34 +90,51 @@ impl Sitting {
                 bail!("{}: the checkpoint is that of another network", path.display());
             }
         }
+        let step = engine.state().step;
+        let ranks: Box<dyn AllReduce> = match place {
+            Some(place) => Box::new(Tcp::join(place, &identity.fingerprint(step))?),
+            None => Box::new(Alone),
+        };
         let recipe = Recipe {
             seed: config.seed,
             batch: config.batch,
+            shard: Shard { rank, ranks: size },
+            frames: model.frames,
+            unroll: config.pushforward.steps,
+            unroll_from: config.pushforward.start,
             noise: config.data.noise,
             mirror: config.data.mirror,
             without_gravity: config.data.subtract_gravity,
             normalisation: identity.normalisation.clone(),
         };
-        eprintln!(
-            "{} parameters; {} windows of {} files to learn from, {} files to validate",
-            model.parameter_count(),
-            data.len(),
-            files.train.len(),
-            files.valid.len()
-        );
-        let bounds = data.bounds();
-        let (network, normalisation) = (model.clone(), identity.normalisation.clone());
-        let step = engine.state().step;
-        let batches = Prefetch::start(data, recipe, step, move |batch| {
-            prepare(&batch, &network, &normalisation, &bounds)
+        let normalisation = identity.normalisation.clone();
+        let preparation = Preparation { config: model, normalisation, bounds: data.bounds() };
+        if rank == 0 {
+            eprintln!(
+                "{} parameters; {} windows of {} files to learn from, {} files to validate",
+                preparation.config.parameter_count(),
+                data.len(),
+                files.train.len(),
+                files.valid.len()
+            );
+        }
+        let bar = if rank == 0 { progress::bar(config.steps, step) } else { ProgressBar::hidden() };
+        let (ahead, graphs) = (recipe.clone(), preparation.clone());
+        let batches = Prefetch::start(data, recipe.clone(), step, move |draft| {
+            if draft.unroll > 0 {
+                Work::Draft(draft)
+            } else {
+                Work::Graph(graphs.prepare(&ahead.batch(&draft)))
+            }
         });
-        let bar = progress::bar(config.steps, step);
         Ok(Self {
             config,
-            model,
             identity,
             frame_interval,
             engine,
+            ranks,
+            recipe,
+            preparation,
             batches,
             log,
             best,
@@ -130,13 +154,14 @@ impl Sitting {
         let began = (Instant::now(), self.engine.state().step);
         let mut saved = Instant::now();
         while self.engine.state().step < steps {
-            if interrupted.load(Ordering::Relaxed) {
+            // All processes stop after the same step.
+            let mut stop = [f32::from(u8::from(interrupted.load(Ordering::Relaxed)))];
+            self.ranks.sum(&mut stop)?;
+            if stop[0] > 0.0 {
                 self.save()?;
                 self.bar.finish_and_clear();
-                eprintln!(
-                    "interrupted at step {} of {steps}; --resume continues",
-                    self.engine.state().step
-                );
+                let step = self.engine.state().step;
+                eprintln!("interrupted at step {step} of {steps}; --resume continues");
                 return Ok(ExitCode::from(INTERRUPTED));
             }
             self.step()?;
@@ -147,6 +172,9 @@ impl Sitting {
         }
         self.save()?;
         self.bar.finish_and_clear();
+        if self.ranks.rank() > 0 {
+            return Ok(ExitCode::SUCCESS);
+        }
         let made = steps - began.1.min(steps);
         let seconds = began.0.elapsed().as_secs_f64();
         println!("{steps} steps, {made} of them now in {seconds:.1} s");
@@ -165,12 +193,17 @@ impl Sitting {
     }
 
     fn step(&mut self) -> miette::Result<()> {
-        let Some(batch) = self.batches.next()? else {
-            bail!("the thread that prepares the data has died");
+        let batch = match self.batches.next()? {
+            Some(Work::Graph(batch)) => batch,
+            Some(Work::Draft(draft)) => {
+                self.preparation.prepare(&self.recipe.batch(&self.push_forward(draft)))
+            }
+            None => bail!("the thread that prepares the data has died"),
         };
         let steps = self.config.steps;
-        let rate = self.config.schedule.at(self.engine.state().step, steps);
-        self.engine.step(batch, rate);
+        let ranks = self.ranks.as_mut();
+        let rate = self.config.schedule.at(self.engine.state().step, steps, ranks.ranks());
+        self.engine.step(batch, rate, ranks)?;
         let step = self.engine.state().step;
         self.bar.set_position(step);
         if step.is_multiple_of(self.config.log_every) || step == steps {
@@ -182,10 +215,21 @@ impl Sitting {
             });
         }
         let due = step.is_multiple_of(self.config.validation.every) || step == steps;
-        if due && !self.valid.is_empty() {
+        if due && !self.valid.is_empty() && self.ranks.rank() == 0 {
             self.validate()?;
         }
         Ok(())
+    }
+
+    fn push_forward(&self, draft: Draft) -> Draft {
+        let simulator = self.simulator(self.engine.network());
+        let mut network = simulator.inference();
+        let domain = self.preparation.bounds.map(|[_, length]| length);
+        draft.push_forward(|example| {
+            let (positions, statics) = (&example.window(), &example.statics);
+            let window = Window { positions, points: example.points, statics };
+            simulator.accelerations(&mut network, &window, domain, example.gravity)
+        })
     }
 
     fn read_losses(&mut self) -> miette::Result<()> {
@@ -203,7 +247,7 @@ impl Sitting {
 
     /// Rolls out all validation files and keeps the model if it is the best so far.
     fn validate(&mut self) -> miette::Result<()> {
-        let simulator = self.simulator();
+        let simulator = self.simulator(self.engine.model());
         let frames = Some(self.config.validation.frames).filter(|&frames| frames > 0);
         let mut sum = 0.0;
         for path in &self.valid {
@@ -218,10 +262,13 @@ impl Sitting {
         Ok(())
     }
 
-    /// The models first, then the checkpoint: what comes after it will be made again.
+    /// Rank 0 saves for all. The models first, then the checkpoint: what comes after it will be made again.
     fn save(&mut self) -> miette::Result<()> {
         self.read_losses()?;
-        self.simulator().save(&self.folder.join("last.safetensors"))?;
+        if self.ranks.rank() > 0 {
+            return Ok(());
+        }
+        self.simulator(self.engine.model()).save(&self.folder.join("last.safetensors"))?;
         self.log.write(&self.folder)?;
         let (identity, state) = (self.identity.clone(), self.engine.state().clone());
         let checkpoint = Checkpoint::new(identity, state, self.log.clone(), self.best);
@@ -229,16 +276,17 @@ impl Sitting {
         Ok(())
     }
 
-    fn simulator(&self) -> Simulator {
+    fn simulator(&self, model: Model<Cpu>) -> Simulator {
         Simulator {
-            model: self.engine.model(),
-            config: self.model.clone(),
+            model,
+            config: self.preparation.config.clone(),
             normalisation: self.identity.normalisation.clone(),
             training: Training {
                 frame_interval: self.frame_interval,
                 without_gravity: self.config.data.subtract_gravity,
                 steps: self.engine.state().step,
             },
+            mirror: false,
             device: device(),
         }
     }

@@ -1,0 +1,87 @@
+//! The examples of a step before they are a batch, and pushforward: windows that the model itself
+//! has moved on, so that it learns to go on from its own errors.
+
+use super::Example;
+
+/// Examples of one step, mirrored and noisy.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Draft {
+    pub examples: Vec<Example>,
+    /// Steps that the model has to make by itself before it learns.
+    pub unroll: usize,
+    /// Frames after each example's window, the first of them without noise.
+    pub(super) future: Vec<Vec<f64>>,
+}
+
+impl Draft {
+    /// Pushforward (Brandstetter, Worrall, Welling, ICLR 2022): moves every window `unroll` frames
+    /// on with the accelerations (m/frame²) that `predict` gives, through which no gradient goes.
+    /// As with noise, the velocity after the step to learn is the true one, so the acceleration to
+    /// learn undoes the error of the velocity.
+    pub fn push_forward(mut self, mut predict: impl FnMut(&Example) -> Vec<f64>) -> Self {
+        for (example, future) in self.examples.iter_mut().zip(&self.future) {
+            let values = example.values();
+            for _ in 0..self.unroll {
+                let acceleration = predict(example);
+                let velocity = example.velocity();
+                let last = example.positions.len() - values;
+                let moved: Vec<f64> = (0..values)
+                    .map(|i| example.positions[last + i] + velocity[i] + acceleration[i])
+                    .collect();
+                example.positions.drain(..values);
+                example.positions.extend(moved);
+            }
+            if self.unroll > 0 {
+                let after = &future[self.unroll * values..][..values];
+                let before = &future[(self.unroll - 1) * values..][..values];
+                let last = &example.positions[example.positions.len() - values..];
+                example.next = (0..values).map(|i| last[i] + (after[i] - before[i])).collect();
+            }
+        }
+        self.unroll = 0;
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A point that falls: x = 1, 1 - 1/2, 1 - 3/2, ...
+    fn draft(unroll: usize) -> Draft {
+        let fall = |k: i32| [0.25 * f64::from(k), 1.0 - 0.5 * f64::from(k * (k + 1) / 2)];
+        let mut example = Example {
+            points: 1,
+            positions: (0..5).flat_map(fall).collect(),
+            next: fall(5).to_vec(),
+            gravity: [0.0, -0.5],
+            statics: Vec::new(),
+        };
+        let future = example.shorten(2);
+        assert_eq!(example.next, fall(2));
+        Draft { examples: vec![example], unroll, future: vec![future] }
+    }
+
+    #[test]
+    fn a_perfect_model_is_where_the_truth_is() {
+        for unroll in 0..4 {
+            let pushed = draft(unroll).push_forward(|example| example.gravity.to_vec());
+            assert_eq!(pushed.unroll, 0);
+            let example = &pushed.examples[0];
+            assert_eq!(example.positions[2], 0.25 * (unroll + 1) as f64);
+            assert_eq!(example.acceleration(), [0.0, -0.5]);
+        }
+    }
+
+    #[test]
+    fn the_acceleration_to_learn_undoes_the_error_of_the_velocity() {
+        let mut calls = 0;
+        let pushed = draft(2).push_forward(|_| {
+            calls += 1;
+            vec![0.0; 2]
+        });
+        assert_eq!(calls, 2);
+        // Two steps without gravity, then three of gravity at once.
+        assert_eq!(pushed.examples[0].acceleration(), [0.0, -1.5]);
+    }
+}
