@@ -4,6 +4,7 @@ pub mod backend;
 pub mod chart;
 pub mod config;
 pub mod constraints;
+pub mod cuda;
 pub mod data;
 pub mod eval;
 pub mod features;
