@@ -50,9 +50,10 @@ __device__ void load_vector(float* to, const float* parameters, int offset, int 
         to[k] = offset >= 0 && k < count ? parameters[offset + k] : 0.f;
 }
 
-// Features, each as the sum of two bf16, in any precision: they carry positions.
+// Features, as sums of two f16 in any precision: they carry positions.
 __device__ void multiply_features(Tile& z, const Forward& a, const Place& at, const uint4* weights) {
     const uint4* mine = weights + threadIdx.x % 32;
+    scale_rows(z, WEIGHT_SCALE, WEIGHT_SCALE);
     for (int s = 0; s < a.feature_steps; s++) {
         u32 x[2][4];
 #pragma unroll
@@ -63,20 +64,21 @@ __device__ void multiply_features(Tile& z, const Forward& a, const Place& at, co
             float v0 = live && first < a.feature_count ? row[first] : 0.f;
             float v1 = live && first + 1 < a.feature_count ? row[first + 1] : 0.f;
             u32 part[2];
-            split(v0, v1, part);
+            split_f16(v0, v1, part);
             x[0][r] = part[0], x[1][r] = part[1];
         }
 #pragma unroll
         for (int j = 0; j < 8; j++) {
             uint4 w = mine[(s * 8 + j) * 32], v = mine[((a.feature_steps + s) * 8 + j) * 32];
-            multiply_add(z[2 * j], x[0], w.x, w.y);
-            multiply_add(z[2 * j + 1], x[0], w.z, w.w);
-            multiply_add(z[2 * j], x[1], w.x, w.y);
-            multiply_add(z[2 * j + 1], x[1], w.z, w.w);
-            multiply_add(z[2 * j], x[0], v.x, v.y);
-            multiply_add(z[2 * j + 1], x[0], v.z, v.w);
+            multiply_add_f16(z[2 * j], x[0], v.x, v.y);
+            multiply_add_f16(z[2 * j + 1], x[0], v.z, v.w);
+            multiply_add_f16(z[2 * j], x[1], w.x, w.y);
+            multiply_add_f16(z[2 * j + 1], x[1], w.z, w.w);
+            multiply_add_f16(z[2 * j], x[0], w.x, w.y);
+            multiply_add_f16(z[2 * j + 1], x[0], w.z, w.w);
         }
     }
+    scale_rows(z, 1.f / WEIGHT_SCALE, 1.f / WEIGHT_SCALE);
 }
 
 // z -> (z - mean) / sqrt(variance + 1e-5) over the `width` columns that are not padding.

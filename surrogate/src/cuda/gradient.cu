@@ -1,5 +1,7 @@
 // Gradients of weights, X^T dZ, and of biases, the column sums of dZ, of all linears at once. The
-// rows are shared out among blocks, whose sums `reduce.cu` adds up in a fixed order.
+// rows are shared out among blocks, whose sums `reduce_gradient` adds up in a fixed order. Numbers
+// are bf16 or, with their range of sizes, sums of two bf16: 16 bits of mantissa are enough here,
+// where errors do not pass through further layers.
 
 struct Product {
     const u32* count;
@@ -26,6 +28,14 @@ constexpr int STRIDE = 17;
 struct Rows64 {
     uint4 part[PARTS][ROWS][STRIDE];
 };
+
+// Two numbers as one or two pairs of bf16.
+__device__ __forceinline__ void split(float a, float b, u32 (&part)[PARTS]) {
+    part[0] = pack(a, b);
+#if PARTS == 2
+    part[1] = pack(a - low(part[0]), b - high(part[0]));
+#endif
+}
 
 // Splits eight numbers into shared memory.
 __device__ __forceinline__ void put8(Rows64& to, int row, int chunk, const float (&v)[8]) {

@@ -3,22 +3,23 @@
 use std::sync::Arc;
 
 use cudarc::driver::sys::CUfunction_attribute;
-use cudarc::driver::{CudaFunction, CudaModule, DeviceRepr, LaunchConfig, PushKernelArg};
+use cudarc::driver::{
+    CudaFunction, CudaModule, DeviceRepr, LaunchArgs, LaunchConfig, PushKernelArg,
+};
 use gpu::Device;
-use serde::{Deserialize, Serialize};
 
 use super::error::CudaError;
+use super::profile::Profile;
 
 /// Columns of a state.
 pub const WIDTH: usize = 128;
-/// A packed bf16 matrix of 128 x 128, in words of 16 bytes.
+/// A packed matrix of 128 x 128 two-byte numbers, in words of 16 bytes.
 pub const UNIT: usize = 2048;
 
 /// Precision of products; sums, LayerNorm and the optimiser are in float32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Precision {
-    /// States are stored in float32, and multiplied as sums of two bfloat16.
+    /// States are stored in float32, and multiplied as sums of two float16 or bfloat16.
     F32,
     /// States are stored and multiplied in bfloat16.
     #[default]
@@ -26,7 +27,7 @@ pub enum Precision {
 }
 
 impl Precision {
-    /// Matrices of bfloat16 whose sum is a matrix of numbers.
+    /// Matrices of two-byte numbers whose sum is a matrix of numbers.
     pub fn parts(self) -> usize {
         match self {
             Self::F32 => 2,
@@ -223,6 +224,8 @@ pub struct Kernels {
     pub precision: Precision,
     /// Multiprocessors of the GPU.
     pub processors: u32,
+    /// Times of launches, if they are wanted.
+    pub profile: Profile,
     shared: usize,
     pack: CudaFunction,
     forward: CudaFunction,
@@ -274,6 +277,7 @@ impl Kernels {
             processors: processors as u32,
             device: device.clone(),
             precision,
+            profile: Profile::default(),
             shared,
         })
     }
@@ -289,8 +293,24 @@ impl Kernels {
         launch.arg(&packs).arg(&parameters).arg(&packed);
         // SAFETY: the addresses are those of `count` packs, of the weights and of the room that
         // the packs were laid out for.
-        unsafe { launch.launch(config([count as u32, 1], 512, 0))? };
+        unsafe { self.launch("pack", launch, config([count as u32, 1], 512, 0))? };
         Ok(())
+    }
+
+    /// # Safety
+    /// As for [`LaunchArgs::launch`].
+    unsafe fn launch(
+        &self,
+        name: &'static str,
+        mut launch: LaunchArgs,
+        config: LaunchConfig,
+    ) -> Result<(), CudaError> {
+        let stream = self.device.stream();
+        self.profile.around(name, stream, || {
+            // SAFETY: the caller's.
+            unsafe { launch.launch(config)? };
+            Ok(())
+        })
     }
 
     /// Blocks of an MLP launch on at most `rows` rows.
@@ -309,6 +329,8 @@ impl Kernels {
 
     /// MLPs with the same sizes of weights on up to `rows` rows each.
     pub fn forward(&self, items: &[Forward], rows: usize) -> Result<(), CudaError> {
+        let edges = items.first().is_some_and(|item| item.count != 0);
+        let name = if edges { "forward, edges" } else { "forward, nodes" };
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
             let mut shared = 0;
@@ -321,13 +343,15 @@ impl Kernels {
             launch.arg(&batch);
             let grid = [self.blocks(rows), part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
-            unsafe { launch.launch(config(grid, self.precision.threads(), shared))? };
+            unsafe { self.launch(name, launch, config(grid, self.precision.threads(), shared))? };
         }
         Ok(())
     }
 
     /// As [`forward`](Self::forward).
     pub fn backward(&self, items: &[Backward], rows: usize) -> Result<(), CudaError> {
+        let edges = items.first().is_some_and(|item| item.count != 0);
+        let name = if edges { "backward, edges" } else { "backward, nodes" };
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();
             let mut shared = 0;
@@ -342,7 +366,7 @@ impl Kernels {
             launch.arg(&batch);
             let grid = [self.blocks(rows), part.len() as u32];
             // SAFETY: as above.
-            unsafe { launch.launch(config(grid, self.precision.threads(), shared))? };
+            unsafe { self.launch(name, launch, config(grid, self.precision.threads(), shared))? };
         }
         Ok(())
     }
@@ -358,7 +382,9 @@ impl Kernels {
         launch.arg(&products).arg(&parameters);
         let shared = product_shared(self.precision);
         // SAFETY: the addresses in the products are those of live buffers.
-        unsafe { launch.launch(config([blocks as u32, count as u32], 256, shared))? };
+        unsafe {
+            self.launch("products", launch, config([blocks as u32, count as u32], 256, shared))?
+        };
         Ok(())
     }
 
@@ -379,7 +405,9 @@ impl Kernels {
         launch.arg(&start).arg(&points).arg(&normal).arg(&parameters).arg(&norm).arg(&width);
         launch.arg(&sum);
         // SAFETY: live buffers for the graph's points and edges.
-        unsafe { launch.launch(config([(points as u32).div_ceil(4), 1], 128, 0))? };
+        unsafe {
+            self.launch("receive", launch, config([(points as u32).div_ceil(4), 1], 128, 0))?
+        };
         Ok(())
     }
 
@@ -397,7 +425,9 @@ impl Kernels {
         let points = points as i32;
         launch.arg(&start).arg(&reverse).arg(&points).arg(&edge).arg(&sent).arg(&received);
         // SAFETY: as above.
-        unsafe { launch.launch(config([(points as u32).div_ceil(4), 1], 128, 0))? };
+        unsafe {
+            self.launch("collect", launch, config([(points as u32).div_ceil(4), 1], 128, 0))?
+        };
         Ok(())
     }
 
@@ -414,7 +444,7 @@ impl Kernels {
         launch.arg(&edges).arg(&sender).arg(&receiver).arg(&other_start).arg(&other_sender);
         launch.arg(&same);
         // SAFETY: as above.
-        unsafe { launch.launch(config([4 * self.processors, 1], 256, 0))? };
+        unsafe { self.launch("same_edges", launch, config([4 * self.processors, 1], 256, 0))? };
         Ok(())
     }
 
@@ -426,9 +456,9 @@ impl Kernels {
     ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.reduce);
         launch.arg(&targets).arg(&gradient);
-        let grid = [(WIDTH * WIDTH / 64) as u32, count as u32];
+        let grid = [WIDTH as u32, count as u32];
         // SAFETY: the addresses in the targets are those of live buffers.
-        unsafe { launch.launch(config(grid, 512, 0))? };
+        unsafe { self.launch("reduce", launch, config(grid, 512, 0))? };
         Ok(())
     }
 
@@ -450,7 +480,7 @@ impl Kernels {
         launch.arg(&output).arg(&target).arg(&points).arg(&columns);
         launch.arg(&gradient).arg(&losses).arg(&counter).arg(&room);
         // SAFETY: live buffers of these sizes.
-        unsafe { launch.launch(config([1, 1], 1024, 0))? };
+        unsafe { self.launch("loss", launch, config([1, 1], 1024, 0))? };
         Ok(())
     }
 
@@ -464,7 +494,7 @@ impl Kernels {
         let number = count as i32;
         launch.arg(&number);
         // SAFETY: live buffers of this size.
-        unsafe { launch.launch(config([(count as u32).div_ceil(256), 1], 256, 0))? };
+        unsafe { self.launch("adam", launch, config([(count as u32).div_ceil(256), 1], 256, 0))? };
         Ok(())
     }
 }

@@ -12,11 +12,15 @@ mod kernels;
 mod layout;
 mod network;
 mod products;
+mod profile;
+mod rollout;
 mod room;
+mod trainer;
 mod upload;
 
 pub use buffers::{DeviceGraph, FrameInput};
 pub use error::CudaError;
 pub use kernels::{Precision, SOURCES, defines};
 pub use network::{Capacity, CudaNetwork};
-pub use upload::upload;
+pub use trainer::{CudaTrainer, LOSSES, Rates};
+pub use upload::{HostInput, upload};

@@ -130,6 +130,21 @@ impl CudaNetwork {
         Ok(())
     }
 
+    /// Times of what `work` launches: name of the kernel, launches, ms. Waits.
+    ///
+    /// # Errors
+    /// Those of `work`, or if a kernel failed.
+    pub fn profile(
+        &self,
+        work: impl FnOnce(&Self) -> Result<(), CudaError>,
+    ) -> Result<Vec<(&'static str, usize, f32)>, CudaError> {
+        self.kernels.profile.begin();
+        let done = work(self);
+        let times = self.kernels.profile.end();
+        done?;
+        times
+    }
+
     /// What there is room for.
     pub fn capacity(&self) -> Capacity {
         self.room.capacity

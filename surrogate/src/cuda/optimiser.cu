@@ -9,29 +9,23 @@ struct Target {
     int to;
 };
 
-constexpr int REDUCE_COLUMNS = 64, REDUCE_GROUPS = 8;
+constexpr int REDUCE_GROUPS = 4;
 
-// Block (x, y) adds up elements 64 x and following of target y: eight groups of threads an eighth
-// of the slices each.
+// Block (x, y) adds up row x of target y: four groups of 128 threads a quarter of the slices each.
 extern "C" __global__ void reduce_gradient(const Target* targets, float* gradient) {
     const Target a = targets[blockIdx.y];
-    const int column = threadIdx.x % REDUCE_COLUMNS, group = threadIdx.x / REDUCE_COLUMNS;
-    const int first = blockIdx.x * REDUCE_COLUMNS;
-    if (first >= a.rows * WIDTH) return;
-    const int place = first + column, row = place / WIDTH, c = place % WIDTH;
-    const bool real = row < a.rows && c < a.columns;
+    const int row = blockIdx.x, column = threadIdx.x % WIDTH, group = threadIdx.x / WIDTH;
+    if (row >= a.rows) return;
     float sum = 0.f;
-    if (real) {
-        const float* from = a.sums + a.first + place;
+    const float* from = a.sums + a.first + row * WIDTH + column;
 #pragma unroll 4
-        for (int k = group; k < a.count; k += REDUCE_GROUPS) sum += from[(size_t)k * a.size];
-    }
-    __shared__ float all[REDUCE_GROUPS][REDUCE_COLUMNS];
+    for (int k = group; k < a.count; k += REDUCE_GROUPS) sum += from[(size_t)k * a.size];
+    __shared__ float all[REDUCE_GROUPS][WIDTH];
     all[group][column] = sum;
     __syncthreads();
-    if (group != 0 || !real) return;
+    if (group != 0 || column >= a.columns) return;
     for (int k = 1; k < REDUCE_GROUPS; k++) sum += all[k][column];
-    gradient[a.to + row * a.columns + c] = sum;
+    gradient[a.to + row * a.columns + column] = sum;
 }
 
 constexpr int LOSS_THREADS = 1024;

@@ -6,8 +6,10 @@
 // tensor cores' matrix j (of 16) is column 32 (j / 4) + 8 t + 2 (j % 4) + i. Weights are packed
 // accordingly (weights.cu).
 //
-// PARTS = 1: operands are bf16, and so is what is stored. PARTS = 2: operands are the sum of two
-// bf16 (16 bits of mantissa), and float is stored. Sums are f32 in both.
+// PARTS = 1: operands are bf16, and so is what is stored. PARTS = 2: operands are sums of two f16
+// (22 bits of mantissa), of which all but the smallest products are taken, and float is stored. f16
+// has a small range: rows are divided by a power of two that is about their largest number, and
+// weights are packed 64 times too large. Sums are f32 in both.
 
 constexpr int WIDTH = 128;
 // u32 words of a packed bf16 matrix of 128 x 128, divided by 4.
@@ -26,16 +28,23 @@ typedef float Tile[16][4];
 
 struct Operand {
     u32 part[PARTS][8][4];
+#if PARTS == 2
+    // Of the two rows.
+    float scale[2];
+#endif
 };
+
+constexpr float WEIGHT_SCALE = 64.f;
 
 __device__ __forceinline__ float low(u32 both) { return __uint_as_float(both << 16); }
 __device__ __forceinline__ float high(u32 both) { return __uint_as_float(both & 0xffff0000u); }
 
-// Two numbers as one or two pairs of bf16.
-template <int N>
-__device__ __forceinline__ void split(float a, float b, u32 (&part)[N]) {
-    part[0] = pack(a, b);
-    if constexpr (N == 2) part[1] = pack(a - low(part[0]), b - high(part[0]));
+// Two numbers as the sum of two pairs of f16.
+__device__ __forceinline__ void split_f16(float a, float b, u32 (&part)[2]) {
+    float x, y;
+    part[0] = pack_f16(a, b);
+    unpack_f16(part[0], x, y);
+    part[1] = pack_f16(a - x, b - y);
 }
 
 // Eight consecutive numbers.
@@ -148,14 +157,36 @@ __device__ __forceinline__ u32& element(Operand& x, int part, int q, int r, int 
 __device__ __forceinline__ void to_operand(const float (&v)[8], Operand& x, int q, int half) {
 #pragma unroll
     for (int r = 0; r < 4; r++) {
-        u32 part[PARTS];
-        split(v[2 * r], v[2 * r + 1], part);
-#pragma unroll
-        for (int p = 0; p < PARTS; p++) element(x, p, q, r, half) = part[p];
+#if PARTS == 1
+        element(x, 0, q, r, half) = pack(v[2 * r], v[2 * r + 1]);
+#else
+        u32 part[2];
+        const float inverse = 1.f / x.scale[half];
+        split_f16(inverse * v[2 * r], inverse * v[2 * r + 1], part);
+        element(x, 0, q, r, half) = part[0], element(x, 1, q, r, half) = part[1];
+#endif
     }
 }
 
+// Power of two between half the largest number of a row and itself, given the largest of a lane.
+__device__ __forceinline__ float power_of_two(float largest) {
+    largest = fmaxf(largest, __shfl_xor_sync(ALL, largest, 1));
+    largest = fmaxf(largest, __shfl_xor_sync(ALL, largest, 2));
+    // In rows of next to nothing any will do.
+    return largest > 1e-30f ? __uint_as_float(__float_as_uint(largest) & 0x7f800000u) : 1.f;
+}
+
 __device__ __forceinline__ void to_operand(const Tile& z, Operand& x) {
+#if PARTS == 2
+#pragma unroll
+    for (int half = 0; half < 2; half++) {
+        float largest = 0.f;
+#pragma unroll
+        for (int j = 0; j < 16; j++)
+            largest = fmaxf(largest, fmaxf(fabsf(z[j][2 * half]), fabsf(z[j][2 * half + 1])));
+        x.scale[half] = power_of_two(largest);
+    }
+#endif
 #pragma unroll
     for (int q = 0; q < 4; q++)
 #pragma unroll
@@ -170,6 +201,9 @@ __device__ __forceinline__ void to_operand(const Tile& z, Operand& x) {
 // column is scaled and shifted.
 __device__ __forceinline__ void load_operand(
     Operand& x, const Stored* from, const u32 (&row)[2], const float* scale, int t) {
+#if PARTS == 2
+    Tile z;
+#endif
 #pragma unroll
     for (int half = 0; half < 2; half++)
 #pragma unroll
@@ -186,13 +220,27 @@ __device__ __forceinline__ void load_operand(
                     for (int k = 0; k < 8; k++) v[k] = s[k] * v[k] + b[k];
                 }
             }
+#if PARTS == 1
             to_operand(v, x, q, half);
+#else
+#pragma unroll
+            for (int k = 0; k < 8; k++) z[4 * q + k / 2][2 * half + k % 2] = v[k];
+#endif
         }
+#if PARTS == 2
+    to_operand(z, x);
+#endif
+}
+
+__device__ __forceinline__ void scale_rows(Tile& z, float first, float second) {
+#pragma unroll
+    for (int j = 0; j < 16; j++) z[j][0] *= first, z[j][1] *= first, z[j][2] *= second, z[j][3] *= second;
 }
 
 // z += x W with packed weights in shared memory.
 __device__ __forceinline__ void multiply(Tile& z, const Operand& x, const uint4* weights) {
     const uint4* mine = weights + threadIdx.x % 32;
+#if PARTS == 1
 #pragma unroll
     for (int k = 0; k < 8; k++)
 #pragma unroll
@@ -200,16 +248,23 @@ __device__ __forceinline__ void multiply(Tile& z, const Operand& x, const uint4*
             uint4 w = mine[(k * 8 + j) * 32];
             multiply_add(z[2 * j], x.part[0][k], w.x, w.y);
             multiply_add(z[2 * j + 1], x.part[0][k], w.z, w.w);
-            if constexpr (PARTS == 2) {
-                multiply_add(z[2 * j], x.part[1][k], w.x, w.y);
-                multiply_add(z[2 * j + 1], x.part[1][k], w.z, w.w);
-                w = mine[UNIT + (k * 8 + j) * 32];
-                multiply_add(z[2 * j], x.part[0][k], w.x, w.y);
-                multiply_add(z[2 * j + 1], x.part[0][k], w.z, w.w);
-                multiply_add(z[2 * j], x.part[1][k], w.x, w.y);
-                multiply_add(z[2 * j + 1], x.part[1][k], w.z, w.w);
-            }
         }
+#else
+    scale_rows(z, WEIGHT_SCALE / x.scale[0], WEIGHT_SCALE / x.scale[1]);
+#pragma unroll
+    for (int k = 0; k < 8; k++)
+#pragma unroll
+        for (int j = 0; j < 8; j++) {
+            uint4 w = mine[(k * 8 + j) * 32], v = mine[UNIT + (k * 8 + j) * 32];
+            multiply_add_f16(z[2 * j], x.part[0][k], v.x, v.y);
+            multiply_add_f16(z[2 * j + 1], x.part[0][k], v.z, v.w);
+            multiply_add_f16(z[2 * j], x.part[1][k], w.x, w.y);
+            multiply_add_f16(z[2 * j + 1], x.part[1][k], w.z, w.w);
+            multiply_add_f16(z[2 * j], x.part[0][k], w.x, w.y);
+            multiply_add_f16(z[2 * j + 1], x.part[0][k], w.z, w.w);
+        }
+    scale_rows(z, x.scale[0] / WEIGHT_SCALE, x.scale[1] / WEIGHT_SCALE);
+#endif
 }
 
 __device__ __forceinline__ float leaky(float x, float slope) { return x > 0.f ? x : slope * x; }

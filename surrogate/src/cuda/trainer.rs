@@ -182,6 +182,23 @@ impl CudaTrainer {
         Ok(self.device().stream().clone_dtoh(&self.products.gradient)?)
     }
 
+    /// Times of the kernels of a step without the optimiser: name, launches, ms. Waits.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn profile(
+        &mut self,
+        frames: &[FrameInput],
+        target: &CudaSlice<f32>,
+    ) -> Result<Vec<(&'static str, usize, f32)>, CudaError> {
+        let views = self.network.views(frames)?;
+        self.products.prepare(&self.network, &views)?;
+        self.network.profile(|network| {
+            network.pack()?;
+            self.queue_gradient(&views, network.address(target))
+        })
+    }
+
     /// The last `count` losses (at most [`LOSSES`]), the oldest first. Waits.
     ///
     /// # Errors

@@ -1,4 +1,5 @@
-// Weights as the tensor cores want them: bf16 in the order in which lanes read them.
+// Weights as the tensor cores want them: bf16, or sums of two f16 (tile.cuh), in the order in which
+// lanes read them.
 
 struct Pack {
     // Offset in the list of all weights of element (0, 0) of a row-major matrix, and its columns.
@@ -10,7 +11,7 @@ struct Pack {
     // Steps of 16 rows; 8 for a matrix of 128 x 128, fewer for features, whose rows are in their
     // natural order.
     int steps, features;
-    // Matrices of bf16 whose sum is the weight.
+    // 1: bf16; 2: two f16 whose sum is the weight times WEIGHT_SCALE.
     int parts;
     // Place among the packed weights, in words of 16 bytes.
     int to;
@@ -35,7 +36,8 @@ __device__ void registers(const float* all, const Pack& p, int part, int k, int 
             v[i] = element_of(all, p, row, column);
         }
         u32 both[2];
-        split(v[0], v[1], both);
+        if (p.parts == 1) both[0] = pack(v[0], v[1]);
+        else split_f16(WEIGHT_SCALE * v[0], WEIGHT_SCALE * v[1], both);
         b[half] = both[part];
     }
 }

@@ -3,9 +3,11 @@
 mod adam;
 mod checkpoint;
 mod config;
+mod cuda;
 mod engine;
 mod log;
 mod parameters;
+mod place;
 mod progress;
 mod schedule;
 mod sitting;
@@ -20,8 +22,10 @@ use miette::{Context, IntoDiagnostic, bail};
 
 pub use self::config::{ConfigError, TrainConfig};
 pub use self::parameters::{gradients, weights, with_weights};
+pub use self::place::Place;
 pub use self::schedule::{Decay, Schedule};
 use self::sitting::Sitting;
+use crate::cuda::Precision;
 
 /// Arguments of `surrogate train`.
 #[derive(clap::Args)]
@@ -43,6 +47,12 @@ pub struct TrainArgs {
     /// Seconds between checkpoints, at least
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
     checkpoint_interval: f64,
+    /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
+    #[arg(long, default_value = "auto")]
+    device: Place,
+    /// Precision of products on a GPU; sums and weights are f32 in both
+    #[arg(long, value_enum, default_value_t)]
+    precision: Precision,
 }
 
 /// Trains a network.
@@ -66,6 +76,6 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
-    let mut sitting = Sitting::start(config, &args.data, &args.output, args.resume)?;
+    let mut sitting = Sitting::start(args, config)?;
     sitting.advance(&interrupted, interval)
 }

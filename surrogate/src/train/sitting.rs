@@ -10,9 +10,9 @@ use miette::bail;
 
 use super::checkpoint::{Checkpoint, Identity};
 use super::config::TrainConfig;
-use super::engine::{Engine, Prepared, prepare};
 use super::log::Log;
-use super::progress;
+use super::place::{Engine, EngineBatch};
+use super::{TrainArgs, progress};
 use crate::backend::device;
 use crate::config::ModelConfig;
 use crate::data::{DataFolder, DataSet, Prefetch, Recipe, Shape, Statistics};
@@ -34,7 +34,7 @@ pub struct Sitting {
     identity: Identity,
     frame_interval: f64,
     engine: Engine,
-    batches: Prefetch<Prepared>,
+    batches: Prefetch<EngineBatch>,
     log: Log,
     best: Option<f64>,
     valid: Vec<PathBuf>,
@@ -44,12 +44,8 @@ pub struct Sitting {
 
 impl Sitting {
     /// Opens the data and prepares everything.
-    pub fn start(
-        config: TrainConfig,
-        data: &Path,
-        folder: &Path,
-        resume: bool,
-    ) -> miette::Result<Self> {
+    pub fn start(args: &TrainArgs, config: TrainConfig) -> miette::Result<Self> {
+        let (data, folder) = (&args.data, &args.output);
         let model = config.model();
         let files = DataFolder::open(data)?;
         let shape = Shape { frames: model.frames, stride: config.data.stride };
@@ -73,13 +69,13 @@ impl Sitting {
             normalisation: statistics.normalisation(config.data.noise),
         };
 
-        let mut engine = Engine::new(&model, config.seed, config.ema);
+        let mut engine = Engine::new(args.device, args.precision, &model, config.seed, config.ema)?;
         let (mut log, mut best) = (Log::default(), None);
-        if resume {
+        if args.resume {
             let path = checkpoint_in(folder);
             let checkpoint = Checkpoint::read(&path, &identity)?;
             (log, best) = (checkpoint.log, checkpoint.best);
-            if !engine.resume(checkpoint.state) {
+            if !engine.resume(checkpoint.state)? {
                 bail!("{}: the checkpoint is that of another network", path.display());
             }
         }
@@ -99,11 +95,10 @@ impl Sitting {
             files.valid.len()
         );
         let bounds = data.bounds();
-        let (network, normalisation) = (model.clone(), identity.normalisation.clone());
-        let step = engine.state().step;
-        let batches = Prefetch::start(data, recipe, step, move |batch| {
-            prepare(&batch, &network, &normalisation, &bounds)
-        });
+        let prepare =
+            engine.preparation(model.clone(), identity.normalisation.clone(), bounds.to_vec());
+        let step = engine.step_number();
+        let batches = Prefetch::start(data, recipe, step, prepare);
         let bar = progress::bar(config.steps, step);
         Ok(Self {
             config,
@@ -127,15 +122,15 @@ impl Sitting {
         interval: Duration,
     ) -> miette::Result<ExitCode> {
         let steps = self.config.steps;
-        let began = (Instant::now(), self.engine.state().step);
+        let began = (Instant::now(), self.engine.step_number());
         let mut saved = Instant::now();
-        while self.engine.state().step < steps {
+        while self.engine.step_number() < steps {
             if interrupted.load(Ordering::Relaxed) {
                 self.save()?;
                 self.bar.finish_and_clear();
                 eprintln!(
                     "interrupted at step {} of {steps}; --resume continues",
-                    self.engine.state().step
+                    self.engine.step_number()
                 );
                 return Ok(ExitCode::from(INTERRUPTED));
             }
@@ -169,9 +164,9 @@ impl Sitting {
             bail!("the thread that prepares the data has died");
         };
         let steps = self.config.steps;
-        let rate = self.config.schedule.at(self.engine.state().step, steps);
-        self.engine.step(batch, rate);
-        let step = self.engine.state().step;
+        let rate = self.config.schedule.at(self.engine.step_number(), steps);
+        self.engine.step(batch, rate)?;
+        let step = self.engine.step_number();
         self.bar.set_position(step);
         if step.is_multiple_of(self.config.log_every) || step == steps {
             self.read_losses()?;
@@ -189,9 +184,9 @@ impl Sitting {
     }
 
     fn read_losses(&mut self) -> miette::Result<()> {
-        let losses = self.engine.take_losses();
+        let losses = self.engine.take_losses()?;
         if let Some(place) = losses.iter().position(|loss| !loss.is_finite()) {
-            let step = self.engine.state().step - (losses.len() - place) as u64 + 1;
+            let step = self.engine.step_number() - (losses.len() - place) as u64 + 1;
             bail!(
                 help = "a lower schedule.rate or a schedule.warm_up may help",
                 "the loss of step {step} is not finite; the last checkpoint is from before"
@@ -203,14 +198,14 @@ impl Sitting {
 
     /// Rolls out all validation files and keeps the model if it is the best so far.
     fn validate(&mut self) -> miette::Result<()> {
-        let simulator = self.simulator();
+        let simulator = self.simulator()?;
         let frames = Some(self.config.validation.frames).filter(|&frames| frames > 0);
         let mut sum = 0.0;
         for path in &self.valid {
             sum += errors(&simulator, path, frames)?.mean();
         }
         let mse = sum / self.valid.len() as f64;
-        self.log.validation(self.engine.state().step, mse);
+        self.log.validation(self.engine.step_number(), mse);
         if mse < self.best.unwrap_or(f64::INFINITY) {
             self.best = Some(mse);
             simulator.save(&self.folder.join("best.safetensors"))?;
@@ -221,25 +216,25 @@ impl Sitting {
     /// The models first, then the checkpoint: what comes after it will be made again.
     fn save(&mut self) -> miette::Result<()> {
         self.read_losses()?;
-        self.simulator().save(&self.folder.join("last.safetensors"))?;
+        self.simulator()?.save(&self.folder.join("last.safetensors"))?;
         self.log.write(&self.folder)?;
-        let (identity, state) = (self.identity.clone(), self.engine.state().clone());
+        let (identity, state) = (self.identity.clone(), self.engine.state()?);
         let checkpoint = Checkpoint::new(identity, state, self.log.clone(), self.best);
         checkpoint.write(&checkpoint_in(&self.folder))?;
         Ok(())
     }
 
-    fn simulator(&self) -> Simulator {
-        Simulator {
-            model: self.engine.model(),
+    fn simulator(&self) -> miette::Result<Simulator> {
+        Ok(Simulator {
+            model: self.engine.model()?,
             config: self.model.clone(),
             normalisation: self.identity.normalisation.clone(),
             training: Training {
                 frame_interval: self.frame_interval,
                 without_gravity: self.config.data.subtract_gravity,
-                steps: self.engine.state().step,
+                steps: self.engine.step_number(),
             },
             device: device(),
-        }
+        })
     }
 }
