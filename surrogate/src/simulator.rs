@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use dempm::trajectory::{WriteError, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::backend::{Cpu, Device, device};
 use crate::config::ModelConfig;
+use crate::cuda::{self, CudaError};
 use crate::features::{Normalisation, Window, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
@@ -33,6 +35,8 @@ pub struct Simulator {
     /// Averages with the mirrored prediction of the mirrored window.
     pub mirror: bool,
     pub device: Device,
+    /// The GPU that rollouts are made on; without one it is the processor.
+    pub gpu: Option<Arc<gpu::Device>>,
 }
 
 /// A file of weights that cannot be used.
@@ -62,7 +66,7 @@ impl Simulator {
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
-        Ok(Self { model, config, normalisation, training, mirror: false, device })
+        Ok(Self { model, config, normalisation, training, mirror: false, device, gpu: None })
     }
 
     /// Writes the weights and everything else, whole or not at all.
@@ -76,6 +80,26 @@ impl Simulator {
             let extra = BTreeMap::from([(KEY.to_owned(), training)]);
             Ok(weights::save(temporary, &self.model, &self.config, &self.normalisation, extra)?)
         })
+    }
+
+    /// Chooses where rollouts are made. Those that no GPU can make stay on the processor, unless a
+    /// GPU is asked for.
+    ///
+    /// # Errors
+    /// If the GPU that is asked for cannot be used, or not for this network.
+    pub fn place(&mut self, choice: dempm::device::Device) -> Result<(), CudaError> {
+        use dempm::device::Device;
+        let mirror = CudaError::Unsupported { key: "mirror", value: 1, most: 0 };
+        let fits = if self.mirror { Err(mirror) } else { cuda::supports(&self.config) };
+        self.gpu = match (choice, fits) {
+            (Device::Auto, Err(reason)) => {
+                eprintln!("running on the CPU: {reason}");
+                None
+            }
+            (Device::Cuda(_), Err(reason)) => return Err(reason),
+            _ => choice.open()?,
+        };
+        Ok(())
     }
 
     /// The network for the processor, apart from the simulator as it remembers frames.

@@ -11,7 +11,8 @@ use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::graph::GraphBuilder;
 use super::launch::{address, each};
-use crate::config::{ModelConfig, ModelKind};
+use super::predict::supports;
+use crate::config::ModelConfig;
 use crate::features::Normalisation;
 
 /// The source of the kernels.
@@ -58,13 +59,7 @@ impl FrameBuilder {
         bounds: &[[f64; 2]],
         windows: &[usize],
     ) -> Result<Self, CudaError> {
-        let layers = if config.kind == ModelKind::Gns { config.gns_layers } else { 0 };
-        for (key, value) in [("node_features", config.node_features.len()), ("gns_layers", layers)]
-        {
-            if value > 0 {
-                return Err(CudaError::Unsupported { key, value, most: 0 });
-            }
-        }
+        supports(config)?;
         let d = config.dimensions;
         let radius = config.connection_radius as f32;
         let mut scales = Scales { radius, ..Scales::default() };

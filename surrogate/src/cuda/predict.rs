@@ -11,7 +11,9 @@ use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::features::FrameBuilder;
 use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
-use crate::config::ModelConfig;
+use super::kernels::WIDTH;
+use super::network::{Capacity, CudaNetwork};
+use crate::config::{ModelConfig, ModelKind};
 use crate::features::Normalisation;
 use crate::rollout::RolloutError;
 
@@ -44,6 +46,43 @@ pub trait Network {
 
     /// What is queued is the same again after so many calls, for the same frames in the same places.
     fn period(&self) -> usize;
+}
+
+impl Network for CudaNetwork {
+    fn make_room(&mut self, points: usize, edges: usize) -> Result<(), CudaError> {
+        self.grow(Capacity { points, edges })
+    }
+
+    fn accelerations(
+        &mut self,
+        frames: &[&FrameInput],
+        moved: bool,
+    ) -> Result<&CudaSlice<f32>, CudaError> {
+        self.advance(frames, moved)
+    }
+
+    /// The encodings of all frames but the first take turns.
+    fn period(&self) -> usize {
+        self.config.frames - 1
+    }
+}
+
+/// Whether networks like this can be rolled out on a GPU.
+///
+/// # Errors
+/// If not: why.
+pub fn supports(config: &ModelConfig) -> Result<(), CudaError> {
+    let layers = if config.kind == ModelKind::Gns { config.gns_layers } else { 0 };
+    for (key, value, most) in [
+        ("width", config.width, WIDTH),
+        ("node_features", config.node_features.len(), 0),
+        ("gns_layers", layers, 0),
+    ] {
+        if value > most {
+            return Err(CudaError::Unsupported { key, value, most });
+        }
+    }
+    Ok(())
 }
 
 /// A rollout on the device.
