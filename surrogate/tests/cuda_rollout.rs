@@ -15,14 +15,17 @@ use rstest::rstest;
 use surrogate::config::ModelConfig;
 use surrogate::constraints::Constraints;
 use surrogate::cuda::{
-    Augmentation, BLOCK, BatchBuilder, CudaError, CudaRollout, FEATURES_SOURCE, FrameBuilder,
-    FrameInput, Frames, GRAPH_SOURCE, GraphBuilder, INTEGRATE_SOURCE, Member, Motion, NOISE_SOURCE,
-    Network, features_defines, graph_defines, make_windows_on_cpu,
+    Augmentation, BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout,
+    FEATURES_SOURCE, FrameBuilder, FrameInput, Frames, GRAPH_SOURCE, GraphBuilder,
+    INTEGRATE_SOURCE, Member, Motion, NOISE_SOURCE, Network, Precision, features_defines,
+    graph_defines, make_windows_on_cpu,
 };
 use surrogate::data::Example;
 use surrogate::features::{Normalisation, Window, window_input};
 use surrogate::graph::{RadiusGraph, radius_graph};
+use surrogate::model::Model;
 use surrogate::rollout::RolloutError;
+use surrogate::train::weights;
 
 const RADIUS: f32 = 0.25;
 
@@ -446,11 +449,24 @@ fn start(points: usize, frames: usize, spread: f64) -> Vec<Vec<[f64; 2]>> {
 /// One frame of the rollout as `Rollout::advance` makes it, with the stand-in.
 fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) -> Vec<[f64; 2]> {
     let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
+    let positions = &single(window);
+    let windows = [Window { positions, points: window[0].len(), statics: &[] }];
+    integrate(window, motion, frame, &stand_in(&windows, &config, scale))
+}
+
+fn single(window: &[Vec<[f64; 2]>]) -> Vec<f32> {
+    window.iter().flatten().flatten().map(|&x| x as f32).collect()
+}
+
+/// The frame that follows from a network's output.
+fn integrate(
+    window: &[Vec<[f64; 2]>],
+    motion: &Motion,
+    frame: usize,
+    output: &[f32],
+) -> Vec<[f64; 2]> {
     let norm = normalisation(2);
-    let flat: Vec<f32> = window.iter().flatten().flatten().map(|&x| x as f32).collect();
     let (before, last) = (&window[window.len() - 2], &window[window.len() - 1]);
-    let output =
-        stand_in(&[Window { positions: &flat, points: last.len(), statics: &[] }], &config, scale);
     let time = |frame: usize| motion.start + frame as f64 * motion.interval;
     let times = [time(frame - 1), time(frame)];
     (0..last.len())
@@ -465,6 +481,50 @@ fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) 
             motion.constraints.confine(last[point], free, times)
         })
         .collect()
+}
+
+/// Networks with their encodings kept from frame to frame: each frame is what the plain network
+/// makes of those before it.
+#[rstest]
+fn networks_roll_out(
+    #[values("baseline", "frame4-msg0-hidden1", "frame4-msg1-hidden1-edgemsg")] name: &str,
+    #[values(Precision::F32, Precision::Bf16)] precision: Precision,
+) {
+    let Some(device) = gpu::for_tests() else { return };
+    let config = ModelConfig::named(name).unwrap();
+    // Walls only: a rough box holds a point that touches it, and rounding decides which does.
+    let scene = Scene { obstacles: Vec::new(), plate: None, ..scene() };
+    let motion = Motion { constraints: Constraints::new(&scene), ..motion() };
+    let norm = normalisation(2);
+    let model = Model::<Flex>::new(&config, 5, &Default::default());
+    let mut window = start(300, config.frames, 0.7);
+    let room = Capacity { points: 1, edges: 1 };
+    let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();
+    network.set_weights(&weights(&model)).unwrap();
+    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, &window, network).unwrap();
+    // Outputs are about 1, in units of the accelerations' scale.
+    let tolerance = 2e-3 * if precision == Precision::F32 { 1e-4 } else { 0.2 };
+    let bounds = [[0.0, 4.0], [0.0, 2.0]];
+    let mut frame = window.len();
+    // More frames than it takes until everything comes from CUDA graphs: 30 and one.
+    for _ in 0..6 {
+        let (frames, failure) = rollout.block().unwrap();
+        assert_eq!(failure, None);
+        for found in frames {
+            let positions = &single(&window);
+            let windows = [Window { positions, points: window[0].len(), statics: &[] }];
+            let input =
+                window_input::<Flex>(&windows, &config, &norm, &bounds, &Default::default());
+            let output = rows(&model.forward(&input));
+            let expected = integrate(&window, &motion, frame, &output);
+            let pairs = found.as_flattened().iter().zip(expected.as_flattened());
+            let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(most <= tolerance, "frame {frame}: {most:e} m");
+            window.remove(0);
+            window.push(found);
+            frame += 1;
+        }
+    }
 }
 
 /// Several blocks, most of them CUDA graphs: to the bit what the CPU makes of them. The points start
