@@ -1,4 +1,5 @@
-//! Times of what a frame of a rollout takes on the GPU besides the network.
+//! Times of a frame of a rollout on the GPU: its parts besides the network, all of these, and the
+//! whole frame with the Baseline network in two precisions.
 //!
 //! `cargo run --release -p surrogate --example gpu_frames`
 
@@ -9,20 +10,25 @@ use cudarc::driver::CudaSlice;
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use dempm::scene::Scene;
 use gpu::Device;
+use surrogate::backend::{Cpu, device as cpu};
 use surrogate::config::ModelConfig;
 use surrogate::constraints::Constraints;
 use surrogate::cuda::{
-    Augmentation, BLOCK, BatchBuilder, CudaError, CudaRollout, FrameBuilder, FrameInput,
-    Integrator, Member, Motion, Network,
+    Augmentation, BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder,
+    FrameInput, Integrator, Member, Motion, Network, Precision,
 };
 use surrogate::data::Example;
 use surrogate::features::Normalisation;
+use surrogate::model::Model;
+use surrogate::train::weights;
 
 type Failure = Box<dyn std::error::Error>;
 
 /// Launches of a part in one CUDA graph, and launches of the graph.
 const REPEATS: usize = 20;
 const LAUNCHES: usize = 20;
+/// Blocks of a rollout, or batches, that are timed.
+const BLOCKS: usize = 20;
 
 /// Nothing accelerates.
 struct Rest(CudaSlice<f32>);
@@ -70,8 +76,17 @@ fn main() -> Result<(), Failure> {
     let device = Device::new(0)?;
     println!("{}; microseconds", device.name());
     println!(
-        "{:>7} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9} {:>12}",
-        "points", "edges", "graph", "features", "integrate", "frame", "batch 2", "graph on CPU"
+        "{:>7} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9} {:>9} {:>9} {:>12}",
+        "points",
+        "edges",
+        "graph",
+        "features",
+        "integrate",
+        "no network",
+        "f32",
+        "bf16",
+        "batch 2",
+        "graph on CPU"
     );
     for points in [1000, 2304, 5120, 10_000, 30_000, 100_000] {
         measure(&device, points)?;
@@ -117,17 +132,17 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let mut moved = device.zeros(2 * points)?;
     let integrate = time(device, || integrator.step(&output, &mut moved))?;
 
-    let network = Rest(device.zeros(2 * points)?);
-    let mut rollout = CudaRollout::new(device, &config, &norm, &motion, &window, network)?;
-    for _ in 0..3 {
-        rollout.block()?;
+    let still = &Normalisation { acceleration_std: vec![1e-15; 2], ..norm.clone() };
+    let start = || (config.clone(), still, &motion, &window[..]);
+    let frame = rollout(device, start(), Rest(device.zeros(2 * points)?))?;
+    let weights = weights(&Model::<Cpu>::new(&config, 1, &cpu()));
+    let mut whole = Vec::new();
+    for precision in [Precision::F32, Precision::Bf16] {
+        let room = Capacity { points, edges: 1 };
+        let mut network = CudaNetwork::new(device, &config, precision, room, false)?;
+        network.set_weights(&weights)?;
+        whole.push(rollout(device, start(), network)?);
     }
-    let blocks = 20;
-    let began = Instant::now();
-    for _ in 0..blocks {
-        rollout.block()?;
-    }
-    let frame = began.elapsed().as_secs_f64() * 1e6 / (blocks * BLOCK) as f64;
 
     let augmentation =
         Augmentation { seed: 1, noise: 3e-4, without_gravity: false, width: bounds[0][1] };
@@ -146,17 +161,33 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let members = [member(0), member(1)];
     batches.make(&members)?;
     let began = Instant::now();
-    for _ in 0..blocks {
+    for _ in 0..BLOCKS {
         batches.make(&members)?;
     }
-    let batch = began.elapsed().as_secs_f64() * 1e6 / f64::from(blocks as u32);
+    let batch = began.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64;
 
     let began = Instant::now();
     surrogate::graph::radius_graph(&single, 2, config.connection_radius as f32);
     let cpu = began.elapsed().as_secs_f64() * 1e6;
     println!(
         "{points:>7} {edges:>9} {graph:>8.1} {features:>9.1} {integrate:>9.1} {frame:>10.1} \
-         {batch:>9.0} {cpu:>12.0}"
+         {:>9.0} {:>9.0} {batch:>9.0} {cpu:>12.0}",
+        whole[0], whole[1]
     );
     Ok(())
+}
+
+/// Microseconds of a frame of a rollout, copies to the host included.
+fn rollout<N: Network>(
+    device: &Arc<Device>,
+    (config, norm, motion, window): (ModelConfig, &Normalisation, &Motion, &[Vec<[f64; 2]>]),
+    network: N,
+) -> Result<f64, Failure> {
+    let mut rollout = CudaRollout::new(device, &config, norm, motion, window, network)?;
+    // All of its CUDA graphs are made in the first blocks.
+    let warm_up = config.frames * (config.frames - 1) / BLOCK + 2;
+    (0..warm_up).try_for_each(|_| rollout.block().map(|_| ()))?;
+    let began = Instant::now();
+    (0..BLOCKS).try_for_each(|_| rollout.block().map(|_| ()))?;
+    Ok(began.elapsed().as_secs_f64() * 1e6 / (BLOCKS * BLOCK) as f64)
 }
