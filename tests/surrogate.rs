@@ -172,6 +172,22 @@ fn trajectories_become_a_model_that_continues_them() {
     assert!(here.join("eval/errors.svg").exists());
 }
 
+/// The model that comes with the program lets a column collapse.
+#[test]
+fn the_model_of_the_repository_follows_a_collapse() {
+    let directory = TempDir::new().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let output = directory.path().join("out.h5");
+    let mut command = surrogate(directory.path());
+    command.arg("rollout").arg(root.join("models/tgnns-tiny.safetensors"));
+    command.arg("--scene").arg(root.join("scenes/column-mu-i.toml"));
+    succeeds(command.arg("-o").arg(&output).args(["--frames", "81"]));
+    let budget = |frame| Trajectory::open(&output).unwrap().frame(frame).unwrap().budget;
+    let (first, last) = (budget(0), budget(80));
+    assert!(last["front"] > 1.5 * first["front"] && last["front"] < 3.5, "{last:?}");
+    assert!(last["max_height"] < 0.95 * first["max_height"], "{last:?}");
+}
+
 /// Killed without warning, or with Ctrl-C, a resumed training ends with the weights, the log and
 /// the best model of one that was never interrupted.
 #[test]
@@ -263,7 +279,7 @@ fn two_processes_train_like_one() {
 
     // Processes that do not belong together say so.
     std::fs::write(&half, whole_text.replace("batch = 4", "batch = 3")).unwrap();
-    let mut second = rank("1", &half).spawn().unwrap();
+    let mut second = rank("1", &half).arg("--overwrite").spawn().unwrap();
     let error = fails(rank("0", &whole).arg("--overwrite"));
     assert!(error.contains("rank 1 and rank 0 do not train the same"), "{error}");
     assert!(!second.wait().unwrap().success());

@@ -92,13 +92,16 @@ fn accept(place: &Place, fingerprint: &Fingerprint) -> Result<Vec<TcpStream>, Ra
     while peers.iter().any(Option::is_none) {
         let mut stream = match listener.accept() {
             Ok((stream, _)) => stream,
-            Err(error)
-                if error.kind() == io::ErrorKind::WouldBlock && began.elapsed() < PATIENCE =>
-            {
+            Err(error) if error.kind() != io::ErrorKind::WouldBlock => return Err(failed(error)),
+            Err(_) if began.elapsed() < PATIENCE => {
                 sleep(PAUSE);
                 continue;
             }
-            Err(error) => return Err(failed(error)),
+            Err(_) => {
+                let missing = peers.iter().position(Option::is_none).map_or(0, |peer| peer + 1);
+                let text = format!("rank {missing} did not come within {PATIENCE:?}");
+                return Err(failed(io::Error::new(io::ErrorKind::TimedOut, text)));
+            }
         };
         stream.set_nonblocking(false).map_err(failed)?;
         stream.set_nodelay(true).map_err(failed)?;
