@@ -48,7 +48,7 @@ impl MessageLayer {
 
     /// Node states (nodes x width) and edge states (edges x width) -> new node states, and the
     /// messages in place of the edge states if they are wanted.
-    pub fn forward(&self, nodes: &[f32], states: EdgeStates, edges: &Edges) -> Vec<f32> {
+    pub fn forward(&self, nodes: &[f32], mut states: EdgeStates, edges: &Edges) -> Vec<f32> {
         let width = self.message.width();
         let number = nodes.len() / width;
         // Its first linear acts on [h_w, h_v, h_e] as W_w h_w + W_v h_v + W_e h_e.
@@ -65,7 +65,6 @@ impl MessageLayer {
         let parts = edges.parts();
         let mut received = vec![0.0; number * width];
         let mut rest = &mut received[..];
-        let mut states = states;
         let work: Vec<_> = parts
             .into_iter()
             .map(|receivers| {
