@@ -14,10 +14,9 @@ use surrogate::backend::{Cpu, device as cpu};
 use surrogate::config::ModelConfig;
 use surrogate::constraints::Constraints;
 use surrogate::cuda::{
-    Augmentation, BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder,
-    FrameInput, Integrator, Member, Motion, Network, Precision,
+    BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
+    HostWindows, Integrator, Motion, Network, Precision,
 };
-use surrogate::data::Example;
 use surrogate::features::Normalisation;
 use surrogate::model::Model;
 use surrogate::train::weights;
@@ -144,21 +143,9 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         whole.push(rollout(device, start(), network)?);
     }
 
-    let augmentation =
-        Augmentation { seed: 1, noise: 3e-4, without_gravity: false, width: bounds[0][1] };
-    let mut batches = BatchBuilder::new(device, &config, &norm, &bounds, augmentation)?;
-    let member = |place| Member {
-        example: Example {
-            points,
-            positions: window.iter().flatten().flatten().copied().collect(),
-            next: positions.iter().flatten().copied().collect(),
-            gravity: [0.0; 2],
-            statics: Vec::new(),
-        },
-        place,
-        mirror: false,
-    };
-    let members = [member(0), member(1)];
+    let mut batches = BatchBuilder::new(device, &config, &norm, &bounds);
+    let twice = vec![single.repeat(config.frames); 2];
+    let members = HostWindows::new(&twice, vec![points; 2], single.repeat(2));
     batches.make(&members)?;
     let began = Instant::now();
     for _ in 0..BLOCKS {

@@ -1,15 +1,13 @@
-//! Training batches made on the device: examples -> noisy windows, targets -> graphs, features.
+//! Training batches on the device: positions -> graphs, features.
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaSlice, PushKernelArg};
+use cudarc::driver::CudaSlice;
 use gpu::Device;
 
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::features::{FrameBuilder, features_defines};
-use super::launch::each;
-use super::noise::{Augmentation, HostBatch, Member, MemberRecord, NOISE_SOURCE, Walk};
+use super::features::FrameBuilder;
 use crate::config::ModelConfig;
 use crate::features::Normalisation;
 
@@ -19,11 +17,9 @@ const EDGES_PER_POINT: usize = 48;
 /// Makes batches for a TGNNS, one in the place of the other.
 pub struct BatchBuilder {
     device: Arc<Device>,
-    kernel: CudaFunction,
     config: ModelConfig,
     norm: Normalisation,
     bounds: Vec<[f64; 2]>,
-    augmentation: Augmentation,
     /// Points of each window of the batch.
     windows: Vec<usize>,
     room: Option<Room>,
@@ -32,9 +28,7 @@ pub struct BatchBuilder {
 /// A batch and what it is made with.
 struct Room {
     builder: FrameBuilder,
-    window: CudaSlice<u32>,
-    members: CudaSlice<MemberRecord>,
-    truth: CudaSlice<f64>,
+    /// frames x points x dimensions.
     positions: CudaSlice<f32>,
     batch: DeviceBatch,
 }
@@ -47,59 +41,68 @@ pub struct DeviceBatch {
     pub targets: CudaSlice<f32>,
 }
 
+/// Windows side by side.
+#[derive(Clone, Debug)]
+pub struct HostWindows {
+    /// Points of each window.
+    pub points: Vec<usize>,
+    /// Positions (m) of the points of all windows, frame after frame, the oldest first.
+    pub positions: Vec<f32>,
+    /// Normalised accelerations of the points of all windows.
+    pub targets: Vec<f32>,
+}
+
+impl HostWindows {
+    /// Puts windows (each frames x points x dimensions), at least one, side by side.
+    pub fn new(windows: &[Vec<f32>], points: Vec<usize>, targets: Vec<f32>) -> Self {
+        let dimensions = targets.len() / points.iter().sum::<usize>().max(1);
+        let strides: Vec<usize> = points.iter().map(|points| points * dimensions).collect();
+        let frames = windows[0].len() / strides[0].max(1);
+        let mut positions = Vec::with_capacity(windows.iter().map(Vec::len).sum());
+        for frame in 0..frames {
+            for (window, &stride) in windows.iter().zip(&strides) {
+                positions.extend_from_slice(&window[frame * stride..(frame + 1) * stride]);
+            }
+        }
+        Self { points, positions, targets }
+    }
+}
+
 impl BatchBuilder {
     /// `bounds` are the lower and upper wall of each direction (m).
-    ///
-    /// # Errors
-    /// No compiler.
     pub fn new(
         device: &Arc<Device>,
         config: &ModelConfig,
         norm: &Normalisation,
         bounds: &[[f64; 2]],
-        augmentation: Augmentation,
-    ) -> Result<Self, CudaError> {
-        let defines = features_defines(config.dimensions);
-        let module = device.module("noise.cu", NOISE_SOURCE, &defines)?;
-        Ok(Self {
+    ) -> Self {
+        Self {
             device: device.clone(),
-            kernel: module.load_function("make_windows")?,
             config: config.clone(),
             norm: norm.clone(),
             bounds: bounds.to_vec(),
-            augmentation,
             windows: Vec::new(),
             room: None,
-        })
+        }
     }
 
-    /// Makes the batch of some examples, at least one, all with the frames of the network. Waits
-    /// only to see whether all edges found room.
+    /// Makes the batch of some windows, at least one point, all with the frames of the network.
+    /// Waits to see whether all edges found room.
     ///
     /// # Errors
-    /// Too little memory, or a kernel failed.
-    pub fn make(&mut self, members: &[Member]) -> Result<&DeviceBatch, CudaError> {
-        let frames = self.config.frames;
-        let host = HostBatch::new(members, frames, self.augmentation.without_gravity);
-        let windows: Vec<usize> = members.iter().map(|member| member.example.points).collect();
+    /// A network that reads other features, too little memory, no compiler, or a kernel failed.
+    pub fn make(&mut self, host: &HostWindows) -> Result<&DeviceBatch, CudaError> {
         let mut room = match self.room.take() {
-            Some(room) if self.windows == windows => room,
-            _ => self.room(&windows, EDGES_PER_POINT * windows.iter().sum::<usize>())?,
+            Some(room) if self.windows == host.points => room,
+            _ => self.room(&host.points, EDGES_PER_POINT * host.points.iter().sum::<usize>())?,
         };
         let stream = self.device.stream().clone();
-        let walk = Walk::new(&self.augmentation, &self.norm, &host);
         loop {
-            stream.memcpy_htod(&host.members, &mut room.members)?;
-            stream.memcpy_htod(&host.truth, &mut room.truth)?;
-            // SAFETY: the argument types are those of the kernel, the arrays as long as it expects.
-            unsafe {
-                let mut launch = stream.launch_builder(&self.kernel);
-                launch.arg(&walk).arg(&room.members).arg(&room.window).arg(&room.truth);
-                launch.arg(&room.positions).arg(&room.batch.targets);
-                launch.launch(each(host.values))?;
-            }
-            let Room { builder, positions, batch, .. } = &mut room;
-            let at = |k: usize| positions.slice(k * host.values..(k + 1) * host.values);
+            stream.memcpy_htod(&host.positions, &mut room.positions)?;
+            stream.memcpy_htod(&host.targets, &mut room.batch.targets)?;
+            let Room { builder, positions, batch } = &mut room;
+            let values = host.targets.len();
+            let at = |k: usize| positions.slice(k * values..(k + 1) * values);
             for (k, frame) in batch.frames.iter_mut().enumerate() {
                 builder.graph(&at(k), frame)?;
                 let before = (k > 0).then(|| at(k - 1));
@@ -109,9 +112,9 @@ impl BatchBuilder {
             if needed <= batch.frames[0].graph.capacity {
                 break;
             }
-            room = self.room(&windows, needed + needed / 4)?;
+            room = self.room(&host.points, needed + needed / 4)?;
         }
-        self.windows = windows;
+        self.windows.clone_from(&host.points);
         Ok(&self.room.insert(room).batch)
     }
 
@@ -119,14 +122,8 @@ impl BatchBuilder {
         let Self { device, config, norm, bounds, .. } = self;
         let builder = FrameBuilder::new(device, config, norm, bounds, windows)?;
         let values = builder.points() * config.dimensions;
-        let numbered = windows.iter().enumerate();
-        let window: Vec<u32> =
-            numbered.flat_map(|(k, &n)| std::iter::repeat_n(k as u32, n)).collect();
         let frames = (0..config.frames).map(|_| builder.allocate(capacity));
         Ok(Room {
-            window: device.upload(&window)?,
-            members: device.upload(&vec![MemberRecord::default(); windows.len()])?,
-            truth: device.zeros((config.frames + 1) * values)?,
             positions: device.zeros(config.frames * values)?,
             batch: DeviceBatch {
                 frames: frames.collect::<Result<_, _>>()?,

@@ -11,7 +11,8 @@ use super::parameters::{weights, with_weights};
 use crate::backend::{Cpu, device as cpu};
 use crate::config::ModelConfig;
 use crate::cuda::{
-    Capacity, CudaError, CudaTrainer, FrameInput, HostInput, LOSSES, Precision, Rates,
+    BatchBuilder, Capacity, CudaError, CudaTrainer, FrameInput, HostInput, HostWindows, LOSSES,
+    Precision, Rates, supports,
 };
 use crate::data::Batch;
 use crate::features::{Window, host_frames};
@@ -23,7 +24,9 @@ pub struct CudaEngine {
     trainer: CudaTrainer,
     /// A network of this architecture, for its weights to be replaced.
     model: Model<Cpu>,
-    /// The batch on the device.
+    /// Makes batches of windows.
+    builder: Option<BatchBuilder>,
+    /// Batches that come as graphs.
     frames: Vec<FrameInput>,
     target: CudaSlice<f32>,
     decay: f64,
@@ -35,22 +38,29 @@ pub struct CudaEngine {
     unread: usize,
 }
 
-/// A batch as graphs.
-pub struct HostBatch {
-    pub frames: Vec<HostInput>,
-    pub targets: Vec<f32>,
+/// A batch for a GPU.
+pub enum HostBatch {
+    /// As windows, whose graphs are built there.
+    Windows(HostWindows, Box<Preparation>),
+    /// As graphs, for networks with features that the GPU does not compute.
+    Graphs { frames: Vec<HostInput>, targets: Vec<f32> },
 }
 
 impl HostBatch {
-    /// Builds the graphs of a batch; may run ahead of the training on another thread.
+    /// Does what is not done on the GPU; may run ahead of the training on another thread.
     pub fn new(batch: Batch, preparation: &Preparation) -> Self {
+        let Preparation { config, normalisation, bounds } = preparation;
+        if supports(config).is_ok() {
+            let windows = HostWindows::new(&batch.windows, batch.points, batch.targets);
+            return Self::Windows(windows, Box::new(preparation.clone()));
+        }
         let windows = batch.windows.iter().zip(&batch.points).zip(&batch.statics);
         let windows: Vec<Window> = windows
             .map(|((positions, &points), statics)| Window { positions, points, statics })
             .collect();
-        let Preparation { config, normalisation, bounds } = preparation;
         let frames = host_frames(&windows, config, normalisation, bounds);
-        Self { frames: frames.into_iter().map(HostInput::from).collect(), targets: batch.targets }
+        let frames = frames.into_iter().map(HostInput::from).collect();
+        Self::Graphs { frames, targets: batch.targets }
     }
 }
 
@@ -76,6 +86,7 @@ impl CudaEngine {
         Ok(Self {
             trainer,
             model,
+            builder: None,
             frames: Vec::new(),
             target: device.zeros(1)?,
             decay,
@@ -131,12 +142,6 @@ impl CudaEngine {
     /// # Errors
     /// If the GPU failed or its memory is too small.
     pub fn step(&mut self, batch: &HostBatch, rate: f64) -> Result<(), CudaError> {
-        self.make_room(batch)?;
-        for (frame, host) in self.frames.iter_mut().zip(&batch.frames) {
-            frame.fill(&self.device, host)?;
-        }
-        let mut target = self.target.slice_mut(..batch.targets.len());
-        self.device.stream().memcpy_htod(&batch.targets, &mut target)?;
         self.adam_steps += 1;
         self.step += 1;
         let [mean, square] = Adam::corrections(self.adam_steps);
@@ -145,7 +150,28 @@ impl CudaEngine {
             corrections: [mean, square],
             decay: average_decay(self.decay, self.step),
         };
-        self.trainer.step(&self.frames, &self.target, rates)?;
+        match batch {
+            HostBatch::Windows(windows, preparation) => {
+                let Preparation { config, normalisation, bounds } = preparation.as_ref();
+                let device = &self.device;
+                let builder = self.builder.get_or_insert_with(|| {
+                    BatchBuilder::new(device, config, normalisation, bounds)
+                });
+                let batch = builder.make(windows)?;
+                let graph = &batch.frames[0].graph;
+                self.trainer.grow(Capacity { points: graph.points, edges: graph.capacity })?;
+                self.trainer.step(&batch.frames, &batch.targets, rates)?;
+            }
+            HostBatch::Graphs { frames, targets } => {
+                self.make_room(frames, targets)?;
+                for (frame, host) in self.frames.iter_mut().zip(frames) {
+                    frame.fill(&self.device, host)?;
+                }
+                let mut target = self.target.slice_mut(..targets.len());
+                self.device.stream().memcpy_htod(targets, &mut target)?;
+                self.trainer.step(&self.frames, &self.target, rates)?;
+            }
+        }
         self.unread += 1;
         if self.unread == LOSSES {
             self.read_losses()?;
@@ -153,12 +179,12 @@ impl CudaEngine {
         Ok(())
     }
 
-    fn make_room(&mut self, batch: &HostBatch) -> Result<(), CudaError> {
-        let most = |count: fn(&HostInput) -> usize| batch.frames.iter().map(count).max();
+    fn make_room(&mut self, batch: &[HostInput], targets: &[f32]) -> Result<(), CudaError> {
+        let most = |count: fn(&HostInput) -> usize| batch.iter().map(count).max();
         let points = most(|frame| frame.points).unwrap_or(0);
         let edges = most(|frame| frame.sender.len()).unwrap_or(0);
         let old = self.trainer.network().capacity();
-        if self.frames.len() == batch.frames.len() && points <= old.points && edges <= old.edges {
+        if self.frames.len() == batch.len() && points <= old.points && edges <= old.edges {
             return Ok(());
         }
         // Columns fall and spread, so the next batch may well have more.
@@ -167,10 +193,10 @@ impl CudaEngine {
         self.frames.clear();
         self.trainer.grow(new)?;
         let Capacity { points, edges } = self.trainer.network().capacity();
-        for host in &batch.frames {
+        for host in batch {
             self.frames.push(FrameInput::with_room(&self.device, points, edges, host.columns)?);
         }
-        let components = batch.targets.len() / batch.frames[0].points.max(1);
+        let components = targets.len() / batch[0].points.max(1);
         self.target = self.device.zeros(points * components)?;
         Ok(())
     }
