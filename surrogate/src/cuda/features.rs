@@ -63,10 +63,10 @@ impl FrameBuilder {
         let d = config.dimensions;
         let radius = config.connection_radius as f32;
         let mut scales = Scales { radius, ..Scales::default() };
-        for k in 0..d {
+        for (k, walls) in bounds.iter().enumerate() {
             scales.velocity_mean[k] = norm.velocity_mean[k] as f32;
             scales.velocity_std[k] = norm.velocity_std[k] as f32;
-            scales.bounds[k] = bounds[k].map(|wall| wall as f32);
+            scales.bounds[k] = walls.map(|wall| wall as f32);
         }
         let module = device.module("features.cu", FEATURES_SOURCE, &features_defines(d))?;
         Ok(Self {

@@ -19,7 +19,7 @@ pub enum Inference {
     /// Layers of our own.
     Tgnns(Box<Layers>),
     /// Networks that have no implementation here.
-    Plain(Model<Cpu>),
+    Plain(Box<Model<Cpu>>),
 }
 
 impl Inference {
@@ -29,7 +29,7 @@ impl Inference {
             Model::Tgnns(network) if network.edge_fusion.is_none() => {
                 Self::Tgnns(Box::new(Layers::new(network, config, windows)))
             }
-            other => Self::Plain(other.clone()),
+            other => Self::Plain(Box::new(other.clone())),
         }
     }
 
