@@ -5,7 +5,7 @@
 # make build   all programs
 
 # Programs of the workspace, one crate each.
-PROGRAMS := dempm surrogate
+PROGRAMS := dempm surrogate validation
 
 # HDF5 is built from source, for which scripts/with-cmake sees to a recent CMake.
 CARGO := scripts/with-cmake cargo

@@ -1,4 +1,4 @@
-//! Where the RVEs of a run are advanced.
+//! Where a run is advanced.
 
 use std::str::FromStr;
 use std::sync::Arc;
@@ -49,6 +49,20 @@ impl Device {
                 }
             },
         }
+    }
+
+    /// The GPUs for work on several scenes: all that there are for `auto`; none for the CPU.
+    ///
+    /// # Errors
+    /// When a GPU cannot be used, but for the first one of `auto`.
+    pub fn open_all(self) -> Result<Vec<Arc<gpu::Device>>, gpu::Error> {
+        let mut devices: Vec<_> = self.open()?.into_iter().collect();
+        if self == Self::Auto && !devices.is_empty() {
+            for ordinal in 1..gpu::Device::count() {
+                devices.push(gpu::Device::new(ordinal)?);
+            }
+        }
+        Ok(devices)
     }
 }
 

@@ -1,6 +1,8 @@
 //! Hierarchical MPM x DEM: scene file -> simulation -> trajectory file.
 pub mod check;
 pub mod checkpoint;
+pub mod cuda;
+pub mod dataset;
 pub mod device;
 pub mod element;
 pub mod export;
@@ -15,3 +17,4 @@ pub mod scene;
 pub mod simulation;
 pub mod summary;
 pub mod trajectory;
+pub mod watch;

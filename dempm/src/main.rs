@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use dempm::{check, element, export, info, plot, run};
+use dempm::{check, dataset, element, export, info, plot, run};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
 #[derive(Parser)]
@@ -18,6 +18,8 @@ struct Arguments {
 enum Command {
     /// Simulate a scene into a trajectory file.
     Run(run::RunArgs),
+    /// Simulate many scenes into a data set: those of the paper, or a list of your own.
+    Dataset(dataset::DatasetArgs),
     /// Say what a scene needs and costs, without simulating.
     Check {
         /// Scene file (TOML).
@@ -32,7 +34,7 @@ enum Command {
     },
     /// Draw frames of a trajectory, or animate it.
     Plot(plot::PlotArgs),
-    /// Write a trajectory in another format.
+    /// Write a trajectory or a data set in another format.
     Export(export::ExportArgs),
 }
 
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
     let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().command {
         Command::Run(args) => run::run(&args),
+        Command::Dataset(args) => dataset::dataset(&args),
         Command::Check { scene } => check::check(&scene).map(done),
         Command::Element(args) => element::element(&args).map(done),
         Command::Info { file } => info::info(&file).map(done),

@@ -98,10 +98,8 @@ impl Simulation {
 
     /// Obstacles and plate where they are now.
     fn boxes(&self) -> Vec<[f64; 4]> {
-        let time = self.time();
-        let now = |o: mpm::Obstacle| o.at(time);
         let corners = |o: mpm::Obstacle| [o.min.x, o.min.y, o.max.x, o.max.y];
-        self.solver.obstacles().map(now).map(corners).collect()
+        self.solver.obstacles_at(self.time()).map(corners).collect()
     }
 
     /// Scalars of the whole scene: budgets, front and height.
@@ -130,5 +128,38 @@ impl Simulation {
             scalars.insert("stress_free_points".to_owned(), (rve.states().len() - loaded) as f64);
         }
         scalars
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    /// A frame shows the plate where it is, once moved.
+    #[test]
+    fn a_plate_is_recorded_where_it_is() {
+        let text = r#"
+            duration = 0.01
+            frame_interval = 0.005
+            [domain]
+            size = [1.0, 0.75]
+            [[column]]
+            size = [0.25, 0.25]
+            [plate]
+            corner = [0.0, 0.375]
+            size = [0.25, 0.25]
+            velocity = [0.0, -0.5]
+            start = 0.001
+            [material]
+            kind = "mu-i"
+        "#;
+        let mut simulation = Simulation::new(Scene::parse(text, "test.toml").unwrap()).unwrap();
+        assert_eq!(simulation.frame().boxes, [[0.0, 0.375, 0.25, 0.625]]);
+        for _ in 0..50 {
+            simulation.advance().unwrap();
+        }
+        let [[_, bottom, _, top]] = simulation.frame().boxes[..] else { panic!("one box") };
+        assert!((bottom - 0.373).abs() < 1.0e-12 && (top - 0.623).abs() < 1.0e-12, "{bottom}");
     }
 }

@@ -6,16 +6,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::checkpoint;
 use crate::device::Device;
-use crate::record::STABLE_STEP;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;
-use crate::trajectory::{Frame, TrajectoryWriter, utc_now};
+use crate::trajectory::{TrajectoryWriter, utc_now};
+use crate::watch::Watch;
 
 /// Arguments of `dempm run`.
 #[derive(clap::Args)]
@@ -42,7 +42,7 @@ pub struct RunArgs {
 /// Checkpoints take at most this part of the time.
 const CHECKPOINT_SHARE: f64 = 0.02;
 /// Exit code after Ctrl-C, as shells use it.
-const INTERRUPTED: u8 = 130;
+pub(crate) const INTERRUPTED: u8 = 130;
 
 /// Runs a scene.
 ///
@@ -57,20 +57,81 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
         Some(path) => path.clone(),
         None => PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("h5"),
     };
+    let options = Options {
+        device: args.device.open().into_diagnostic()?,
+        resume: args.resume,
+        overwrite: args.overwrite,
+        checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
+        bars: MultiProgress::new(),
+        total: None,
+    };
+    let interrupted = interrupt_flag()?;
+    match sit(scene, output, &options, &interrupted)? {
+        Outcome::Finished(summary) => {
+            print!("{summary}");
+            Ok(ExitCode::SUCCESS)
+        }
+        Outcome::Interrupted { step, steps } => {
+            eprintln!("interrupted at step {step} of {steps}; --resume continues");
+            Ok(ExitCode::from(INTERRUPTED))
+        }
+    }
+}
+
+/// How a scene is run.
+pub(crate) struct Options {
+    /// The GPU that advances RVEs, `None` for the CPU.
+    pub device: Option<Arc<gpu::Device>>,
+    /// Continue an interrupted run.
+    pub resume: bool,
+    /// Start again even if the trajectory file exists.
+    pub overwrite: bool,
+    /// Pause between checkpoints; zero: every frame.
+    pub checkpoint_interval: Duration,
+    /// Where progress is shown.
+    pub bars: MultiProgress,
+    /// Progress of many scenes together, in steps of material points.
+    pub total: Option<ProgressBar>,
+}
+
+/// How a sitting ended. Both leave a trajectory that opens; a failure is an error.
+pub(crate) enum Outcome {
+    /// With its summary.
+    Finished(String),
+    /// At this step, with a checkpoint.
+    Interrupted { step: usize, steps: usize },
+}
+
+/// Runs a scene from the start or a checkpoint to the end or an interrupt.
+///
+/// # Errors
+/// An existing output file, a failed step or a file that cannot be written.
+pub(crate) fn sit(
+    scene: Scene,
+    output: PathBuf,
+    options: &Options,
+    interrupted: &AtomicBool,
+) -> miette::Result<Outcome> {
+    let mut sitting = Sitting::start(scene, output, options)?;
+    // From here on the run can be killed at any moment and resumed.
+    sitting.save()?;
+    let end = sitting.advance(interrupted, options.checkpoint_interval);
+    sitting.finish(end)
+}
+
+/// A flag that Ctrl-C and requests to terminate set.
+pub(crate) fn interrupt_flag() -> miette::Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&interrupted);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
+    Ok(interrupted)
+}
 
-    let mut sitting = Sitting::start(scene, output, args)?;
-    // From here on the run can be killed at any moment and resumed.
-    sitting.save()?;
-    let interval = Duration::try_from_secs_f64(args.checkpoint_interval)
-        .into_diagnostic()
-        .wrap_err("--checkpoint-interval")?;
-    let end = sitting.advance(&interrupted, interval);
-    sitting.finish(end)
+/// The value of `--checkpoint-interval`.
+pub(crate) fn checkpoint_interval(seconds: f64) -> miette::Result<Duration> {
+    Duration::try_from_secs_f64(seconds).into_diagnostic().wrap_err("--checkpoint-interval")
 }
 
 /// How the steps of a sitting ended.
@@ -87,24 +148,20 @@ struct Sitting {
     checkpoint: PathBuf,
     output: PathBuf,
     bar: ProgressBar,
+    total: Option<ProgressBar>,
     saved: Instant,
     save_cost: Duration,
-    /// Smallest bound on the macro step in any frame of this sitting (s).
-    stable_step: f64,
+    watch: Watch,
 }
 
 impl Sitting {
-    fn start(scene: Scene, output: PathBuf, args: &RunArgs) -> miette::Result<Self> {
+    fn start(scene: Scene, output: PathBuf, options: &Options) -> miette::Result<Self> {
         let checkpoint = checkpoint::path_beside(&output);
-        let gpu = match &scene.material {
-            Material::Rve(_) => args.device.open().into_diagnostic()?,
-            Material::MuI(_) | Material::Elastic(_) => None,
-        };
-        let place = |simulation: &mut Simulation| match &gpu {
+        let place = |simulation: &mut Simulation| match &options.device {
             Some(device) => simulation.move_to(device),
             None => Ok(()),
         };
-        let (simulation, writer) = if args.resume {
+        let (simulation, writer) = if options.resume {
             if output.exists() && !checkpoint.exists() {
                 bail!("{}: nothing to resume, there is no checkpoint beside it", output.display());
             }
@@ -114,14 +171,14 @@ impl Sitting {
             let frames = simulation.frames_so_far();
             (simulation, TrajectoryWriter::resume(&output, frames)?)
         } else {
-            if !args.overwrite && (output.exists() || checkpoint.exists()) {
+            if !options.overwrite && (output.exists() || checkpoint.exists()) {
                 bail!(
                     help = "--resume continues an interrupted run, --overwrite starts again",
                     "{}: a run is there already",
                     output.display()
                 );
             }
-            let spinner = ProgressBar::new_spinner();
+            let spinner = options.bars.add(ProgressBar::new_spinner());
             spinner.set_message("preparing packings");
             spinner.enable_steady_tick(Duration::from_millis(100));
             let mut simulation = Simulation::new(scene)?;
@@ -133,10 +190,10 @@ impl Sitting {
             writer.push(simulation.frame())?;
             (simulation, writer)
         };
-        let bar = ProgressBar::new(simulation.scene.steps() as u64);
+        let bar = options.bars.add(ProgressBar::new(simulation.scene.steps() as u64));
         bar.set_style(
             ProgressStyle::with_template(
-                "{bar:24} {percent:>3} %  {pos}/{len}  {rate}  {eta} left  {msg}",
+                "{prefix}{bar:24} {percent:>3} %  {pos}/{len}  {rate}  {eta} left  {msg}",
             )
             .expect("the template is valid")
             .with_key(
@@ -147,17 +204,26 @@ impl Sitting {
                 },
             ),
         );
+        if options.total.is_some() {
+            bar.set_prefix(format!("{:<20} ", simulation.scene.title));
+        }
         bar.set_position(simulation.state.step as u64);
         bar.reset_eta();
+        let total = options.total.clone();
+        if let Some(total) = &total {
+            total.inc(simulation.state.step as u64 * simulation.state.points.len() as u64);
+            total.reset_eta();
+        }
         Ok(Self {
             simulation,
             writer,
             checkpoint,
             output,
             bar,
+            total,
             saved: Instant::now(),
             save_cost: Duration::ZERO,
-            stable_step: f64::INFINITY,
+            watch: Watch::default(),
         })
     }
 
@@ -168,6 +234,7 @@ impl Sitting {
             if interrupted.load(Ordering::Relaxed) {
                 return End::Interrupted;
             }
+            let before = self.simulation.state.step;
             if let Err(error) = self.simulation.advance() {
                 return End::Failed(error);
             }
@@ -176,11 +243,16 @@ impl Sitting {
             if frame_done {
                 let frame = self.simulation.frame();
                 self.bar.set_message(summary::progress(&frame));
-                self.watch_step(&frame);
+                for doubt in self.watch.observe(&self.simulation, &frame) {
+                    self.bar.suspend(|| eprintln!("{doubt}"));
+                }
                 // Frames of one simulation agree in their fields by construction.
                 self.writer.push(frame).expect("frames agree");
             }
             self.bar.set_position(step as u64);
+            if let Some(total) = &self.total {
+                total.inc(((step - before) * self.simulation.state.points.len()) as u64);
+            }
             let due = if interval.is_zero() {
                 frame_done
             } else {
@@ -192,19 +264,6 @@ impl Sitting {
             }
         }
         End::Finished
-    }
-
-    /// Warns the first time that the macro step is not certain to be stable any more.
-    fn watch_step(&mut self, frame: &Frame) {
-        let Some(&bound) = frame.budget.get(STABLE_STEP) else { return };
-        let step = self.simulation.scene.step;
-        if bound < step && self.stable_step >= step {
-            let time = frame.time;
-            self.bar.suspend(|| {
-                eprintln!("at t = {time:.3} s the step of {step:.2e} s exceeds the bound {bound:.2e} s up to which it is certain to be stable");
-            });
-        }
-        self.stable_step = self.stable_step.min(bound);
     }
 
     /// Frames first, then the checkpoint: a checkpoint never knows more frames than the file.
@@ -225,7 +284,7 @@ impl Sitting {
         }
     }
 
-    fn finish(mut self, end: End) -> miette::Result<ExitCode> {
+    fn finish(mut self, end: End) -> miette::Result<Outcome> {
         self.bar.finish_and_clear();
         match end {
             End::Finished => {
@@ -236,17 +295,16 @@ impl Sitting {
                 if self.checkpoint.exists() {
                     std::fs::remove_file(&self.checkpoint).into_diagnostic()?;
                 }
-                print!("{}", summary::summary(&self.simulation, self.stable_step, &self.output));
-                Ok(ExitCode::SUCCESS)
+                Ok(Outcome::Finished(summary::summary(
+                    &self.simulation,
+                    self.watch.stable_step(),
+                    &self.output,
+                )))
             }
             End::Interrupted => {
                 self.save()?;
-                eprintln!(
-                    "interrupted at step {} of {}; --resume continues",
-                    self.simulation.state.step,
-                    self.simulation.scene.steps()
-                );
-                Ok(ExitCode::from(INTERRUPTED))
+                let (step, steps) = (self.simulation.state.step, self.simulation.scene.steps());
+                Ok(Outcome::Interrupted { step, steps })
             }
             End::Failed(error) => {
                 let frames = self.writer.frames();

@@ -1,9 +1,7 @@
 //! The RVE batch as a material of the MPM: every point carries its own packing.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use dem::cuda::{CudaError, CudaRveBatch};
 use dem::{Packing, Real, Rve, RveBatch, RveParameters, RveState};
 use mpm::{Mat2, Material, MaterialError};
 use serde::{Deserialize, Serialize};
@@ -11,14 +9,12 @@ use serde::{Deserialize, Serialize};
 /// One packing per material point.
 #[derive(Serialize, Deserialize)]
 pub struct RveMaterial {
-    /// The packings; out of date while they are on a GPU.
-    batch: Batch,
-    #[serde(skip)]
-    on_device: Option<DeviceBatch>,
+    /// The packings; while they are on a GPU, as they were at the last checkpoint.
+    pub(crate) batch: Batch,
     /// State of each RVE after the last step.
-    states: Vec<RveState>,
+    pub(crate) states: Vec<RveState>,
     /// Volume of a point (m² per metre of depth) over the area of its cell (m²).
-    volume_per_area: Vec<f64>,
+    pub(crate) volume_per_area: Vec<f64>,
     /// Limits of the method met so far.
     pub tally: Tally,
     /// Wall time spent in the RVEs.
@@ -28,15 +24,9 @@ pub struct RveMaterial {
 
 /// The batch in the precision of the scene.
 #[derive(Serialize, Deserialize)]
-enum Batch {
+pub(crate) enum Batch {
     F32(RveBatch<f32>),
     F64(RveBatch<f64>),
-}
-
-/// The same on a GPU.
-enum DeviceBatch {
-    F32(CudaRveBatch<f32>),
-    F64(CudaRveBatch<f64>),
 }
 
 /// Counts, over all steps, of what happened at the limits of the method.
@@ -99,51 +89,14 @@ impl RveMaterial {
                 Precision::F32 => Batch::F32(batch(parameters, packings, fresh)),
                 Precision::F64 => Batch::F64(batch(parameters, packings, fresh)),
             },
-            on_device: None,
             tally: Tally::default(),
             time: Duration::ZERO,
         }
     }
 
-    /// Moves the packings to a GPU, which advances them from now on.
-    ///
-    /// # Errors
-    /// When they do not fit or the kernel cannot be compiled.
-    pub fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), CudaError> {
-        self.on_device = Some(match &self.batch {
-            Batch::F32(batch) => DeviceBatch::F32(CudaRveBatch::upload(device, batch)?),
-            Batch::F64(batch) => DeviceBatch::F64(CudaRveBatch::upload(device, batch)?),
-        });
-        Ok(())
-    }
-
-    /// Copies the packings back from the GPU, if they are on one, for a checkpoint.
-    ///
-    /// # Errors
-    /// A failure of the GPU.
-    pub fn fetch(&mut self) -> Result<(), CudaError> {
-        match &self.on_device {
-            None => {}
-            Some(DeviceBatch::F32(batch)) => self.batch = Batch::F32(batch.download()?),
-            Some(DeviceBatch::F64(batch)) => self.batch = Batch::F64(batch.download()?),
-        }
-        Ok(())
-    }
-
     fn advance(&mut self, dt: f64, velocity_gradient: &[Mat2]) -> Result<(), MaterialError> {
         let states = &mut self.states;
         let failed = |point, reason: String| Err(MaterialError::Point { point, reason });
-        if let Some(batch) = &mut self.on_device {
-            let advanced = match batch {
-                DeviceBatch::F32(batch) => batch.advance(dt, velocity_gradient, states),
-                DeviceBatch::F64(batch) => batch.advance(dt, velocity_gradient, states),
-            };
-            return match advanced {
-                Ok(()) => Ok(()),
-                Err(CudaError::Rve { rve, failure, .. }) => failed(rve, failure.to_string()),
-                Err(other) => Err(MaterialError::Other(Box::new(other))),
-            };
-        }
         let advanced = match &mut self.batch {
             Batch::F32(batch) => batch.advance(dt, velocity_gradient, states),
             Batch::F64(batch) => batch.advance(dt, velocity_gradient, states),

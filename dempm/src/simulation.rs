@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::Packing;
-use dem::cuda::CudaError;
 use mpm::{Ledger, Mat2, Material, MaterialError, Points, Solver, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::cuda::CudaSimulation;
 use crate::packings::{self, Ladder};
 use crate::rve_material::RveMaterial;
 use crate::scene::{self, InitialStress, Scene};
@@ -23,11 +23,25 @@ pub enum SimulationError {
     #[error(transparent)]
     Material(#[from] MaterialError),
     #[error(transparent)]
-    Cuda(#[from] CudaError),
+    Rves(#[from] dem::cuda::CudaError),
+    #[error(transparent)]
+    Gpu(#[from] gpu::Error),
     #[error("setting up the background grid")]
     Setup(#[source] mpm::Error),
     #[error("step {step} (t = {time:.4} s)")]
     Step { step: usize, time: f64, source: mpm::Error },
+}
+
+impl SimulationError {
+    /// What stopped a simulation with macro steps of `dt` (s) on a GPU.
+    pub(crate) fn on_gpu(error: mpm::cuda::CudaError, dt: f64) -> Self {
+        match error {
+            mpm::cuda::CudaError::Gpu(error) => Self::Gpu(error),
+            mpm::cuda::CudaError::Step { step, source } => {
+                Self::Step { step, time: step as f64 * dt, source }
+            }
+        }
+    }
 }
 
 /// A scene and where it is.
@@ -35,8 +49,10 @@ pub struct Simulation {
     pub scene: Scene,
     pub state: State,
     pub(crate) solver: Solver,
-    /// What the material is advanced on, in words.
+    /// What it is advanced on, in words.
     pub(crate) device: String,
+    /// The points and packings that are advanced, if they are on a GPU.
+    gpu: Option<CudaSimulation>,
     /// Wall time of this sitting since it was last recorded.
     advancing: Duration,
 }
@@ -93,7 +109,7 @@ impl Simulation {
         let wall_time = BTreeMap::from([("preparation".to_owned(), prepared)]);
         let ledger = solver.ledger().clone();
         let state = State { step: 0, points, ledger, material, wall_time };
-        Ok(Self { scene, state, solver, device: cpu(), advancing: Duration::ZERO })
+        Ok(Self { scene, state, solver, device: cpu(), gpu: None, advancing: Duration::ZERO })
     }
 
     /// The scene where a checkpoint left it.
@@ -103,27 +119,41 @@ impl Simulation {
     pub fn resume(scene: Scene, state: State) -> Result<Self, SimulationError> {
         let mut solver = scene.solver().map_err(SimulationError::Setup)?;
         solver.set_ledger(state.ledger.clone()).map_err(SimulationError::Setup)?;
-        Ok(Self { scene, state, solver, device: cpu(), advancing: Duration::ZERO })
+        Ok(Self { scene, state, solver, device: cpu(), gpu: None, advancing: Duration::ZERO })
     }
 
-    /// Has the RVEs advanced on a GPU from now on. Other materials stay on the CPU.
+    /// Has everything advanced on a GPU from now on.
     ///
     /// # Errors
-    /// When they do not fit or the kernel cannot be compiled.
+    /// When it does not fit or a kernel cannot be compiled.
     pub fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), SimulationError> {
-        if let SceneMaterial::Rve(rve) = &mut self.state.material {
-            rve.move_to(device)?;
-            self.device = format!("{} (RVEs), {}", device.name(), cpu());
-        }
+        let gpu = CudaSimulation::new(device, &self.solver, &self.state, self.scene.step)?;
+        self.gpu = Some(gpu);
+        device.name().clone_into(&mut self.device);
         Ok(())
     }
 
-    /// One macro step: points to grid, grid momentum, boundaries, grid to points, RVEs.
+    /// Advances to the next stop, where `state` is complete but for packings on a GPU: by one macro
+    /// step on the CPU, and to the next frame on a GPU.
     ///
     /// # Errors
     /// When a point leaves the grid or its material fails; the step is then half done.
     pub fn advance(&mut self) -> Result<(), SimulationError> {
         let start = Instant::now();
+        let per_frame = self.scene.steps_per_frame();
+        let to_next_frame = per_frame - self.state.step % per_frame;
+        match &mut self.gpu {
+            None => self.step()?,
+            Some(gpu) => gpu
+                .advance(to_next_frame, &mut self.state, &mut self.solver)
+                .map_err(|error| SimulationError::on_gpu(error, self.scene.step))?,
+        }
+        self.advancing += start.elapsed();
+        Ok(())
+    }
+
+    /// One macro step: points to grid, grid momentum, boundaries, grid to points, RVEs.
+    fn step(&mut self) -> Result<(), SimulationError> {
         // Not a running sum, so that a resumed run has the same times.
         self.solver.set_time(self.time());
         let State { step, points, material, .. } = &mut self.state;
@@ -134,7 +164,6 @@ impl Simulation {
             source,
         })?;
         *step += 1;
-        self.advancing += start.elapsed();
         Ok(())
     }
 
@@ -145,8 +174,9 @@ impl Simulation {
     pub fn record(&mut self) -> Result<(), SimulationError> {
         self.record_wall_time();
         self.state.ledger.clone_from(self.solver.ledger());
-        if let SceneMaterial::Rve(rve) = &mut self.state.material {
-            rve.fetch()?;
+        if let Some(gpu) = &self.gpu {
+            gpu.fetch_packings(&mut self.state)
+                .map_err(|error| SimulationError::on_gpu(error, self.scene.step))?;
         }
         Ok(())
     }

@@ -39,6 +39,15 @@ pub struct Device {
 }
 
 impl Device {
+    /// How many GPUs the driver shows; none without a driver.
+    pub fn count() -> usize {
+        // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
+        if !unsafe { sys::is_culib_present() } {
+            return 0;
+        }
+        CudaContext::device_count().map_or(0, |count| usize::try_from(count).unwrap_or(0))
+    }
+
     /// GPU number `ordinal`, counted from 0.
     ///
     /// # Errors

@@ -29,7 +29,7 @@ pub enum Basis {
 }
 
 /// Half-size of a uGIMP point domain, in cells: 2 x 2 points a cell.
-const GIMP_HALF_SIZE: f64 = 0.25;
+pub(crate) const GIMP_HALF_SIZE: f64 = 0.25;
 
 /// One-dimensional basis functions of the nodes `first .. first + width` at a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -18,7 +18,7 @@ pub struct Domain {
 }
 
 /// Node layers outside of the walls: what a cubic spline sees from a point on the wall.
-const GHOSTS: usize = 2;
+pub(crate) const GHOSTS: usize = 2;
 /// Larger grids are refused: a slip in a unit should not exhaust the memory.
 const MAX_NODES: f64 = 5.0e7;
 

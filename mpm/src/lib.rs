@@ -1,4 +1,4 @@
-//! Two-dimensional material point method (MPM) on the CPU.
+//! Two-dimensional material point method (MPM), on the CPU and, by its twin in [`cuda`], on a GPU.
 //!
 //! Material points carry mass, velocity and stress through a fixed background grid of square
 //! cells; [`Solver::advance`] is one explicit step. The constitutive law is a [`Material`]: the
@@ -30,6 +30,7 @@ mod boundary;
 mod budget;
 mod cell_average;
 mod confine;
+pub mod cuda;
 mod error;
 mod g2p;
 mod grid;

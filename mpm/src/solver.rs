@@ -22,11 +22,11 @@ pub struct Solver {
     domain: Domain,
     numerics: Numerics,
     gravity: Vec2,
-    obstacles: Vec<Obstacle>,
+    pub(crate) obstacles: Vec<Obstacle>,
     time: f64,
     ledger: Ledger,
 
-    shape: Shape,
+    pub(crate) shape: Shape,
     nodes: Vec<Node>,
     stencils: Vec<Stencil>,
     bins: Bins,
@@ -266,9 +266,9 @@ impl Solver {
         self.gravity
     }
 
-    /// Obstacles where they stand now.
-    pub fn obstacles(&self) -> impl ExactSizeIterator<Item = Obstacle> + '_ {
-        self.obstacles.iter().map(|o| o.at(self.time))
+    /// Obstacles where they stand at a time (s).
+    pub fn obstacles_at(&self, time: f64) -> impl ExactSizeIterator<Item = Obstacle> + '_ {
+        self.obstacles.iter().map(move |o| o.at(time))
     }
 
     /// Bounds on the step in the present state.

@@ -2,21 +2,20 @@
 
 use crate::basis::{self, Stencil};
 use crate::grid::Shape;
-use crate::{Error, Material, Numerics, Points};
+use crate::{Error, Material, Numerics, Points, Scheme};
 
 /// How large a step may be in the present state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StableStep {
-    /// Lower bound of the critical step (s), `2 / omega_max` with the grid's largest frequency
-    /// bounded by Gershgorin's theorem. On `m^-1/2 K m^-1/2`, the row of node i sums up to at most
+    /// Lower bound of the critical step (s), `2 / omega_max` (`sqrt 2 / omega_max` under USL) with the
+    /// grid's largest frequency bounded by Gershgorin's theorem. On `m^-1/2 K m^-1/2`, the row of node i sums up to at most
     ///
     /// ```text
     /// omega² <= max_i sum_p V_p M_p b_ip sum_j b_jp,   b_ip = |grad S_ip| / sqrt(m_i)
     /// ```
     ///
     /// Rows of `m^-1 K` bound it as well, but without limit as a node of a spline becomes light:
-    /// there gradients vanish as the root of the mass only. Under USL the limit is up to a root of two
-    /// lower than `2 / omega_max`.
+    /// there gradients vanish as the root of the mass only.
     pub gershgorin: f64,
     /// Time in which the fastest signal crosses a cell (s): `min_p cell / (c_p + |v_p|)`,
     /// `c = sqrt(M / rho)`.
@@ -96,5 +95,15 @@ fn gershgorin(
             row_sum[node(stencil, a, b)] += stiffness * weight((a, b)) * total;
         }
     }
-    2.0 / row_sum.into_iter().fold(0.0, f64::max).sqrt()
+    critical_phase(numerics.scheme) / row_sum.into_iter().fold(0.0, f64::max).sqrt()
+}
+
+/// `omega dt` up to which every mode is stable. Under USL stress sees a velocity of which the points
+/// keep a share P only, and the limit of a mode is `2 / sqrt(2 - P)`: that of a single point, P = 0,
+/// is a root of two.
+fn critical_phase(scheme: Scheme) -> f64 {
+    match scheme {
+        Scheme::Usl => std::f64::consts::SQRT_2,
+        Scheme::Musl | Scheme::Usf => 2.0,
+    }
 }

@@ -139,7 +139,7 @@ fn a_plate_pushes_a_block_and_books_its_work() {
     advance(199, &mut solver, &mut points);
     assert!(points.velocity.iter().all(|v| v.norm() == 0.0), "at rest until the plate starts");
     advance(4000, &mut solver, &mut points);
-    let place = solver.obstacles().next().unwrap();
+    let place = solver.obstacles_at(solver.time()).next().unwrap();
     assert!((place.min.x - (0.2 + 0.2 * (solver.time() - 0.1))).abs() < 1.0e-12);
     let budget = solver.budget(&points);
     let impulse = budget.contact.obstacle_impulse[0];

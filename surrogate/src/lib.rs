@@ -18,4 +18,5 @@ pub mod simulator;
 pub mod start;
 pub mod stats;
 pub mod train;
+pub mod watch;
 pub mod weights;

@@ -20,6 +20,7 @@ use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
 use crate::train::weights;
+use crate::watch::{self, Watch};
 
 /// A prediction that makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, miette::Diagnostic)]
@@ -76,6 +77,16 @@ impl<'a> Rollout<'a> {
     /// The number of the last frame, counted from the first of the start.
     pub fn frame(&self) -> usize {
         self.frame
+    }
+
+    /// Positions of the last frame, m.
+    pub fn last(&self) -> &[[f64; 2]] {
+        &self.window[self.window.len() - 1]
+    }
+
+    /// Positions of the frame before it, m.
+    pub fn before(&self) -> &[[f64; 2]] {
+        &self.window[self.window.len() - 2]
     }
 
     /// The time of a frame, s.
@@ -247,6 +258,9 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
 
+    for doubt in watch::doubts(&simulator, &start) {
+        eprintln!("{doubt}");
+    }
     let mut writer = begin(&args.output, &args.model, &simulator, &start)?;
     let mut rollout = Rollout::new(&simulator, &start);
     for (frame, (x, v)) in start.positions.iter().zip(&start.velocities).enumerate() {
@@ -258,9 +272,15 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     );
     let began = Instant::now();
     let mut failure = None;
+    let mut watch = Watch::new(&start, simulator.training.frame_interval);
     while writer.frames() < frames && !interrupted.load(Ordering::Relaxed) && failure.is_none() {
         match rollout.advance() {
-            Ok(_) => writer.push(rollout.record(&start.points.mass))?,
+            Ok(_) => {
+                for doubt in watch.observe(rollout.frame, rollout.before(), rollout.last()) {
+                    bar.suspend(|| eprintln!("{doubt}"));
+                }
+                writer.push(rollout.record(&start.points.mass))?;
+            }
             Err(error) => failure = Some(error),
         }
         bar.set_position(writer.frames() as u64);

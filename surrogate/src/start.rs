@@ -13,6 +13,7 @@ use crate::simulator::Simulator;
 const ROUNDING: f64 = 1e-6;
 
 /// Frames as a model wants them, and where they came from.
+#[derive(Clone)]
 pub struct Start {
     /// The scene: its walls and boxes.
     pub scene: Scene,
@@ -136,8 +137,11 @@ impl Start {
     }
 }
 
-/// The features that never change, if the model has any.
-fn statics(
+/// The features that never change, from the `first` frame; none if the model has none.
+///
+/// # Errors
+/// If the frame lacks what they are made of.
+pub fn statics(
     simulator: &Simulator,
     place: &str,
     first: impl FnOnce() -> Result<Frame, StartError>,

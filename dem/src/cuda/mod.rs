@@ -12,3 +12,4 @@ pub use error::{CudaError, RveFailure};
 pub use real::CudaReal;
 pub use rve::{CudaRveBatch, KernelResources, RVE_SOURCE};
 pub use shape::Shape;
+pub use state::State as DeviceState;

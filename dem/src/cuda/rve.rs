@@ -156,6 +156,16 @@ impl<R: CudaReal> CudaRveBatch<R> {
         &self.area_ratio
     }
 
+    /// State of each RVE after the last launch.
+    pub fn device_states(&self) -> &CudaSlice<State> {
+        &self.state
+    }
+
+    /// The lowest index of an RVE that failed so far; larger than all indices while none has.
+    pub fn failed(&self) -> &CudaSlice<i32> {
+        &self.failed
+    }
+
     /// Queues one macro step of `dt` (s) under the velocity gradients (1/s; xx, xy, yx, yy of each
     /// RVE) found in device memory when the step runs. Does not wait; may be captured in a graph.
     /// The other methods see the step done if `stream` is that of the [`Device`].
@@ -257,9 +267,15 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let stream = self.device.stream();
         let failed = stream.clone_dtoh(&self.failed)?[0];
         let Ok(rve) = usize::try_from(failed) else { return Ok(()) };
-        if rve >= self.rves {
-            return Ok(());
-        }
+        if rve >= self.rves { Ok(()) } else { Err(self.failure(rve)?) }
+    }
+
+    /// Why and when an RVE failed that [`failed`](Self::failed) names, once queued work is done.
+    ///
+    /// # Errors
+    /// A failure of the device.
+    pub fn failure(&self, rve: usize) -> Result<CudaError, CudaError> {
+        let stream = self.device.stream();
         let header = stream.clone_dtoh(&self.header.slice(rve..=rve))?[0];
         let overlap = stream.clone_dtoh(&self.state.slice(rve..=rve))?[0].relative_overlap;
         // `Status` of `rve.cu`.
@@ -269,7 +285,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             4 => RveFailure::SlotsFull { slots: self.shape.slots },
             _ => RveFailure::Packing(Failure::NotFinite),
         };
-        Err(CudaError::Rve { rve, step: header.steps as usize, failure })
+        Ok(CudaError::Rve { rve, step: header.steps as usize, failure })
     }
 
     /// What the kernel takes of a multiprocessor.

@@ -40,15 +40,15 @@ pub(super) struct Header {
 // SAFETY: plain numbers without padding, laid out as in `rve.cu`.
 unsafe impl DeviceRepr for Header {}
 
-/// `State` of `rve.cu`.
+/// [`RveState`] in device memory: `State` of `rve.cu`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct State {
+pub struct State {
     stress: [f64; 4],
     area: f64,
     solid_fraction: f64,
     coordination: f64,
-    pub relative_overlap: f64,
+    pub(super) relative_overlap: f64,
     min_width: f64,
     searches: u32,
     free: u32,

@@ -1,21 +1,25 @@
 //! `dempm export`: a trajectory in the formats of other programs.
 
+mod gns;
+mod lagrangebench;
 mod npz;
 mod vtp;
 
 use std::path::{Path, PathBuf};
 
+use crate::dataset::{DataSet, DatasetError, Metadata};
 use crate::trajectory::{Trajectory, TrajectoryError, WriteError};
 
 /// The arguments of `dempm export`.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ExportArgs {
-    /// The trajectory file
+    /// The trajectory file; for gns and lagrangebench also the folder of a data set
     pub file: PathBuf,
     /// The format
     #[arg(long, value_enum)]
     pub to: Format,
-    /// The file to write [default: FILE with the suffix of the format]
+    /// The file to write, or the folder for gns and lagrangebench [default: FILE with the suffix of
+    /// the format, or with its name after a dash]
     #[arg(short, long)]
     pub output: Option<PathBuf>,
 }
@@ -27,6 +31,10 @@ pub enum Format {
     Vtk,
     /// One .npz file with all arrays, for numpy.load
     Npz,
+    /// A folder with train.npz, valid.npz, test.npz and metadata.json, for geoelements/gns
+    Gns,
+    /// A folder with train.h5, valid.h5, test.h5 and metadata.json, for LagrangeBench
+    Lagrangebench,
 }
 
 /// Why an export failed.
@@ -38,6 +46,11 @@ pub(crate) enum ExportError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Dataset(#[from] DatasetError),
+    #[error("{}: {source}", path.display())]
+    Hdf5 { path: PathBuf, source: hdf5::Error },
     #[error("{}: cannot write it", path.display())]
     Io { path: PathBuf, source: std::io::Error },
 }
@@ -53,16 +66,63 @@ impl ExportError {
 /// # Errors
 /// If the trajectory cannot be read or the export cannot be written.
 pub fn export(args: &ExportArgs) -> miette::Result<()> {
-    let trajectory = Trajectory::open(&args.file)?;
-    let suffix = match args.to {
-        Format::Vtk => "pvd",
-        Format::Npz => "npz",
-    };
-    let output = args.output.clone().unwrap_or_else(|| args.file.with_extension(suffix));
+    let with_suffix = |suffix| args.file.with_extension(suffix);
+    let output = args.output.clone().unwrap_or_else(|| match args.to {
+        Format::Vtk => with_suffix("pvd"),
+        Format::Npz => with_suffix("npz"),
+        Format::Gns => folder_beside(&args.file, "gns"),
+        Format::Lagrangebench => folder_beside(&args.file, "lagrangebench"),
+    });
+    let open = || Trajectory::open(&args.file);
     match args.to {
-        Format::Vtk => vtp::write(&trajectory, &output)?,
-        Format::Npz => npz::write(&trajectory, &output)?,
+        Format::Vtk => vtp::write(&open()?, &output)?,
+        Format::Npz => npz::write(&open()?, &output)?,
+        Format::Gns => write_set(&args.file, &output, gns::write)?,
+        Format::Lagrangebench => write_set(&args.file, &output, lagrangebench::write)?,
     }
     println!("{}", output.display());
     Ok(())
+}
+
+/// `NAME-suffix` beside `NAME.h5` or the folder `NAME`.
+fn folder_beside(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or(path.as_os_str()).to_owned();
+    name.push(format!("-{suffix}"));
+    path.with_file_name(name)
+}
+
+/// Writes each split of a data set (one trajectory is a training set) and its `metadata.json`.
+fn write_set(
+    source: &Path,
+    folder: &Path,
+    write: fn(&[Trajectory], &Path) -> Result<(), ExportError>,
+) -> Result<(), ExportError> {
+    let set = DataSet::open(source)?;
+    let metadata = Metadata::of(&set)?;
+    for (split, files) in &set.splits {
+        let mut trajectories =
+            files.iter().map(|file| Trajectory::open(file)).collect::<Result<Vec<_>, _>>()?;
+        // Readers that take the length of the first for that of all then stay inside the others.
+        trajectories.sort_by_key(Trajectory::frames);
+        let boxes = trajectories.iter().filter(|t| !matches!(t.boxes(0..1), Ok(b) if b.is_empty()));
+        let boxes = boxes.count();
+        if boxes > 0 {
+            eprintln!(
+                "{}: obstacles and plates of {boxes} trajectories have no place in this format",
+                split.name()
+            );
+        }
+        write(&trajectories, &folder.join(split.name()))?;
+    }
+    Ok(metadata.write(folder)?)
+}
+
+/// Positions of all frames in single precision, as both kinds of files keep them.
+fn frames_f32(
+    trajectory: &Trajectory,
+) -> impl Iterator<Item = Result<ndarray::Array2<f32>, TrajectoryError>> {
+    (0..trajectory.frames()).map(|index| {
+        let frame = trajectory.positions(index..index + 1)?;
+        Ok(frame.index_axis(ndarray::Axis(0), 0).mapv(|x| x as f32))
+    })
 }

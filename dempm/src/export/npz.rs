@@ -131,7 +131,7 @@ impl<W: Write + io::Seek> Archive<W> {
 }
 
 /// The header, padded with spaces so that the data begin at a multiple of 64 bytes.
-fn npy_header(description: &str, shape: &[usize]) -> Vec<u8> {
+pub(super) fn npy_header(description: &str, shape: &[usize]) -> Vec<u8> {
     let sizes: String = shape.iter().map(|size| format!("{size},")).collect();
     let mut text =
         format!("{{'descr': '{description}', 'fortran_order': False, 'shape': ({sizes}), }}");

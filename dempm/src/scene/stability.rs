@@ -1,5 +1,6 @@
 //! Whether steps fit each other and the physics: frames, waves, velocities, discs.
 
+use dem::RveParameters;
 use mpm::{Basis, Transfer};
 
 use super::estimate::{COURANT, CROSSING};
@@ -10,6 +11,13 @@ use super::problem::Problem;
 
 /// More DEM steps than this in one macro step can only be a mistake.
 const MAX_SUBSTEPS: f64 = 1.0e4;
+/// FLIP relaxed towards PIC faster than this (1/s) changes where a collapse ends.
+const VISCOUS_RATE: f64 = 10.0;
+/// Largest step of packings that may form lattices of equal discs, in `sqrt(m_min / kn)`: their
+/// spins in phase have `omega² = 24 kt / m`, so `2 / omega` is 0.41.
+const LATTICE_STEP: f64 = 0.4;
+/// Radii that differ by less than this part form lattices.
+const EQUAL: f64 = 0.1;
 /// More macro steps than this do not end.
 const MAX_STEPS: f64 = 1.0e10;
 
@@ -116,6 +124,29 @@ fn transfer(scene: &Scene, log: &Log) {
                 )),
         );
     }
+    let cell = scene.domain.cell;
+    let doubt = match scene.numerics.transfer {
+        Transfer::Pic => Some((
+            "transfer = \"pic\" stops all motion".to_owned(),
+            format!("a viscosity of {:.2} m²/s with this step", cell * cell / (4.0 * scene.step)),
+        )),
+        Transfer::Apic => Some((
+            "transfer = \"apic\" does not converge in the step".to_owned(),
+            "the shorter the step, the more it dissipates".to_owned(),
+        )),
+        Transfer::Flip { rate } if rate > VISCOUS_RATE => Some((
+            format!("transfer = \"flip\" with relaxation = {rate} is viscous"),
+            format!("a viscosity of {:.2} m²/s", rate * cell * cell / 4.0),
+        )),
+        Transfer::Flip { .. } | Transfer::FlipApic { .. } => None,
+    };
+    if let Some((message, label)) = doubt {
+        log.report(
+            Problem::warning(message)
+                .at(log.place("numerics.transfer"), label)
+                .help("\"flip-apic\" (the default) is quiet and converges in the step"),
+        );
+    }
     if scene.numerics.basis == Basis::Linear {
         log.report(
             Problem::warning("linear basis functions are for tests only")
@@ -161,6 +192,8 @@ fn discs(scene: &Scene, rve: &Rve, log: &Log) {
                 .help("200 are enough for a look, 400 for results"),
         );
     }
+    packing_step(p, log);
+    strength(p, log);
     if p.overlap_limit < p.overlap_warning {
         log.report(
             Problem::warning("the run ends at a smaller overlap than it would warn at")
@@ -178,6 +211,56 @@ fn discs(scene: &Scene, rve: &Rve, log: &Log) {
                     format!("the DEM step is {:.1e} s with these discs and stiffnesses", p.step()),
                 )
                 .help("check the units: radii in m, stiffnesses in N/m, step in s"),
+        );
+    }
+}
+
+/// Largest DEM step with a dashpot, in `sqrt(m_min / kn)`. A velocity that lags half a step behind
+/// lowers the limit of a mode to `(2 / omega)(sqrt(1 + xi²) - xi)`; the mode is a light disc that
+/// six neighbours hold, `omega² = 3 kn / m`, `xi = zeta sqrt(3/2)`. Packings were measured to become
+/// unstable at 0.8 to 1 of it.
+fn damped_step(zeta: f64) -> f64 {
+    let xi = zeta * 1.5_f64.sqrt();
+    0.8 * 2.0 / 3.0_f64.sqrt() * (xi.hypot(1.0) - xi)
+}
+
+/// Whether the packings are stable with the step that the scene asks for.
+fn packing_step(p: &RveParameters, log: &Log) {
+    let place = |key: &str| log.place(&format!("rve.{key}"));
+    let equal = p.radius_min > (1.0 - EQUAL) * p.radius_max;
+    let (limit, key, why) = if equal && LATTICE_STEP < damped_step(p.damping_ratio) {
+        (LATTICE_STEP, "radius_min", "discs of equal radii form lattices, unstable beyond 0.41")
+    } else {
+        (damped_step(p.damping_ratio), "damping_ratio", "a strong dashpot needs a shorter step")
+    };
+    if p.step_factor > limit {
+        log.report(
+            Problem::warning(format!("step_factor = {} may be unstable", p.step_factor))
+                .at(place("step_factor"), "packings would shake themselves")
+                .at(place(key), why)
+                .help(format!("at most {limit:.2}; 0.2 is safe")),
+        );
+    }
+}
+
+/// What makes packings stronger than they are.
+fn strength(p: &RveParameters, log: &Log) {
+    let place = |key: &str| log.place(&format!("rve.{key}"));
+    if p.mass_scale > 1.0 {
+        log.report(
+            Problem::warning(format!("mass_scale = {} makes flow stronger", p.mass_scale))
+                .at(
+                    place("mass_scale"),
+                    format!("inertial numbers are {:.1} times as large", p.mass_scale.sqrt()),
+                )
+                .help("1 is physical; a scaled mass is harmless in slow motion only"),
+        );
+    }
+    if p.local_damping > 0.0 {
+        log.report(
+            Problem::warning(format!("local_damping = {} makes flow stronger", p.local_damping))
+                .at(place("local_damping"), "friction of fast flow grows by up to a half")
+                .help("damping_ratio (the dashpot of contacts) leaves the strength as it is"),
         );
     }
 }

@@ -184,7 +184,7 @@ fn points_fill_the_columns() {
 #[case::unknown_table("[numeric]", &["did you mean `numerics`?"])]
 #[case::far_key("foo = 1", &["valid keys here are `column`, `domain`, `duration`"])]
 #[case::wrong_type("step = \"fast\"", &["`step` must be a number (s)", "this is: text"])]
-#[case::unit("step = 0.1", &["step = 0.1 s is unstable", "80 m/s", "at most 0.5", "1.2e-5 s"])]
+#[case::unit("step = 0.1", &["step = 0.1 s is unstable", "80 m/s", "at most 0.5", "1.3e-5 s"])]
 #[case::huge_step("step = 100", &["must be above 0 and at most 1 s", "0.1 ms is 1.0e-4"])]
 #[case::not_finite("gravity = [nan, inf]", &["`gravity` = NaN", "`gravity` = inf"])]
 #[case::half_frame("frame_interval = 0.01005", &["100.5", "nearest: frame_interval = 0.0101"])]

@@ -105,7 +105,7 @@ impl DruckerPragerParameters {
 pub struct DruckerPrager {
     parameters: DruckerPragerParameters,
     /// Logarithmic volume strain `J_e` of each point since its stress-free dense state.
-    volume_strain: Vec<f64>,
+    pub(crate) volume_strain: Vec<f64>,
 }
 
 impl DruckerPrager {

@@ -1,0 +1,174 @@
+//! A simulation on an NVIDIA GPU. Points, grid and packings stay in device memory from frame to
+//! frame, and macro steps are replayed as a CUDA graph, without work of the host in between.
+
+mod rve_material;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use cudarc::driver::sys::{CUevent_flags, CUgraphInstantiate_flags, CUstreamCaptureMode};
+use cudarc::driver::{CudaEvent, CudaGraph};
+use gpu::Device;
+use mpm::Solver;
+use mpm::cuda::{CudaDruckerPrager, CudaElastic, CudaError, CudaMaterial, CudaSolver};
+
+use crate::simulation::{SceneMaterial, SimulationError, State};
+use rve_material::CudaRveMaterial;
+pub use rve_material::{defines, source};
+
+/// Macro steps in the longer of the two graphs.
+const STEPS_PER_GRAPH: usize = 25;
+
+/// The points and the material of a simulation on a GPU.
+pub(crate) struct CudaSimulation {
+    device: Arc<Device>,
+    solver: CudaSolver,
+    material: DeviceMaterial,
+    /// One step and [`STEPS_PER_GRAPH`] steps.
+    graphs: Option<[CudaGraph; 2]>,
+    /// Before and after the last step queued outside of a graph.
+    events: [CudaEvent; 2],
+}
+
+/// The twin of [`SceneMaterial`].
+enum DeviceMaterial {
+    Rve(Box<CudaRveMaterial>),
+    MuI(CudaDruckerPrager),
+    Elastic(CudaElastic),
+}
+
+impl DeviceMaterial {
+    fn new(device: &Arc<Device>, material: &SceneMaterial) -> Result<Self, SimulationError> {
+        Ok(match material {
+            SceneMaterial::Rve(rve) => Self::Rve(Box::new(CudaRveMaterial::new(device, rve)?)),
+            SceneMaterial::MuI(law) => Self::MuI(CudaDruckerPrager::new(device, law)?),
+            SceneMaterial::Elastic(law) => Self::Elastic(CudaElastic::new(device, law)?),
+        })
+    }
+
+    fn as_dyn(&self) -> &dyn CudaMaterial {
+        match self {
+            Self::Rve(material) => material.as_ref(),
+            Self::MuI(material) => material,
+            Self::Elastic(material) => material,
+        }
+    }
+
+    fn as_dyn_mut(&mut self) -> &mut dyn CudaMaterial {
+        match self {
+            Self::Rve(material) => material.as_mut(),
+            Self::MuI(material) => material,
+            Self::Elastic(material) => material,
+        }
+    }
+}
+
+impl CudaSimulation {
+    /// Copies a simulation with macro steps of `dt` (s) to a GPU.
+    ///
+    /// # Errors
+    /// When it does not fit or the kernels cannot be compiled.
+    pub fn new(
+        device: &Arc<Device>,
+        solver: &Solver,
+        state: &State,
+        dt: f64,
+    ) -> Result<Self, SimulationError> {
+        Ok(Self {
+            solver: CudaSolver::new(device, solver, &state.points, dt, state.step)
+                .map_err(|error| SimulationError::on_gpu(error, dt))?,
+            material: DeviceMaterial::new(device, &state.material)?,
+            graphs: None,
+            events: timer(device)?,
+            device: device.clone(),
+        })
+    }
+
+    /// Makes `steps` macro steps and copies back what frames are made of.
+    ///
+    /// # Errors
+    /// When a point leaves the grid or its material fails, as on the CPU.
+    pub fn advance(
+        &mut self,
+        steps: usize,
+        state: &mut State,
+        solver: &mut Solver,
+    ) -> Result<(), CudaError> {
+        let start = Instant::now();
+        self.queue(steps)?;
+        self.solver.fetch(&mut state.points, solver, self.material.as_dyn())?;
+        state.step += steps;
+        match (&mut self.material, &mut state.material) {
+            (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) => {
+                twin.fetch_states(rve, steps)?;
+                rve.time += start.elapsed().mul_f64(twin.time()?.div_duration_f64(self.time()?));
+            }
+            (DeviceMaterial::MuI(twin), SceneMaterial::MuI(law)) => twin.fetch(law)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Copies back what only checkpoints need: the packings.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn fetch_packings(&self, state: &mut State) -> Result<(), CudaError> {
+        if let (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) =
+            (&self.material, &mut state.material)
+        {
+            twin.fetch_packings(rve)?;
+        }
+        Ok(())
+    }
+
+    /// Queues macro steps, all but the last one as graphs: that one is timed.
+    fn queue(&mut self, steps: usize) -> Result<(), CudaError> {
+        let mut left = steps;
+        if left > 1 && self.graphs.is_none() {
+            // Outside of a capture once, so that all kernels are loaded.
+            self.solver.queue_step(self.material.as_dyn_mut())?;
+            left -= 1;
+            self.graphs = Some([self.capture(1)?, self.capture(STEPS_PER_GRAPH)?]);
+        }
+        if let Some([one, many]) = &self.graphs {
+            while left > STEPS_PER_GRAPH {
+                many.launch()?;
+                left -= STEPS_PER_GRAPH;
+            }
+            for _ in 1..left {
+                one.launch()?;
+            }
+        }
+        let stream = self.device.stream();
+        self.events[0].record(stream)?;
+        self.solver.queue_step(self.material.as_dyn_mut())?;
+        self.events[1].record(stream)?;
+        Ok(())
+    }
+
+    fn capture(&mut self, steps: usize) -> Result<CudaGraph, CudaError> {
+        let stream = self.device.stream();
+        stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
+        let queued =
+            (0..steps).try_for_each(|_| self.solver.queue_step(self.material.as_dyn_mut()));
+        // Ended whatever happened, or the stream is of no use any more.
+        let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
+        queued?;
+        graph.ok_or_else(|| gpu::Error::Driver("an empty graph".into()).into())
+    }
+
+    /// Of the last step.
+    fn time(&self) -> Result<Duration, gpu::Error> {
+        elapsed(&self.events)
+    }
+}
+
+fn timer(device: &Device) -> Result<[CudaEvent; 2], gpu::Error> {
+    let event = || device.context().new_event(Some(CUevent_flags::CU_EVENT_DEFAULT));
+    Ok([event()?, event()?])
+}
+
+fn elapsed([start, end]: &[CudaEvent; 2]) -> Result<Duration, gpu::Error> {
+    Ok(Duration::from_secs_f64(f64::from(start.elapsed_ms(end)?) * 1.0e-3))
+}

@@ -1,0 +1,196 @@
+//! The RVE batch on a GPU as a material of the MPM: the twin of `rve_material.rs` of the CPU.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use cudarc::driver::sys::CUstreamCaptureStatus;
+use cudarc::driver::{CudaEvent, CudaFunction, CudaSlice, DeviceRepr, PushKernelArg};
+use dem::cuda::{CudaError as RveError, CudaRveBatch, DeviceState};
+use gpu::Device;
+use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
+use mpm::{Basis, MaterialError};
+
+use super::{elapsed, timer};
+use crate::rve_material::{Batch, RveMaterial, Tally};
+
+/// The source of the kernel.
+pub fn source() -> String {
+    format!("{HEADER}\n#line 1 \"rve_material.cu\"\n{}", include_str!("rve_material.cu"))
+}
+
+/// Preprocessor definitions for it.
+pub fn defines() -> Vec<String> {
+    let mut defines = mpm::cuda::defines(Basis::default());
+    defines.push(format!("STATE_BYTES={}", size_of::<DeviceState>()));
+    defines.push(format!("TALLY_BYTES={}", size_of::<DeviceTally>()));
+    defines
+}
+
+/// The packings of all points on a GPU.
+pub(super) struct CudaRveMaterial {
+    device: Arc<Device>,
+    batch: DeviceBatch,
+    kernel: CudaFunction,
+    volume_per_area: CudaSlice<f64>,
+    tally: CudaSlice<DeviceTally>,
+    /// What was counted before the upload.
+    earlier: Tally,
+    overlap_warning: f64,
+    /// Before and after the packings in the last step queued outside of a graph.
+    events: [CudaEvent; 2],
+}
+
+/// The batch in the precision of the scene.
+enum DeviceBatch {
+    F32(CudaRveBatch<f32>),
+    F64(CudaRveBatch<f64>),
+}
+
+/// Does the same with a batch of either precision.
+macro_rules! with_batch {
+    ($batch:expr, $name:ident => $call:expr) => {
+        match $batch {
+            DeviceBatch::F32($name) => $call,
+            DeviceBatch::F64($name) => $call,
+        }
+    };
+}
+
+/// `Tally` of `rve_material.cu`, of one packing.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct DeviceTally {
+    free_steps: u64,
+    thin_steps: u64,
+    overlap_steps: u64,
+    searches: u64,
+    max_overlap: f64,
+    min_width: f64,
+}
+
+// SAFETY: plain numbers, laid out as in `rve_material.cu`.
+unsafe impl DeviceRepr for DeviceTally {}
+
+impl CudaRveMaterial {
+    /// Copies the packings to a GPU.
+    ///
+    /// # Errors
+    /// When they do not fit or a kernel cannot be compiled.
+    pub fn new(device: &Arc<Device>, rve: &RveMaterial) -> Result<Self, RveError> {
+        let batch = match &rve.batch {
+            Batch::F32(batch) => DeviceBatch::F32(CudaRveBatch::upload(device, batch)?),
+            Batch::F64(batch) => DeviceBatch::F64(CudaRveBatch::upload(device, batch)?),
+        };
+        let packings = rve.volume_per_area.len();
+        let none = DeviceTally {
+            free_steps: 0,
+            thin_steps: 0,
+            overlap_steps: 0,
+            searches: 0,
+            max_overlap: 0.0,
+            min_width: f64::INFINITY,
+        };
+        Ok(Self {
+            batch,
+            kernel: device
+                .module("rve_material.cu", &source(), &defines())?
+                .load_function("rve_response")?,
+            volume_per_area: device.upload(&rve.volume_per_area)?,
+            tally: device.upload(&vec![none; packings])?,
+            earlier: rve.tally,
+            overlap_warning: rve.parameters().overlap_warning,
+            events: timer(device)?,
+            device: device.clone(),
+        })
+    }
+
+    /// Copies back the states of the packings and what was counted, `steps` steps after the last
+    /// time.
+    pub fn fetch_states(&self, rve: &mut RveMaterial, steps: usize) -> Result<(), CudaError> {
+        rve.states = with_batch!(&self.batch, batch => batch.states()).map_err(device_error)?;
+        let packings = rve.states.len();
+        let made = rve.tally.steps + (steps * packings) as u64;
+        rve.tally = Tally { steps: made, ..self.earlier };
+        let total = &mut rve.tally;
+        for tally in self.device.stream().clone_dtoh(&self.tally)? {
+            total.free_steps += tally.free_steps;
+            total.thin_steps += tally.thin_steps;
+            total.overlap_steps += tally.overlap_steps;
+            total.searches += tally.searches;
+            total.max_overlap = total.max_overlap.max(tally.max_overlap);
+            total.min_width = total.min_width.min(tally.min_width);
+        }
+        Ok(())
+    }
+
+    /// Copies back the packings themselves.
+    pub fn fetch_packings(&self, rve: &mut RveMaterial) -> Result<(), CudaError> {
+        rve.batch = match &self.batch {
+            DeviceBatch::F32(batch) => Batch::F32(batch.download().map_err(device_error)?),
+            DeviceBatch::F64(batch) => Batch::F64(batch.download().map_err(device_error)?),
+        };
+        Ok(())
+    }
+
+    /// Of the packings in the last step queued outside of a graph.
+    pub fn time(&self) -> Result<Duration, gpu::Error> {
+        elapsed(&self.events)
+    }
+
+    /// From velocity gradients to the states of all packings.
+    ///
+    /// On several GPUs each would launch its own slice here, and the states of all packings would
+    /// be gathered before this returns: all else is small and done on each.
+    fn queue_packings(&mut self, queue: &Queue) -> Result<(), CudaError> {
+        let Queue { stream, dt, velocity_gradient, .. } = *queue;
+        let timed =
+            stream.capture_status()? == CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE;
+        if timed {
+            self.events[0].record(stream)?;
+        }
+        with_batch!(&mut self.batch, batch => batch.launch(stream, dt, velocity_gradient))
+            .map_err(device_error)?;
+        if timed {
+            self.events[1].record(stream)?;
+        }
+        Ok(())
+    }
+
+    fn queue_response(&mut self, queue: &Queue) -> Result<(), CudaError> {
+        let mut launch = queue.stream.launch_builder(&self.kernel);
+        launch.arg(queue.view);
+        with_batch!(&self.batch, batch => {
+            launch.arg(batch.device_states()).arg(batch.failed());
+        });
+        launch.arg(&self.volume_per_area).arg(&mut self.tally).arg(&self.overlap_warning);
+        // SAFETY: the arguments of `rve_response`, with one entry a point.
+        unsafe { launch.launch(queue.one_thread_a_point()) }?;
+        Ok(())
+    }
+}
+
+impl CudaMaterial for CudaRveMaterial {
+    fn queue_update(&mut self, queue: &Queue) -> Result<(), CudaError> {
+        self.queue_packings(queue)?;
+        self.queue_response(queue)
+    }
+
+    fn failure(&self, point: usize) -> Result<MaterialError, CudaError> {
+        let error =
+            with_batch!(&self.batch, batch => batch.failure(point)).map_err(device_error)?;
+        match error {
+            RveError::Rve { rve, failure, .. } => {
+                Ok(MaterialError::Point { point: rve, reason: failure.to_string() })
+            }
+            other => Err(device_error(other)),
+        }
+    }
+}
+
+/// An error of a batch that is uploaded and advanced by the device: all others are its states.
+fn device_error(error: RveError) -> CudaError {
+    match error {
+        RveError::Gpu(error) => error.into(),
+        other => gpu::Error::Driver(other.to_string()).into(),
+    }
+}

@@ -1,0 +1,198 @@
+//! What became of every scene of a data set: a table for people and a CSV file.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::{Case, DatasetError, Split};
+use crate::record::STABLE_STEP;
+use crate::trajectory::{Field, Trajectory, WriteError, write_atomically};
+
+/// One scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    pub split: Split,
+    pub name: String,
+    pub values: String,
+    pub points: usize,
+    /// Discs of all points; 0 for a continuum law.
+    pub discs: usize,
+    pub steps: usize,
+    /// Wall time (s) and right edge of the foremost point at the end (m); none before the end.
+    pub seconds: Option<f64>,
+    pub front: Option<f64>,
+    /// `ok`, what is doubtful, or how far the run is.
+    pub checks: String,
+}
+
+impl Row {
+    /// Whether the run has come to its end.
+    pub fn is_finished(&self) -> bool {
+        self.seconds.is_some()
+    }
+
+    fn new(case: &Case, folder: &Path) -> Result<Self, DatasetError> {
+        let scene = &case.scene;
+        let points = scene.point_count();
+        let discs = match &scene.material {
+            crate::scene::Material::Rve(rve) => points * rve.parameters.discs,
+            _ => 0,
+        };
+        let mut row = Self {
+            split: case.split,
+            name: case.name.clone(),
+            values: case.values.clone(),
+            points,
+            discs,
+            steps: scene.steps(),
+            seconds: None,
+            front: None,
+            checks: "not begun".to_owned(),
+        };
+        let path = case.file(folder);
+        if !path.exists() {
+            return Ok(row);
+        }
+        let trajectory = Trajectory::open(&path)?;
+        if trajectory.status() != "finished" {
+            let (frames, all) = (trajectory.frames(), scene.frames() + 1);
+            row.checks = format!("{} ({frames} of {all} frames)", trajectory.status());
+            return Ok(row);
+        }
+        row.seconds = Some(trajectory.wall_time().values().sum());
+        let last = trajectory.budget().get("front").and_then(|front| front.last());
+        row.front = last.map(|x| (x + 0.5 * scene.domain.spacing()).min(scene.domain.size[0]));
+        let doubts = doubts(&trajectory)?;
+        row.checks = if doubts.is_empty() { "ok".to_owned() } else { doubts.join("; ") };
+        Ok(row)
+    }
+}
+
+/// The rows of all cases.
+///
+/// # Errors
+/// If a trajectory cannot be read.
+pub fn rows(cases: &[Case], folder: &Path) -> Result<Vec<Row>, DatasetError> {
+    cases.iter().map(|case| Row::new(case, folder)).collect()
+}
+
+/// Energy (kinetic and potential) may exceed that of the start by this part of the largest: what
+/// is stored in the compression of the ground at the start is not in it.
+const ENERGY_TOLERANCE: f64 = 0.02;
+
+/// What is doubtful in a finished trajectory: numbers that are none, points outside the domain, a
+/// step above the bound up to which it is certain to be stable, energy from nowhere.
+fn doubts(trajectory: &Trajectory) -> Result<Vec<String>, DatasetError> {
+    let header = trajectory.header();
+    let mut doubts = Vec::new();
+    let (mut finite, mut inside) = (true, true);
+    for index in 0..trajectory.frames() {
+        for x in trajectory.positions(index..index + 1)?.rows() {
+            inside &= (0..2).all(|k| (0.0..=header.domain[k]).contains(&x[k]));
+        }
+        for field in [Field::Velocity, Field::Stress] {
+            let values = trajectory.field::<f64>(field, index..index + 1)?;
+            finite &= values.iter().flatten().all(|value| value.is_finite());
+        }
+    }
+    if !finite {
+        doubts.push("not finite".to_owned());
+    }
+    if !inside {
+        doubts.push("points outside".to_owned());
+    }
+    let scalar = |name: &str| trajectory.budget().get(name).map_or(&[][..], Vec::as_slice);
+    let bound = scalar(STABLE_STEP).iter().copied().fold(f64::INFINITY, f64::min);
+    if bound < header.time_step {
+        doubts.push(format!("step above its bound of {bound:.1e} s"));
+    }
+    let energy: Vec<f64> = scalar("kinetic_energy")
+        .iter()
+        .zip(scalar("potential_energy"))
+        .zip(scalar("plate_work"))
+        .map(|((kinetic, potential), work)| kinetic + potential - work)
+        .collect();
+    let largest = energy.iter().fold(0.0_f64, |most, e| most.max(e.abs()));
+    let gain = energy.iter().fold(0.0_f64, |most, e| most.max(e - energy[0]));
+    if gain > ENERGY_TOLERANCE * largest {
+        doubts.push(format!("energy grew by {:.1} %", 100.0 * gain / largest));
+    }
+    Ok(doubts)
+}
+
+/// The rows as a table for people.
+pub fn table(rows: &[Row]) -> String {
+    let number = |value: Option<f64>, digits: usize| {
+        value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+    };
+    let head = ["scene", "points", "discs", "steps", "seconds", "front [m]", "checks"];
+    let mut lines = vec![head.map(str::to_owned)];
+    lines.extend(rows.iter().map(|row| {
+        [
+            format!("{}/{}", row.split.name(), row.name),
+            row.points.to_string(),
+            row.discs.to_string(),
+            row.steps.to_string(),
+            number(row.seconds, 1),
+            number(row.front, 2),
+            row.checks.clone(),
+        ]
+    }));
+    let width = |column: usize| lines.iter().map(|line| line[column].len()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..head.len()).map(width).collect();
+    let mut text = String::new();
+    for [scene, numbers @ .., checks] in &lines {
+        write!(text, "{scene:<0$}", widths[0]).expect("writing to a string cannot fail");
+        for (number, width) in numbers.iter().zip(&widths[1..]) {
+            write!(text, "  {number:>width$}").expect("writing to a string cannot fail");
+        }
+        writeln!(text, "  {checks}").expect("writing to a string cannot fail");
+    }
+    text
+}
+
+/// Writes the rows as CSV with a header.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), WriteError> {
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let mut text = "split,scene,points,discs,steps,seconds,front,checks,values\n".to_owned();
+    for row in rows {
+        let fields = [
+            row.split.name().to_owned(),
+            quoted(&row.name),
+            row.points.to_string(),
+            row.discs.to_string(),
+            row.steps.to_string(),
+            number(row.seconds),
+            number(row.front),
+            quoted(&row.checks),
+            quoted(&row.values),
+        ];
+        text += &(fields.join(",") + "\n");
+    }
+    write_atomically(path, |temporary| {
+        let failed = |source| WriteError { path: path.to_owned(), action: "write it", source };
+        std::fs::write(temporary, &text).map_err(failed)
+    })
+}
+
+/// A text as a field of a CSV file (RFC 4180).
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_with_commas_are_quoted() {
+        assert_eq!(quoted("ok"), "ok");
+        assert_eq!(quoted("a = [1, 2], b = \"x\""), "\"a = [1, 2], b = \"\"x\"\"\"");
+    }
+}

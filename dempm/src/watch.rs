@@ -1,0 +1,144 @@
+//! What a run says about itself while it goes on: the first time that it leaves the region in which
+//! the method is sound.
+
+use crate::record::STABLE_STEP;
+use crate::simulation::{SceneMaterial, Simulation};
+use crate::trajectory::Frame;
+
+/// Mechanical energy may grow by this part of what the scene started with before a run says so:
+/// packings and elastic bodies store less than that under their own weight.
+const ENERGY_TOLERANCE: f64 = 0.05;
+
+/// What a run says of a step (s) beyond the bound (s) up to which it is stable for certain.
+pub fn beyond_bound(step: f64, bound: f64) -> Option<String> {
+    (step > bound).then(|| {
+        format!(
+            "the step of {step:.2e} s exceeds the bound {bound:.2e} s up to which it is certain to \
+             be stable"
+        )
+    })
+}
+
+/// What a run says of an overlap, as part of a radius, beyond the one to warn at.
+pub fn overlap(largest: f64, warning: f64) -> String {
+    format!("discs overlap by {largest:.2} of a radius, more than overlap_warning = {warning}")
+}
+
+/// What a run says of cells thinner than so many mean diameters; `width` (m) is the smallest.
+pub fn thin(diameters: f64, width: f64) -> String {
+    format!(
+        "cells of packings are thinner than {diameters} diameters ({:.1} mm) and are not sheared \
+         further",
+        1e3 * width
+    )
+}
+
+/// Looks at every frame of a run. Each kind of doubt is said once.
+#[derive(Clone, Debug, Default)]
+pub struct Watch {
+    /// Smallest bound on the macro step in any frame (s), once there was one.
+    stable_step: Option<f64>,
+    /// Mechanical energy of the first frame, potential energy counted from the floor (J/m).
+    start_energy: Option<f64>,
+    energy: bool,
+    overlap: bool,
+    thin: bool,
+}
+
+impl Watch {
+    /// Smallest bound on the macro step in any frame (s); infinite before the first.
+    pub fn stable_step(&self) -> f64 {
+        self.stable_step.unwrap_or(f64::INFINITY)
+    }
+
+    /// What there is to say about the present frame of a simulation.
+    pub fn observe(&mut self, simulation: &Simulation, frame: &Frame) -> Vec<String> {
+        let mut said = Vec::new();
+        let time = frame.time;
+        let mut say = |text: String| said.push(format!("at t = {time:.3} s {text}"));
+        self.observe_step(simulation.scene.step, frame, &mut say);
+        self.observe_energy(frame, &mut say);
+        if let SceneMaterial::Rve(rve) = &simulation.state.material {
+            let (tally, p) = (&rve.tally, rve.parameters());
+            if tally.overlap_steps > 0 && !self.overlap {
+                self.overlap = true;
+                say(overlap(tally.max_overlap, p.overlap_warning));
+            }
+            if tally.thin_steps > 0 && !self.thin {
+                self.thin = true;
+                say(thin(p.thin_width, tally.min_width));
+            }
+        }
+        said
+    }
+
+    /// Whether the macro step is still certain to be stable.
+    fn observe_step(&mut self, step: f64, frame: &Frame, say: &mut impl FnMut(String)) {
+        let Some(&bound) = frame.budget.get(STABLE_STEP) else { return };
+        if self.stable_step() >= step
+            && let Some(doubt) = beyond_bound(step, bound)
+        {
+            say(doubt);
+        }
+        self.stable_step = Some(self.stable_step().min(bound));
+    }
+
+    /// Nothing but the plate and what material has stored can add to the mechanical energy.
+    fn observe_energy(&mut self, frame: &Frame, say: &mut impl FnMut(String)) {
+        let scalar = |name: &str| frame.budget.get(name).copied().unwrap_or_default();
+        let energy = scalar("kinetic_energy") + scalar("potential_energy") - scalar("plate_work");
+        let start = *self.start_energy.get_or_insert(energy);
+        let gain = energy - start;
+        if start != 0.0 && gain > ENERGY_TOLERANCE * start.abs() && !self.energy {
+            self.energy = true;
+            let percent = 100.0 * gain / start.abs();
+            say(format!(
+                "the mechanical energy is {percent:.0} % above that of the start: a shorter step \
+                 or a transfer that dissipates more may be needed"
+            ));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    const SCENE: &str = "duration = 0.1\n[domain]\nsize = [2.0, 1.0]\n[[column]]\n\
+                         size = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n";
+
+    #[test]
+    fn each_doubt_is_said_once() {
+        let scene = Scene::parse(SCENE, "scene.toml").unwrap();
+        let simulation = Simulation::new(scene).unwrap();
+        let mut watch = Watch::default();
+        let mut frame = simulation.frame();
+        assert_eq!(watch.observe(&simulation, &frame), Vec::<String>::new());
+        let bound = watch.stable_step();
+        assert!(bound > simulation.scene.step && bound.is_finite());
+
+        // All potential energy again as kinetic energy.
+        frame.budget.insert("kinetic_energy".into(), frame.budget["potential_energy"]);
+        frame.budget.insert(STABLE_STEP.into(), 0.5 * simulation.scene.step);
+        let said = watch.observe(&simulation, &frame);
+        assert_eq!(said.len(), 2, "{said:?}");
+        assert!(said[0].contains("exceeds the bound 5.00e-5 s"), "{said:?}");
+        assert!(said[1].contains("energy is 100 % above"), "{said:?}");
+        assert_eq!(watch.observe(&simulation, &frame), Vec::<String>::new());
+        assert_eq!(watch.stable_step(), 0.5 * simulation.scene.step);
+    }
+
+    #[test]
+    fn a_plate_may_add_energy() {
+        let scene = Scene::parse(SCENE, "scene.toml").unwrap();
+        let simulation = Simulation::new(scene).unwrap();
+        let mut watch = Watch::default();
+        let mut frame = simulation.frame();
+        watch.observe(&simulation, &frame);
+        let energy = frame.budget["potential_energy"];
+        frame.budget.insert("kinetic_energy".into(), energy);
+        frame.budget.insert("plate_work".into(), energy);
+        assert_eq!(watch.observe(&simulation, &frame), Vec::<String>::new());
+    }
+}

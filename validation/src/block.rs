@@ -1,0 +1,54 @@
+//! What a section of the report consists of.
+
+pub use crate::figure::Figure;
+pub use crate::map::{Map, Outcome};
+pub use crate::table::Table;
+
+/// A piece of a section, in the order in which a person reads it.
+///
+/// Texts are plain; words between backticks are set as code.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Block {
+    /// A heading within the section.
+    Heading(String),
+    /// A paragraph.
+    Text(String),
+    /// Findings or remarks, one a line.
+    List(Vec<String>),
+    /// What a program said, word for word.
+    Quote(String),
+    Table(Table),
+    Figure(Figure),
+    /// Parameter x parameter, and what happened.
+    Map(Map),
+    Missing(Missing),
+}
+
+/// Something that should be here and is not. Nothing is ever filled in for it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Missing {
+    /// What is not shown.
+    pub what: String,
+    /// Why not.
+    pub why: String,
+    /// What to do to have it shown.
+    pub remedy: String,
+}
+
+impl Block {
+    pub fn heading(text: impl Into<String>) -> Self {
+        Self::Heading(text.into())
+    }
+
+    pub fn text(text: impl Into<String>) -> Self {
+        Self::Text(text.into())
+    }
+
+    pub fn missing(
+        what: impl Into<String>,
+        why: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self::Missing(Missing { what: what.into(), why: why.into(), remedy: remedy.into() })
+    }
+}

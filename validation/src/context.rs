@@ -1,0 +1,221 @@
+//! What sections work with: runs, data, models, and how much to compute.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::ValueEnum;
+use dempm::check::Needs;
+use dempm::scene::Scene;
+use miette::{IntoDiagnostic, WrapErr};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::progress::Progress;
+use crate::work::{Input, Job, Run, Work, hash_of_file};
+
+/// How much to compute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Suite {
+    /// Small cases: minutes on two cores.
+    Quick,
+    /// Everything, for a GPU.
+    Full,
+}
+
+/// A trained model.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Its folder's name for `NAME/best.safetensors`, else the file's.
+    pub name: String,
+    pub path: PathBuf,
+}
+
+/// Where sections get what they need.
+pub struct Context {
+    pub suite: Suite,
+    /// `cpu`, `cuda` or `cuda:N`, as `dempm run` takes it.
+    pub device: String,
+    /// The device in words.
+    pub device_name: String,
+    pub work: Work,
+    pub progress: Progress,
+    /// Folder of trajectories, which may have `train/`, `valid/` and `test/`.
+    pub data: Option<PathBuf>,
+    pub models: Vec<Model>,
+    /// Disc-steps per second expected of the device, for estimates only.
+    pub rate: f64,
+}
+
+impl Context {
+    /// Runs a scene, given as the text of its file, if that has not been done.
+    ///
+    /// # Errors
+    /// If the program cannot be run or the user interrupts. A scene that is refused or fails is a
+    /// [`Run`] that did not succeed, with what the program said.
+    pub fn run(&mut self, what: &str, scene: &str) -> miette::Result<Run> {
+        let estimate = self.estimate(scene);
+        let device = self.device.clone();
+        self.job(what, estimate, &scene_job(scene, &device))
+    }
+
+    /// Estimated time of [`run`](Self::run), s; 0 if it has been done.
+    pub fn estimate(&self, scene: &str) -> f64 {
+        if self.work.has(&scene_job(scene, &self.device)) {
+            return 0.0;
+        }
+        // A wrong scene is refused at once.
+        let needs = Scene::parse(scene, "scene.toml").map(|scene| Needs::of(&scene, self.rate));
+        needs.map_or(0.0, |needs| needs.seconds + 1.0)
+    }
+
+    /// Predicts with a model: all frames of a scene, or of a trajectory from its first frames on.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run), and if model or trajectory cannot be read.
+    pub fn rollout(&mut self, model: &Model, start: &Start) -> miette::Result<Run> {
+        let read = |path: &Path| {
+            hash_of_file(path)
+                .into_diagnostic()
+                .wrap_err_with(|| format!("cannot read {}", path.display()))
+        };
+        let mut key = read(&model.path)?;
+        let mut arguments = vec![model.path.display().to_string(), "--overwrite".to_owned()];
+        let mut input = None;
+        match start {
+            Start::Scene(text) => {
+                input = Some(Input { name: "scene.toml", text, option: Some("--scene") });
+            }
+            Start::Trajectory(path) => {
+                key += &read(path)?;
+                arguments.extend(["--from".to_owned(), path.display().to_string()]);
+            }
+        }
+        let job = Job {
+            subcommand: "rollout",
+            program: "surrogate",
+            key,
+            input,
+            output: "trajectory.h5",
+            arguments,
+            resumes: false,
+        };
+        self.job(&format!("rollout of {}", model.name), 10.0, &job)
+    }
+
+    /// Runs an element test, given as the text of its file.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn element(&mut self, what: &str, test: &str) -> miette::Result<Run> {
+        self.job(what, 5.0, &element_job(test))
+    }
+
+    /// Whether an element test has been run.
+    pub fn has_element(&self, test: &str) -> bool {
+        self.work.has(&element_job(test))
+    }
+
+    /// A value computed in this process, once: `key` says all that it depends on.
+    ///
+    /// # Errors
+    /// Those of `make`, and if the value cannot be kept or the user interrupts.
+    pub fn cached<T: Serialize + DeserializeOwned>(
+        &mut self,
+        kind: &str,
+        key: &str,
+        seconds: f64,
+        make: impl FnOnce() -> miette::Result<T>,
+    ) -> miette::Result<T> {
+        if self.work.has_cached(kind, key) {
+            return self.work.cached(kind, key, make);
+        }
+        self.progress.begin(kind, seconds);
+        let value = self.work.cached(kind, key, make);
+        self.progress.end();
+        value
+    }
+
+    /// Trajectories in a folder of the data: `train`, `valid` or `test`.
+    pub fn trajectories(&self, set: &str) -> Vec<PathBuf> {
+        let Some(folder) = self.data.as_ref().map(|data| data.join(set)) else {
+            return Vec::new();
+        };
+        files_in(&folder, "h5")
+    }
+
+    fn job(&mut self, what: &str, estimate: f64, job: &Job) -> miette::Result<Run> {
+        let known = self.work.has(job);
+        if !known {
+            self.progress.begin(what, estimate);
+        }
+        let progress = &self.progress;
+        let run = self.work.run(job, |elapsed: Duration| progress.tick(elapsed));
+        if !known {
+            self.progress.end();
+        }
+        run
+    }
+}
+
+/// What a rollout starts from.
+pub enum Start<'a> {
+    /// The text of a scene file, whose first frames are simulated.
+    Scene(&'a str),
+    /// A trajectory, whose first frames are taken.
+    Trajectory(&'a Path),
+}
+
+fn scene_job<'a>(scene: &'a str, device: &str) -> Job<'a> {
+    Job {
+        subcommand: "run",
+        program: "dempm",
+        key: format!("{device}, {} threads", rayon::current_num_threads()),
+        input: Some(Input { name: "scene.toml", text: scene, option: None }),
+        output: "trajectory.h5",
+        arguments: vec!["--device".to_owned(), device.to_owned()],
+        resumes: true,
+    }
+}
+
+fn element_job(test: &str) -> Job<'_> {
+    Job {
+        subcommand: "element",
+        program: "dempm",
+        key: String::new(),
+        input: Some(Input { name: "test.toml", text: test, option: None }),
+        output: "path.csv",
+        arguments: Vec::new(),
+        resumes: false,
+    }
+}
+
+/// Models in a folder: `*.safetensors` in it, and `best.safetensors` of trainings in folders of it.
+pub fn models_in(folder: &Path) -> Vec<Model> {
+    let name = |path: &Path| {
+        path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    };
+    let mut models: Vec<Model> = files_in(folder, "safetensors")
+        .into_iter()
+        .map(|path| Model { name: name(&path), path })
+        .collect();
+    let folders = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for path in folders.map(|entry| entry.path().join("best.safetensors")) {
+        if path.exists() {
+            models.push(Model { name: path.parent().map(name).unwrap_or_default(), path });
+        }
+    }
+    models.sort_by(|a, b| a.name.cmp(&b.name));
+    models
+}
+
+/// Files with a suffix in a folder, by name; none if there is no such folder.
+pub fn files_in(folder: &Path, suffix: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|found| found == suffix))
+        .collect();
+    files.sort();
+    files
+}

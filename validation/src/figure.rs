@@ -1,0 +1,47 @@
+//! Figures: what is drawn, and what it says to those who cannot see it.
+
+/// A picture with its caption.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// What it shows; unique within the section, since the file's name comes from it.
+    pub title: String,
+    /// How to read it.
+    pub caption: String,
+    pub picture: Picture,
+}
+
+/// The picture itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Picture {
+    /// Text of an SVG file, in the colours of [`crate::chart`], which follow light and dark.
+    Svg(String),
+    /// A PNG file.
+    Png(Vec<u8>),
+    /// An animation.
+    Gif(Vec<u8>),
+}
+
+impl Picture {
+    /// The suffix of its file.
+    pub fn suffix(&self) -> &'static str {
+        match self {
+            Self::Svg(_) => "svg",
+            Self::Png(_) => "png",
+            Self::Gif(_) => "gif",
+        }
+    }
+
+    /// The contents of its file.
+    pub fn bytes(&self) -> &[u8] {
+        match self {
+            Self::Svg(text) => text.as_bytes(),
+            Self::Png(bytes) | Self::Gif(bytes) => bytes,
+        }
+    }
+}
+
+impl Figure {
+    pub fn new(title: impl Into<String>, picture: Picture, caption: impl Into<String>) -> Self {
+        Self { title: title.into(), caption: caption.into(), picture }
+    }
+}

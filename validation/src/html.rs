@@ -1,0 +1,215 @@
+//! The page: one HTML file with everything in it, for screens of any size and for paper.
+
+use std::fmt::Write as _;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+
+use crate::block::{Block, Figure, Map, Missing, Table};
+use crate::figure::Picture;
+use crate::report::{State, Written, WrittenSection, figure_file, table_file};
+
+const STYLE: &str = include_str!("style.css");
+
+/// The whole page. `facts` says what it was made with.
+pub fn page(facts: &[(&str, String)], chapters: &[Written]) -> String {
+    let mut html = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n\
+         <title>DEMPM validation report</title>\n<style>\n{STYLE}{}</style>\n</head>\n<body>\n\
+         <header><h1>DEMPM validation report</h1>\n",
+        crate::chart::dark_style()
+    );
+    html += "<dl class=\"facts\">";
+    for (name, value) in facts {
+        // Writing to a string cannot fail, here and below.
+        let _ = write!(html, "<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value));
+    }
+    html += "</dl>\n<p>Tables are in <code>tables/</code> as CSV, figures in <code>figures/</code>, \
+             all numbers, commands and messages in <code>results.json</code>.</p>\n</header>\n<nav>";
+    let chapters = || chapters.iter().filter(|chapter| !chapter.sections.is_empty());
+    for chapter in chapters() {
+        let _ = write!(html, "<h2>{}</h2><ul>", escape(chapter.title));
+        for section in &chapter.sections {
+            let (class, mark) = standing(section);
+            let (slug, title) = (&section.slug, escape(section.title));
+            let _ =
+                write!(html, "<li class=\"{class}\"><a href=\"#{slug}\">{title}</a>{mark}</li>");
+        }
+        html += "</ul>";
+    }
+    html += "</nav>\n<main>\n";
+    for chapter in chapters() {
+        let _ = writeln!(html, "<h2 class=\"chapter\">{}</h2>", escape(chapter.title));
+        for section in &chapter.sections {
+            write_section(&mut html, section);
+        }
+    }
+    html += "</main>\n</body>\n</html>\n";
+    html
+}
+
+/// Class of a section in the table of contents, and a remark.
+fn standing(section: &WrittenSection) -> (&'static str, &'static str) {
+    let missing = section.blocks.iter().any(|block| matches!(block, Block::Missing(_)));
+    match section.state {
+        State::NotYet => ("not-yet", " <small>not computed yet</small>"),
+        State::Failed => ("failed", " <small>failed</small>"),
+        State::Done if missing => ("partial", " <small>something is missing</small>"),
+        State::Done => ("done", ""),
+    }
+}
+
+fn write_section(html: &mut String, section: &WrittenSection) {
+    let _ = writeln!(html, "<section id=\"{}\">\n<h3>{}</h3>", section.slug, escape(section.title));
+    if section.state == State::NotYet {
+        *html += "<p class=\"missing\">Not computed yet.</p>\n";
+    }
+    for block in &section.blocks {
+        match block {
+            Block::Heading(text) => {
+                let _ = writeln!(html, "<h4>{}</h4>", inline(text));
+            }
+            Block::Text(text) => {
+                let _ = writeln!(html, "<p>{}</p>", inline(text));
+            }
+            Block::List(lines) => {
+                *html += "<ul>";
+                for line in lines {
+                    let _ = write!(html, "<li>{}</li>", inline(line));
+                }
+                *html += "</ul>\n";
+            }
+            Block::Quote(text) => {
+                let _ = writeln!(html, "<pre>{}</pre>", escape(text));
+            }
+            Block::Table(table) => write_table(html, section, table),
+            Block::Figure(figure) => write_figure(html, section, figure),
+            Block::Map(map) => write_map(html, section, map),
+            Block::Missing(Missing { what, why, remedy }) => {
+                let [what, why, remedy] = [what, why, remedy].map(|text| inline(text));
+                let _ = writeln!(
+                    html,
+                    "<p class=\"missing\"><strong>{what}</strong> is not shown: {why} {remedy}</p>"
+                );
+            }
+        }
+    }
+    *html += "</section>\n";
+}
+
+fn write_table(html: &mut String, section: &WrittenSection, table: &Table) {
+    let numeric: Vec<bool> = (0..table.columns.len())
+        .map(|k| {
+            let mut cells = table.rows.iter().map(|row| row[k].as_str()).filter(|c| !c.is_empty());
+            cells.clone().next().is_some()
+                && cells.all(|cell| {
+                    cell.starts_with(|c: char| "+-−<>≥≤~".contains(c) || c.is_ascii_digit())
+                })
+        })
+        .collect();
+    let class = |k: usize| if numeric.get(k) == Some(&true) { " class=\"number\"" } else { "" };
+    *html += "<figure class=\"table\"><div class=\"scroll\"><table>\n<thead><tr>";
+    for (k, column) in table.columns.iter().enumerate() {
+        let _ = write!(html, "<th scope=\"col\"{}>{}</th>", class(k), inline(column));
+    }
+    *html += "</tr></thead>\n<tbody>\n";
+    for row in &table.rows {
+        *html += "<tr>";
+        for (k, cell) in row.iter().enumerate() {
+            let _ = write!(html, "<td{}>{}</td>", class(k), inline(cell));
+        }
+        *html += "</tr>\n";
+    }
+    let _ = writeln!(
+        html,
+        "</tbody></table></div>\n<figcaption><strong>{}.</strong> {} <a href=\"{}\">CSV</a></figcaption></figure>",
+        inline(&table.title),
+        inline(&table.note),
+        table_file(section, &table.title)
+    );
+}
+
+fn write_figure(html: &mut String, section: &WrittenSection, figure: &Figure) {
+    let title = inline(&figure.title);
+    let _ = write!(html, "<figure class=\"picture\"><div class=\"scroll\">");
+    match &figure.picture {
+        Picture::Svg(text) => *html += &crate::chart::inlined(text, &escape(&figure.title)),
+        picture => {
+            let _ = write!(
+                html,
+                "<img alt=\"{}\" src=\"data:image/{};base64,{}\">",
+                escape(&figure.title),
+                picture.suffix(),
+                STANDARD.encode(picture.bytes())
+            );
+        }
+    }
+    let _ = writeln!(
+        html,
+        "</div>\n<figcaption><strong>{title}.</strong> {} <a href=\"{}\">file</a></figcaption></figure>",
+        inline(&figure.caption),
+        figure_file(section, figure)
+    );
+}
+
+fn write_map(html: &mut String, section: &WrittenSection, map: &Map) {
+    let _ = write!(
+        html,
+        "<figure class=\"table\"><div class=\"scroll\"><table class=\"map\">\n<thead><tr>\
+         <th>{} ↓ &nbsp; {} →</th>",
+        inline(&map.y.0),
+        inline(&map.x.0)
+    );
+    for value in &map.x.1 {
+        let _ = write!(html, "<th scope=\"col\">{}</th>", inline(value));
+    }
+    *html += "</tr></thead>\n<tbody>\n";
+    for (value, cells) in map.y.1.iter().zip(&map.cells) {
+        let _ = write!(html, "<tr><th scope=\"row\">{}</th>", inline(value));
+        for (outcome, number) in cells {
+            let (word, sign, class) = outcome.words();
+            let _ = write!(
+                html,
+                "<td class=\"{class}\" title=\"{word}\">{sign} <small>{}</small></td>",
+                inline(number)
+            );
+        }
+        *html += "</tr>\n";
+    }
+    let _ = writeln!(
+        html,
+        "</tbody></table></div>\n<figcaption><strong>{}.</strong> {}. {} <a href=\"{}\">CSV</a></figcaption></figure>",
+        inline(&map.title),
+        escape(&map.legend()),
+        inline(&map.caption),
+        table_file(section, &map.title)
+    );
+}
+
+/// Text with what stands between backticks as code.
+fn inline(text: &str) -> String {
+    let parts = text.split('`').enumerate().map(|(k, part)| match k % 2 {
+        0 => escape(part),
+        _ => format!("<code>{}</code>", escape(part)),
+    });
+    parts.collect()
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_cannot_break_the_page() {
+        assert_eq!(
+            inline("a < b & `x > \"y\"`"),
+            "a &lt; b &amp; <code>x &gt; &quot;y&quot;</code>"
+        );
+    }
+}

@@ -1,0 +1,98 @@
+//! A map of two parameters: where a method is stable, where it warns, where it fails.
+
+use std::fmt::Write as _;
+
+use crate::table::Table;
+
+/// What happened with a pair of parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Sound, and nothing was said.
+    Stable,
+    /// Done, and the program warned.
+    Warned,
+    /// Ended early or wrong, and the program said so.
+    Failed,
+    /// Ended wrong, and the program said nothing: a defect.
+    Silent,
+    /// Not computed.
+    Unknown,
+}
+
+impl Outcome {
+    /// The word for it, a sign that needs no colour, and the class of its style.
+    pub const fn words(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Self::Stable => ("stable", "●", "stable"),
+            Self::Warned => ("warned", "▲", "warned"),
+            Self::Failed => ("failed", "✕", "failed"),
+            Self::Silent => ("failed silently", "✕?", "silent"),
+            Self::Unknown => ("not computed", "·", "unknown"),
+        }
+    }
+}
+
+/// Outcomes over two parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map {
+    /// What was pushed; unique within the section.
+    pub title: String,
+    /// Name and unit of the parameter along the rows, and its values as text.
+    pub x: (String, Vec<String>),
+    /// The same of the parameter along the columns, from top to bottom.
+    pub y: (String, Vec<String>),
+    /// One row for each value of y, one entry for each value of x: what happened, and a measured
+    /// number or a word to go with it; may be empty.
+    pub cells: Vec<Vec<(Outcome, String)>>,
+    /// How to read it, and the theory it is compared with.
+    pub caption: String,
+}
+
+impl Map {
+    /// The map as a table, for CSV.
+    pub fn table(&self) -> Table {
+        let corner = format!("{} \\ {}", self.y.0, self.x.0);
+        let columns = std::iter::once(corner.as_str()).chain(self.x.1.iter().map(String::as_str));
+        let mut table = Table::new(self.title.clone(), columns);
+        for (value, cells) in self.y.1.iter().zip(&self.cells) {
+            let words = cells.iter().map(|(outcome, number)| {
+                let (word, ..) = outcome.words();
+                if number.is_empty() { word.to_owned() } else { format!("{word} ({number})") }
+            });
+            table.row(std::iter::once(value.clone()).chain(words));
+        }
+        table
+    }
+
+    /// The outcomes that occur, for the legend.
+    pub fn legend(&self) -> String {
+        let mut text = String::new();
+        let all =
+            [Outcome::Stable, Outcome::Warned, Outcome::Failed, Outcome::Silent, Outcome::Unknown];
+        for outcome in all {
+            if self.cells.iter().flatten().any(|(found, _)| *found == outcome) {
+                let (word, sign, _) = outcome.words();
+                let _ = write!(text, "{sign} {word}   ");
+            }
+        }
+        text.trim_end().to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_map_is_a_table_too() {
+        let map = Map {
+            title: "step against basis".into(),
+            x: ("step".into(), vec!["0.5".into(), "1".into()]),
+            y: ("basis".into(), vec!["linear".into()]),
+            cells: vec![vec![(Outcome::Stable, String::new()), (Outcome::Failed, "0.8".into())]],
+            caption: String::new(),
+        };
+        assert_eq!(map.table().csv(), "basis \\ step,0.5,1\nlinear,stable,failed (0.8)\n");
+        assert_eq!(map.legend(), "● stable   ✕ failed");
+    }
+}

@@ -1,0 +1,64 @@
+//! How far the report is, and how long it will take.
+
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Progress in estimated seconds of computing.
+pub struct Progress {
+    bar: ProgressBar,
+    began: Instant,
+    /// Estimated seconds of all, of what is done, and of what is running now.
+    total: f64,
+    done: f64,
+    now: f64,
+}
+
+impl Progress {
+    /// Nothing done yet of `total` estimated seconds.
+    pub fn new(total: f64) -> Self {
+        let bar = ProgressBar::new((total * 10.0).ceil().max(1.0) as u64);
+        let style = ProgressStyle::with_template("{bar:24} {percent:>3} %  {prefix}  {msg}")
+            .expect("the template is valid");
+        bar.set_style(style);
+        bar.enable_steady_tick(Duration::from_millis(500));
+        Self { bar, began: Instant::now(), total, done: 0.0, now: 0.0 }
+    }
+
+    /// Something of `seconds` begins.
+    pub fn begin(&mut self, what: &str, seconds: f64) {
+        self.now = seconds;
+        self.bar.set_message(what.to_owned());
+        self.show(0.0);
+    }
+
+    /// It has been running for `elapsed`.
+    pub fn tick(&self, elapsed: Duration) {
+        self.show(elapsed.as_secs_f64().min(self.now));
+    }
+
+    /// It has ended.
+    pub fn end(&mut self) {
+        self.done = (self.done + self.now).min(self.total);
+        self.now = 0.0;
+        self.show(0.0);
+    }
+
+    /// Says something above the bar.
+    pub fn say(&self, text: &str) {
+        self.bar.suspend(|| eprintln!("{text}"));
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn show(&self, part: f64) {
+        let done = self.done + part;
+        self.bar.set_position((done * 10.0) as u64);
+        // What is left, at the speed so far; the estimate is all there is to begin with.
+        let pace = if done > 5.0 { self.began.elapsed().as_secs_f64() / done } else { 1.0 };
+        let left = (self.total - done).max(0.0) * pace;
+        self.bar.set_prefix(format!("about {} left", crate::table::seconds(left)));
+    }
+}

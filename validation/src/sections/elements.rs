@@ -1,0 +1,162 @@
+//! Element tests of one packing against what is known of discs.
+
+use dem::element::{Element, Stage, summary};
+use dem::{Preparation, RveParameters, consolidate};
+use miette::IntoDiagnostic;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::block::{Block, Figure, Table};
+use crate::chart::{Axis, Chart, Mark, Series};
+use crate::context::Context;
+use crate::section::Section;
+use crate::table::number;
+
+/// Critical state and strength of one packing.
+pub struct Elements;
+
+/// Confining pressure of all tests, Pa.
+const PRESSURE: f64 = 20e3;
+/// Shear rates, 1/s, and what an independent prototype with the same discs measured there:
+/// inertial number, tau / p, solid fraction, coordination number.
+const SHEAR: [(f64, [f64; 4]); 4] = [
+    (0.4, [0.0011, 0.277, 0.812, 2.95]),
+    (4.0, [0.011, 0.303, 0.8097, 2.69]),
+    (40.0, [0.109, 0.405, 0.780, 1.67]),
+    (120.0, [0.328, 0.52, 0.719, 0.98]),
+];
+
+/// What a test came to.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Found {
+    inertial_number: f64,
+    peak_sin_phi: f64,
+    sin_phi: f64,
+    solid_fraction: f64,
+    coordination: f64,
+}
+
+impl Section for Elements {
+    fn title(&self) -> &'static str {
+        "Element tests against critical state and mu(I)"
+    }
+
+    fn estimate(&self, context: &Context) -> f64 {
+        if context.work.has_cached(KIND, &key()) { 0.0 } else { SECONDS }
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let results: Vec<Found> = context.cached(KIND, &key(), SECONDS, || {
+            tests().par_iter().map(run).collect::<miette::Result<_>>()
+        })?;
+        let (biaxial, shear) = results.split_at(2);
+        let columns = ["test", "quantity", "reference", "ours", "ratio"];
+        let mut table = Table::new("Element tests", columns).note(
+            "Means over the last third of the path; the stress ratio of 400 discs scatters by \
+             0.036. References: an independent prototype with the same discs and contact law.",
+        );
+        let mut row = |test: String, quantity: &str, reference: f64, ours: f64| {
+            let ratio = number(ours / reference);
+            table.row([test, quantity.to_owned(), number(reference), number(ours), ratio]);
+        };
+        row("biaxial, dense".into(), "peak sin phi", 0.458, biaxial[0].peak_sin_phi);
+        for (name, result) in ["biaxial, dense", "biaxial, loose"].iter().zip(biaxial) {
+            row((*name).to_owned(), "critical sin phi", 0.28, result.sin_phi);
+            row((*name).to_owned(), "critical solid fraction", 0.813, result.solid_fraction);
+            row((*name).to_owned(), "critical coordination", 3.05, result.coordination);
+        }
+        for ((rate, [i, strength, solid, contacts]), result) in SHEAR.iter().zip(shear) {
+            let test = format!("shear at {rate} 1/s, I = {}", number(result.inertial_number));
+            row(test.clone(), "inertial number", *i, result.inertial_number);
+            row(test.clone(), "sin phi", *strength, result.sin_phi);
+            row(test.clone(), "solid fraction", *solid, result.solid_fraction);
+            row(test, "coordination", *contacts, result.coordination);
+        }
+        let law = |i: f64| 0.28 + (0.80 - 0.28) * i / (0.35 + i);
+        let rates = |from: i32, to: i32| (from..=to).map(|k| 10_f64.powf(0.1 * f64::from(k)));
+        let picture = Chart {
+            x: Axis::log("inertial number I"),
+            y: Axis::linear("shear strength"),
+            series: vec![
+                Series::new(
+                    "mu(I) law of `dempm`",
+                    Mark::Line,
+                    rates(-35, 0).map(|i| (i, law(i))).collect(),
+                ),
+                Series::new(
+                    "da Cruz et al. 2005, 0.25 + 1.1 I",
+                    Mark::Line,
+                    rates(-35, -7).map(|i| (i, 0.25 + 1.1 * i)).collect(),
+                ),
+                Series::new(
+                    "prototype",
+                    Mark::Crosses,
+                    SHEAR.map(|(_, [i, strength, ..])| (i, strength)).to_vec(),
+                ),
+                Series::new(
+                    "this code",
+                    Mark::Circles,
+                    shear.iter().map(|r| (r.inertial_number, r.sin_phi)).collect(),
+                ),
+            ],
+            floor: None,
+        }
+        .draw()?;
+        Ok(vec![
+            Block::text(
+                "One packing of 400 discs at 20 kPa, friction 0.5. Biaxial compression from a dense \
+                 and a loose packing has to end in one critical state; simple shear at constant \
+                 normal stress gives the strength over the inertial number I. Da Cruz et al. (2005) \
+                 had discs with friction 0.4 and measured up to I = 0.2.",
+            ),
+            Block::Figure(Figure::new(
+                "Strength over inertial number",
+                picture,
+                "sin phi of this code and of the law, tau / p of the others.",
+            )),
+            Block::Table(table),
+        ])
+    }
+}
+
+const KIND: &str = "elements";
+/// About, s.
+const SECONDS: f64 = 20.0;
+
+/// A test: the friction of the preparation, and the path.
+type Test = (f64, Stage, f64);
+
+/// All tests with the time between rows, s.
+fn tests() -> Vec<Test> {
+    let biaxial = Stage::Biaxial { pressure: PRESSURE, shortening_rate: 0.05, strain: 0.2 };
+    let mut tests = vec![(1e-3, biaxial.clone(), 0.05), (0.5, biaxial, 0.05)];
+    tests.extend(SHEAR.map(|(shear_rate, _)| {
+        let strain = 3.0;
+        let stage = Stage::ConstantPressureShear { pressure: PRESSURE, shear_rate, strain };
+        (1e-3, stage, 0.01 * strain / shear_rate.min(120.0))
+    }));
+    tests
+}
+
+/// What the results depend on.
+fn key() -> String {
+    format!("{:?}", tests())
+}
+
+fn run((friction, stage, sampling): &Test) -> miette::Result<Found> {
+    let preparation =
+        Preparation { pressure: PRESSURE, friction: *friction, ..Preparation::default() };
+    let parameters = RveParameters { preparation, ..RveParameters::default() };
+    let packing = consolidate(&parameters, 1).into_diagnostic()?;
+    let mut element = Element::<f64>::new(packing, &parameters, 1e-4).into_diagnostic()?;
+    let mut rows = Vec::new();
+    element.run(stage, *sampling, |row| rows.push(*row)).into_diagnostic()?;
+    let found = summary(&rows).ok_or_else(|| miette::miette!("the path has no rows"))?;
+    Ok(Found {
+        inertial_number: found.late_inertial_number,
+        peak_sin_phi: found.peak_sin_phi,
+        sin_phi: found.late_sin_phi,
+        solid_fraction: found.late_solid_fraction,
+        coordination: found.late_coordination,
+    })
+}

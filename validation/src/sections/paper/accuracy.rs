@@ -1,0 +1,205 @@
+//! Fig. 9 to 14 and 17 to 22: rollouts of the validation and test cases.
+
+use std::path::{Path, PathBuf};
+
+use surrogate::config::PAPER_NETWORKS;
+
+use super::networks::belongs;
+use super::times::baseline;
+use super::{ratio, stated};
+use crate::block::{Block, Table};
+use crate::context::{Context, Model};
+use crate::rollouts::{Rollout, chart, failures, roll_out, snapshots, table};
+use crate::section::Section;
+use crate::table::number;
+
+/// The paper's network on some cases.
+pub struct Cases {
+    pub title: &'static str,
+    /// Folder of the data.
+    pub set: &'static str,
+    /// Which cases of it; all if none.
+    pub only: Option<fn(&str) -> bool>,
+    /// Whether to draw snapshots.
+    pub snapshots: bool,
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+impl Section for Cases {
+    fn title(&self) -> &'static str {
+        self.title
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let mut cases = context.trajectories(self.set);
+        cases.retain(|path| self.only.is_none_or(|only| only(&stem(path))));
+        // The paper's network, or what there is in its place.
+        let models: Vec<Model> = baseline(&context.models)
+            .or_else(|| context.models.first().cloned())
+            .into_iter()
+            .collect();
+        let mut blocks = absent(&cases, &models, self.set);
+        if !blocks.is_empty() {
+            return Ok(blocks);
+        }
+        if !belongs(&models[0].name, "baseline") {
+            blocks.push(Block::text(format!(
+                "There is no model named `baseline`; these are rollouts of `{}`.",
+                models[0].name
+            )));
+        }
+        let rollouts = roll_out(context, &models, &cases)?;
+        blocks.push(chart("Error over time", &rollouts.iter().collect::<Vec<_>>(), None)?);
+        blocks.push(Block::Table(table(&rollouts)));
+        blocks.extend(failures(&rollouts));
+        if self.snapshots {
+            for rollout in &rollouts {
+                blocks.extend(snapshots(rollout)?);
+            }
+        }
+        Ok(blocks)
+    }
+}
+
+/// Fig. 11 to 14: the ten networks on the validation cases.
+pub struct Ablation;
+
+impl Section for Ablation {
+    fn title(&self) -> &'static str {
+        "Fig. 11 to 14: ablation of ten networks"
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let cases = context.trajectories("valid");
+        let is_paper =
+            |model: &&Model| PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name));
+        let models: Vec<Model> = context.models.iter().filter(is_paper).cloned().collect();
+        let mut blocks = absent(&cases, &models, "valid");
+        if !blocks.is_empty() {
+            return Ok(blocks);
+        }
+        let rollouts = roll_out(context, &models, &cases)?;
+        for case in &cases {
+            let case = stem(case);
+            let of_case: Vec<&Rollout> = rollouts.iter().filter(|r| r.case == case).collect();
+            blocks.push(chart(&case, &of_case, None)?);
+        }
+        blocks.push(Block::Table(table(&rollouts)));
+        blocks.extend(failures(&rollouts));
+        let lacking: Vec<&str> = PAPER_NETWORKS
+            .into_iter()
+            .filter(|name| !models.iter().any(|model| belongs(&model.name, name)))
+            .collect();
+        if !lacking.is_empty() {
+            blocks.push(Block::missing(
+                lacking.join(", "),
+                "there is no model of that name.",
+                "`surrogate train configs/paper/NAME-data1.toml` trains one.",
+            ));
+        }
+        Ok(blocks)
+    }
+}
+
+/// The numbers that the paper's text states.
+pub struct Stated;
+
+/// Which error of a rollout.
+#[derive(Clone, Copy)]
+enum Which {
+    Frame(usize),
+    Peak,
+    Last,
+}
+
+/// Set, case, what, in words, and the paper's value, box width 1.
+const STATED: [(&str, &str, Which, &str, Option<f64>); 4] = [
+    ("valid", "case1", Which::Frame(50), "Case 1, MSE at frame 50", Some(1e-6)),
+    ("test", "col5x2", Which::Peak, "Col5x2, peak MSE", Some(1e-4)),
+    ("test", "col2x2", Which::Peak, "Col2x2, peak MSE (a quarter of that of Col5x2)", Some(2.5e-5)),
+    ("test", "col3x3barriers", Which::Last, "Col3x3barriers, last MSE", Some(5e-5)),
+];
+
+impl Section for Stated {
+    fn title(&self) -> &'static str {
+        "Accuracy stated in the paper's text"
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let mut rows =
+            Table::new("Stated accuracy", ["quantity", "paper", "ours", "ratio", "network"]).note(
+                "Mean square distance of points, box width 1. The paper's values are orders of \
+                   magnitude.",
+            );
+        let model: Vec<Model> = baseline(&context.models).into_iter().collect();
+        let mut lacking = 0;
+        for (set, case, which, words, paper) in STATED {
+            let path: Vec<PathBuf> =
+                context.trajectories(set).into_iter().filter(|path| stem(path) == case).collect();
+            let rollout = roll_out(context, &model, &path)?.pop();
+            let ours = rollout.as_ref().and_then(|rollout| value(rollout, which));
+            lacking += usize::from(ours.is_none());
+            rows.row([
+                words.to_owned(),
+                stated(paper),
+                ours.map_or(String::new(), number),
+                ratio(paper, ours),
+                rollout.map_or(String::new(), |rollout| rollout.model),
+            ]);
+        }
+        let mut blocks = vec![
+            Block::Table(rows),
+            Block::text(
+                "The paper also says that its network fails on tall columns (Col5x4, Col5x5), on \
+                 the data set of 30 frames and on penetration.",
+            ),
+        ];
+        if lacking > 0 {
+            blocks.push(Block::missing(
+                format!("Our value of {lacking} of them"),
+                "that takes a model named `baseline` and the case's trajectory.",
+                "See Table 7 for how to make both.",
+            ));
+        }
+        Ok(blocks)
+    }
+}
+
+fn value(rollout: &Rollout, which: Which) -> Option<f64> {
+    let errors = &rollout.errors;
+    match which {
+        Which::Frame(frame) => {
+            let place = errors.frames.iter().position(|found| *found == frame)?;
+            Some(errors.errors[place].mse)
+        }
+        // A rollout that ended early has neither.
+        _ if errors.failure.is_some() || errors.errors.is_empty() => None,
+        Which::Peak => Some(errors.peak().0),
+        Which::Last => Some(errors.last().mse),
+    }
+}
+
+/// What to say where data or models are lacking.
+fn absent(cases: &[PathBuf], models: &[Model], set: &str) -> Vec<Block> {
+    let mut blocks = Vec::new();
+    if cases.is_empty() {
+        blocks.push(Block::missing(
+            "This comparison",
+            format!("there are no such trajectories in `{set}/` of the data."),
+            format!(
+                "`dempm run scenes/paper/{set}/NAME.toml -o DATA/{set}/NAME.h5`, then `--data DATA`."
+            ),
+        ));
+    }
+    if models.is_empty() {
+        blocks.push(Block::missing(
+            "This comparison",
+            "no such model was found.",
+            "`surrogate train configs/paper/NAME-data1.toml` trains one; `--models` takes its folder.",
+        ));
+    }
+    blocks
+}

@@ -1,0 +1,64 @@
+//! Fig. 8: training curves.
+
+use std::path::Path;
+
+use crate::block::{Block, Figure};
+use crate::chart::{Axis, Chart, Mark, Series};
+use crate::context::Context;
+use crate::section::Section;
+
+/// Loss and validation error over the steps of trainings.
+pub struct Training;
+
+impl Section for Training {
+    fn title(&self) -> &'static str {
+        "Fig. 8: training curves"
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let mut blocks = Vec::new();
+        for (file, column, title) in [
+            ("validation.csv", "mse", "MSE of validation rollouts [box²]"),
+            ("log.csv", "loss", "loss"),
+        ] {
+            let curve = |model: &crate::context::Model| {
+                let path = model.path.parent()?.join(file);
+                // A log belongs to the model of its own folder only.
+                let points =
+                    curve(&path, column).filter(|_| model.path.ends_with("best.safetensors"))?;
+                Some(Series::new(&model.name, Mark::Line, points))
+            };
+            let series: Vec<Series> = context.models.iter().filter_map(curve).collect();
+            if series.is_empty() {
+                continue;
+            }
+            let chart = Chart { x: Axis::linear("step"), y: Axis::log(title), series, floor: None };
+            blocks.push(Block::Figure(Figure::new(
+                format!("Training: {column}"),
+                chart.draw()?,
+                "Losses of networks with different noise cannot be compared; rollouts can.",
+            )));
+        }
+        if blocks.is_empty() {
+            blocks.push(Block::missing(
+                "Training curves",
+                "no model came with the folder of its training (`best.safetensors`, `log.csv`, \
+                 `validation.csv`).",
+                "`--models` takes the folder in which `surrogate train -o` made its own.",
+            ));
+        }
+        Ok(blocks)
+    }
+}
+
+/// Steps and one column of a log; none if there is no such file or column.
+fn curve(path: &Path, column: &str) -> Option<Vec<(f64, f64)>> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let mut lines = text.lines();
+    let place = lines.next()?.split(',').position(|name| name == column)?;
+    let point = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        Some((cells.first()?.parse().ok()?, cells.get(place)?.parse().ok()?))
+    };
+    Some(lines.filter_map(point).collect())
+}

@@ -1,0 +1,43 @@
+//! The learned simulators on the small column, frame by frame.
+
+use crate::block::Block;
+use crate::compare::difference;
+use crate::context::Context;
+use crate::rollouts::{chart, failures, roll_out, snapshots, table};
+use crate::section::Section;
+use crate::sections::speed_accuracy::no_model;
+use crate::sweep::Case;
+
+/// Rollouts of the small column.
+pub struct Column;
+
+impl Section for Column {
+    fn title(&self) -> &'static str {
+        "Rollouts of the column of 1 m"
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        if context.models.is_empty() {
+            return Ok(vec![no_model()]);
+        }
+        let [truth, other] = Case::quick().run_references(context)?;
+        let models = context.models.clone();
+        let rollouts = roll_out(context, &models, &[truth.output.clone()])?;
+        let floor = difference(&other.output, &truth.output)?;
+        let all: Vec<_> = rollouts.iter().collect();
+        let mut blocks = vec![
+            Block::text(
+                "Every model starts from the first frames of the direct solver's column with 400 \
+                 discs a point and predicts the rest. No deterministic model can be better than \
+                 half of the difference between two seeds.",
+            ),
+            chart("Error over time", &all, Some(&floor))?,
+            Block::Table(table(&rollouts)),
+        ];
+        blocks.extend(failures(&rollouts));
+        for rollout in &rollouts {
+            blocks.extend(snapshots(rollout)?);
+        }
+        Ok(blocks)
+    }
+}

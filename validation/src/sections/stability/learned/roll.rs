@@ -1,0 +1,210 @@
+//! A rollout beside the direct solver, and how it is judged.
+
+use std::path::Path;
+
+use dempm::scene::Scene;
+use dempm::simulation::Simulation;
+use dempm::trajectory::{Frame, Header, Points};
+use surrogate::rollout::Rollout;
+use surrogate::simulator::Simulator;
+use surrogate::start::{self, Start};
+use surrogate::watch::{self, Watch};
+
+use super::super::outcome::Outcome;
+use super::super::scene;
+use super::super::study::{Picture, StudyError};
+
+/// A prediction that is wrong by this part of the motion is a failure.
+pub const WRONG: f64 = 0.5;
+
+pub type Frames = Vec<Vec<[f64; 2]>>;
+
+/// A model that is pushed.
+pub fn load(path: &Path) -> Result<Simulator, StudyError> {
+    Simulator::load(path)
+        .map_err(|e| StudyError::Scene { name: path.display().to_string(), reason: e.to_string() })
+}
+
+/// A scene of the continuum law, which costs seconds: `body` are its columns and the like.
+pub fn text(size: [f64; 2], body: &str) -> String {
+    format!(
+        "duration = 10.0\nframe_interval = 0.02\nstep = 4.0e-4\n[domain]\nsize = {size:?}\n\
+         cell = 0.125\n[material]\nkind = \"mu-i\"\n{body}"
+    )
+}
+
+/// A column at a corner (m), of a size (m) and a velocity (m/s).
+pub fn column(corner: [f64; 2], size: [f64; 2], velocity: [f64; 2]) -> String {
+    format!("[[column]]\ncorner = {corner:?}\nsize = {size:?}\nvelocity = {velocity:?}\n")
+}
+
+/// What the direct solver does with a scene, in frames of a model.
+pub struct Direct {
+    scene: Scene,
+    header: Header,
+    points: Points,
+    first: Frame,
+    pub positions: Frames,
+    velocities: Frames,
+}
+
+impl Direct {
+    /// So many frames, `interval` (s) apart.
+    pub fn run(name: &str, text: &str, interval: f64, frames: usize) -> Result<Self, StudyError> {
+        let error = |reason: String| StudyError::Scene { name: name.into(), reason };
+        let mut scene = scene::parse(name, text)?;
+        // The longest step that fits into the model's frames.
+        scene.step = interval / (interval / scene.step).ceil();
+        let steps = (interval / scene.step).round() as usize;
+        let mut simulation = Simulation::new(scene.clone()).map_err(|e| error(e.to_string()))?;
+        let mut direct = Self {
+            header: Header { frame_interval: interval, ..simulation.header(String::new()) },
+            points: simulation.static_points(),
+            first: simulation.frame(),
+            scene,
+            positions: Vec::new(),
+            velocities: Vec::new(),
+        };
+        for frame in 0..frames {
+            for _ in 0..if frame == 0 { 0 } else { steps } {
+                simulation.advance().map_err(|e| error(e.to_string()))?;
+            }
+            let points = &simulation.state.points;
+            direct.positions.push(points.position.iter().map(|&x| x.into()).collect());
+            direct.velocities.push(points.velocity.iter().map(|&v| v.into()).collect());
+        }
+        Ok(direct)
+    }
+
+    /// Its first frames, for a model to start from.
+    ///
+    /// # Errors
+    /// If the model wants features that the continuum law lacks.
+    pub fn start(&self, simulator: &Simulator) -> Result<Start, StudyError> {
+        let window = simulator.config.frames;
+        let statics = start::statics(simulator, &self.scene.name, || Ok(self.first.clone()))
+            .map_err(|e| StudyError::Scene {
+                name: self.scene.name.clone(),
+                reason: e.to_string(),
+            })?;
+        Ok(Start {
+            scene: self.scene.clone(),
+            header: self.header.clone(),
+            points: self.points.clone(),
+            positions: self.positions[..window].to_vec(),
+            velocities: self.velocities[..window].to_vec(),
+            time: 0.0,
+            statics,
+            frames: self.positions.len(),
+        })
+    }
+}
+
+/// A prediction and what was said of it.
+pub struct Rolled {
+    /// Frames from the first of the start on.
+    pub positions: Frames,
+    pub said: Vec<String>,
+    pub error: Option<String>,
+}
+
+/// Predicts up to so many frames, those of the start included.
+pub fn roll(simulator: &Simulator, start: &Start, frames: usize) -> Rolled {
+    let mut rollout = Rollout::new(simulator, start);
+    let mut watch = Watch::new(start, simulator.training.frame_interval);
+    let mut rolled = Rolled {
+        positions: start.positions.clone(),
+        said: watch::doubts(simulator, start),
+        error: None,
+    };
+    while rolled.positions.len() < frames {
+        match rollout.advance() {
+            Ok(next) => rolled.positions.push(next.to_vec()),
+            Err(error) => {
+                rolled.error = Some(error.to_string());
+                break;
+            }
+        }
+        rolled.said.extend(watch.observe(rollout.frame(), rollout.before(), rollout.last()));
+    }
+    rolled
+}
+
+impl Rolled {
+    /// What the program said, if anything.
+    pub fn said(&self) -> Option<String> {
+        let all: Vec<&str> = self.said.iter().chain(&self.error).map(String::as_str).collect();
+        (!all.is_empty()).then(|| all.join("; "))
+    }
+
+    /// Error at a frame over the motion until then.
+    pub fn relative_error(&self, truth: &Frames, frame: usize) -> f64 {
+        let motion = difference(&truth[frame], &truth[0]);
+        difference(&self.positions[frame], &truth[frame]) / motion
+    }
+
+    /// Whether it came to the same end as the direct solver, with the error there.
+    pub fn judge(&self, truth: &Frames) -> (f64, Outcome) {
+        if self.error.is_some() {
+            return (f64::NAN, Outcome::of(Some("breaks down".into()), self.said()));
+        }
+        let error = self.relative_error(truth, self.positions.len() - 1);
+        let symptom = format!("wrong by {:.0} % of the motion", 100.0 * error);
+        (error, Outcome::of((error > WRONG).then_some(symptom), self.said()))
+    }
+
+    /// The last predicted frame over that of the direct solver.
+    pub fn picture(&self, title: String, truth: &Frames, direct: &Direct) -> Picture {
+        let last = self.positions.len() - 1;
+        let time = last as f64 * direct.header.frame_interval;
+        let boxes = direct.scene.plate.iter().map(|plate| plate.at(time));
+        let away = |(x, t): (&[f64; 2], &[f64; 2])| (x[0] - t[0]).hypot(x[1] - t[1]);
+        Picture {
+            title,
+            colour: "distance from the direct solver, m".into(),
+            value: self.positions[last].iter().zip(&truth[last]).map(away).collect(),
+            position: self.positions[last].clone(),
+            radius: vec![0.5 * direct.scene.domain.spacing()],
+            window: window(direct.scene.domain.size, [&self.positions[last], &truth[last]]),
+            boxes: boxes.map(|b| [b.corner[0], b.corner[1], b.end()[0], b.end()[1]]).collect(),
+            reference: truth[last].clone(),
+            ..Picture::default()
+        }
+    }
+}
+
+/// The part of the domain that holds the points, from its lower left corner.
+pub fn window(domain: [f64; 2], sets: [&[[f64; 2]]; 2]) -> [f64; 4] {
+    let margin = 0.25;
+    let end = |k: usize| {
+        let largest = sets.iter().flat_map(|set| set.iter()).map(|x| x[k]).fold(0.0, f64::max);
+        (largest + margin).min(domain[k])
+    };
+    [0.0, 0.0, end(0), end(1)]
+}
+
+/// Root mean square distance of points, m.
+pub fn difference(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+    let square = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+    (a.iter().zip(b).map(square).sum::<f64>() / a.len().max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_parts_of_the_motion() {
+        let truth = vec![vec![[0.0, 0.0], [1.0, 0.0]], vec![[3.0, 4.0], [4.0, 4.0]]];
+        let mut rolled = Rolled { positions: truth.clone(), said: vec![], error: None };
+        assert_eq!(rolled.judge(&truth), (0.0, Outcome::Stable));
+        // Nothing moved: wrong by all of the motion, and nothing was said.
+        rolled.positions[1] = truth[0].clone();
+        let (error, outcome) = rolled.judge(&truth);
+        assert!((error - 1.0).abs() < 1e-12 && matches!(outcome, Outcome::Silent { .. }));
+        rolled.said.push("doubt".into());
+        assert!(matches!(rolled.judge(&truth).1, Outcome::Failed { .. }));
+        rolled.error = Some("not finite".into());
+        assert!(rolled.judge(&truth).1.text().contains("not finite"));
+    }
+}

@@ -1,0 +1,291 @@
+//! The work directory: every run under a hash of what went into it, so that a report reuses what
+//! is there and continues what was interrupted.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use dempm::trajectory::write_atomically;
+use miette::{IntoDiagnostic, WrapErr};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+/// Changes whenever results of an older version must not be used any more.
+const VERSION: u32 = 1;
+/// How long an interrupted program may take to save its state.
+const GRACE: Duration = Duration::from_secs(5);
+
+/// What a run of a program came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// The command as a person would type it.
+    pub command: String,
+    /// What it wrote: a trajectory, or the CSV file of an element test.
+    pub output: PathBuf,
+    /// Whether it ended with exit code 0.
+    pub succeeded: bool,
+    /// Wall time of the last sitting of the process, s, files and preparation included.
+    pub seconds: f64,
+    /// What it said on standard error, and on standard output.
+    pub message: String,
+    pub summary: String,
+    /// Processes that wanted a core at its end, per core; above 1 its wall time is inflated.
+    pub load: f64,
+    /// Hash of the program that ran it.
+    pub build: String,
+}
+
+/// The report was interrupted.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[error("interrupted")]
+#[diagnostic(help("the same command continues"))]
+pub struct Interrupted;
+
+/// The directory, and who runs the programs.
+pub struct Work {
+    root: PathBuf,
+    program: PathBuf,
+    build: String,
+    interrupted: Arc<AtomicBool>,
+    /// Every run that this report used, in the order of use.
+    used: Vec<Run>,
+}
+
+/// A run to be made.
+pub struct Job<'a> {
+    /// Subcommand of the suite, and the name of the program that has it.
+    pub subcommand: &'a str,
+    pub program: &'a str,
+    /// What its result depends on, apart from `input`.
+    pub key: String,
+    /// The input file.
+    pub input: Option<Input<'a>>,
+    /// Name of the file to be written.
+    pub output: &'a str,
+    /// Arguments after the input; `-o OUTPUT` is added.
+    pub arguments: Vec<String>,
+    /// Whether `--resume` continues it, and otherwise `--overwrite` starts again.
+    pub resumes: bool,
+}
+
+/// An input file that is made for a run.
+pub struct Input<'a> {
+    /// Name of the file.
+    pub name: &'a str,
+    pub text: &'a str,
+    /// The option that it belongs to; none if it is the command's own argument.
+    pub option: Option<&'a str>,
+}
+
+impl Work {
+    /// Opens or makes the directory. Programs run as subcommands of `program`.
+    ///
+    /// # Errors
+    /// If it cannot be made or `program` cannot be read.
+    pub fn open(
+        root: &Path,
+        program: PathBuf,
+        interrupted: Arc<AtomicBool>,
+    ) -> miette::Result<Self> {
+        fs::create_dir_all(root)
+            .and_then(|()| fs::canonicalize(root))
+            .and_then(|root| Ok((root, hash_of_file(&program)?)))
+            .map(|(root, build)| Self { root, program, build, interrupted, used: Vec::new() })
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot use the work directory {}", root.display()))
+    }
+
+    /// Every run that this report used.
+    pub fn used(&self) -> &[Run] {
+        &self.used
+    }
+
+    /// Hash of the program that runs now.
+    pub fn build(&self) -> &str {
+        &self.build
+    }
+
+    /// Whether the user wants to stop.
+    ///
+    /// # Errors
+    /// If so.
+    pub fn check(&self) -> Result<(), Interrupted> {
+        if self.interrupted.load(Ordering::Relaxed) { Err(Interrupted) } else { Ok(()) }
+    }
+
+    /// Whether a job is done, well or not.
+    pub fn has(&self, job: &Job) -> bool {
+        self.folder(job).join(RECORD).exists()
+    }
+
+    /// The result of a job: kept, continued or made. `tick` is called while it runs.
+    ///
+    /// # Errors
+    /// If the program cannot be started, files cannot be written, or the user interrupts. A run
+    /// that fails is a [`Run`] that did not succeed.
+    pub fn run(&mut self, job: &Job, tick: impl Fn(Duration)) -> miette::Result<Run> {
+        let folder = self.folder(job);
+        let run = match read_json::<Run>(&folder.join(RECORD)) {
+            Some(mut run) => {
+                // The directory may have moved.
+                run.output = folder.join(job.output);
+                run
+            }
+            None => self.make(job, &folder, tick)?,
+        };
+        if !self.used.iter().any(|used| used.output == run.output) {
+            self.used.push(run.clone());
+        }
+        Ok(run)
+    }
+
+    /// A value that was computed before, or is now and is then kept.
+    ///
+    /// # Errors
+    /// If it cannot be computed or kept, or the user interrupts.
+    pub fn cached<T: Serialize + DeserializeOwned>(
+        &self,
+        kind: &str,
+        key: &str,
+        make: impl FnOnce() -> miette::Result<T>,
+    ) -> miette::Result<T> {
+        let file = self.value_file(kind, key);
+        if let Some(value) = read_json(&file) {
+            return Ok(value);
+        }
+        self.check()?;
+        let value = make()?;
+        write_json(&file, &value)?;
+        Ok(value)
+    }
+
+    /// Whether [`cached`](Self::cached) would find a value.
+    pub fn has_cached(&self, kind: &str, key: &str) -> bool {
+        self.value_file(kind, key).exists()
+    }
+
+    fn value_file(&self, kind: &str, key: &str) -> PathBuf {
+        let hash = hash(&[&VERSION.to_string(), env!("CARGO_PKG_VERSION"), kind, key]);
+        self.root.join("values").join(format!("{kind}-{hash}.json"))
+    }
+
+    fn folder(&self, job: &Job) -> PathBuf {
+        let input = job.input.as_ref().map_or("", |input| input.text);
+        let parts =
+            [&VERSION.to_string(), env!("CARGO_PKG_VERSION"), job.subcommand, &job.key, input];
+        self.root.join("runs").join(hash(&parts))
+    }
+
+    fn make(&self, job: &Job, folder: &Path, tick: impl Fn(Duration)) -> miette::Result<Run> {
+        self.check()?;
+        let failed = || format!("cannot run {} {}", job.program, job.subcommand);
+        fs::create_dir_all(folder).into_diagnostic().wrap_err_with(failed)?;
+        let mut arguments = vec![job.subcommand.to_owned()];
+        if let Some(input) = &job.input {
+            let path = folder.join(input.name);
+            write_atomically(&path, |temporary| fs::write(temporary, input.text))
+                .into_diagnostic()
+                .wrap_err_with(failed)?;
+            arguments.extend(input.option.map(str::to_owned));
+            arguments.push(path.display().to_string());
+        }
+        let output = folder.join(job.output);
+        arguments.extend(job.arguments.iter().cloned());
+        arguments.extend(["-o".to_owned(), output.display().to_string()]);
+        let command = format!("{} {}", job.program, arguments.join(" "));
+        let checkpoint = dempm::checkpoint::path_beside(&output);
+        if job.resumes {
+            let flag = if checkpoint.exists() { "--resume" } else { "--overwrite" };
+            arguments.push(flag.to_owned());
+        }
+
+        let began = Instant::now();
+        let said = |name: &str| File::create(folder.join(name));
+        let mut child = said("stdout.txt")
+            .and_then(|out| Ok((out, said("stderr.txt")?)))
+            .and_then(|(out, err)| {
+                Command::new(&self.program)
+                    .args(&arguments)
+                    // Colours are for terminals.
+                    .env("NO_COLOR", "1")
+                    .stdin(Stdio::null())
+                    .stdout(out)
+                    .stderr(err)
+                    .spawn()
+            })
+            .into_diagnostic()
+            .wrap_err_with(failed)?;
+        let mut asked: Option<Instant> = None;
+        let status = loop {
+            if let Some(status) = child.try_wait().into_diagnostic().wrap_err_with(failed)? {
+                break status;
+            }
+            tick(began.elapsed());
+            // Ctrl-C reaches the program as well, which saves its state.
+            if self.check().is_err() && asked.get_or_insert_with(Instant::now).elapsed() > GRACE {
+                child.kill().into_diagnostic().wrap_err_with(failed)?;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        };
+        self.check()?;
+        let text = |name: &str| {
+            let bytes = fs::read(folder.join(name)).unwrap_or_default();
+            String::from_utf8_lossy(&bytes).trim().to_owned()
+        };
+        let run = Run {
+            command,
+            output,
+            succeeded: status.success(),
+            seconds: began.elapsed().as_secs_f64(),
+            message: text("stderr.txt"),
+            summary: text("stdout.txt"),
+            load: load_per_core(),
+            build: self.build.clone(),
+        };
+        write_json(&folder.join(RECORD), &run)?;
+        Ok(run)
+    }
+}
+
+/// The file that says how a run ended.
+const RECORD: &str = "run.json";
+
+/// A short hash of texts and of where one ends and the next begins.
+pub fn hash(parts: &[&str]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for part in parts {
+        hasher.update(&(part.len() as u64).to_le_bytes());
+        hasher.update(part.as_bytes());
+    }
+    hasher.finalize().to_hex()[..20].to_owned()
+}
+
+/// A short hash of the contents of a file.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn hash_of_file(path: &Path) -> std::io::Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    std::io::copy(&mut File::open(path)?, &mut hasher)?;
+    Ok(hasher.finalize().to_hex()[..20].to_owned())
+}
+
+/// A record; one that is missing or damaged is simply made again.
+fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
+    serde_json::from_slice(&fs::read(path).ok()?).ok()
+}
+
+fn write_json(path: &Path, value: &impl Serialize) -> miette::Result<()> {
+    let text = serde_json::to_vec_pretty(value).into_diagnostic()?;
+    write_atomically(path, |temporary| fs::write(temporary, text)).into_diagnostic()
+}
+
+/// The load average over a minute per core; not a number where the system does not say.
+fn load_per_core() -> f64 {
+    let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let load: Option<f64> = text.split_whitespace().next().and_then(|word| word.parse().ok());
+    load.map_or(f64::NAN, |load| load / rayon::current_num_threads() as f64)
+}
