@@ -447,6 +447,7 @@ fn a_broken_model_says_where_it_broke() {
             training: Training { frame_interval: 0.01, without_gravity: false, steps: 0 },
             mirror: false,
             device: device(),
+            gpu: None,
         };
         simulator.save(&here.join("model.safetensors")).unwrap();
         let rollout = ["rollout", "model.safetensors", "--scene", "scene.toml", "-o", "out.h5"];

@@ -15,16 +15,16 @@ const SKIN: f64 = 1e-9;
 /// What confines the points of a scene.
 pub struct Constraints {
     domain: [f64; 2],
-    boxes: Vec<RigidBox>,
+    pub(crate) boxes: Vec<RigidBox>,
 }
 
 /// An obstacle or the plate.
-struct RigidBox {
+pub(crate) struct RigidBox {
     /// Place until `start`.
-    place: Rectangle,
-    velocity: [f64; 2],
-    start: f64,
-    faces: Walls,
+    pub place: Rectangle,
+    pub velocity: [f64; 2],
+    pub start: f64,
+    pub faces: Walls,
 }
 
 impl RigidBox {

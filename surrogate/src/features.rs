@@ -92,6 +92,29 @@ pub fn window_input<B: Backend>(
     bounds: &[[f64; 2]],
     device: &B::Device,
 ) -> WindowInput<B> {
+    let batches = host_frames(windows, config, norm, bounds);
+    let points = windows.iter().map(|window| window.points).sum();
+    let frames = batches
+        .iter()
+        .enumerate()
+        .map(|(k, frame)| {
+            let before = if config.edge_message && k > 0 { batches.get(k - 1) } else { None };
+            frame.to_device(before, device)
+        })
+        .collect();
+    WindowInput { frames, points }
+}
+
+/// As [`window_input`], but left in the host's memory.
+///
+/// # Panics
+/// As [`window_input`].
+pub fn host_frames(
+    windows: &[Window],
+    config: &ModelConfig,
+    norm: &Normalisation,
+    bounds: &[[f64; 2]],
+) -> Vec<HostFrame> {
     assert_eq!(bounds.len(), config.dimensions);
     assert_eq!(norm.velocity_mean.len(), config.dimensions);
     assert_eq!(norm.velocity_std.len(), config.dimensions);
@@ -106,24 +129,14 @@ pub fn window_input<B: Backend>(
         ModelKind::Tgnns => 0,
         ModelKind::Gns => config.frames - 1,
     };
-    let batches: Vec<HostFrame> = (first..config.frames)
+    (first..config.frames)
         .into_par_iter()
         .map(|frame| {
             let parts: Vec<_> =
                 windows.par_iter().map(|window| features.frame(window, frame)).collect();
-            HostFrame::side_by_side(parts)
+            HostFrame::side_by_side(parts, features.columns(frame))
         })
-        .collect();
-    let points = windows.iter().map(|window| window.points).sum();
-    let frames = batches
-        .iter()
-        .enumerate()
-        .map(|(k, frame)| {
-            let before = if config.edge_message && k > 0 { batches.get(k - 1) } else { None };
-            frame.to_device(features.columns(first + k), before, device)
-        })
-        .collect();
-    WindowInput { frames, points }
+        .collect()
 }
 
 /// What all frames have in common.
@@ -171,7 +184,7 @@ impl Features<'_> {
             }
             self.separation(at(frame), receiver, sender, &mut edges);
         }
-        HostFrame::new(window.points, nodes, edges, &graph)
+        HostFrame::new(window.points, nodes, edges, &graph, self.columns(frame))
     }
 
     /// (x_k - x_(k-1) - mean) / std of one point.
@@ -259,24 +272,37 @@ impl Features<'_> {
     }
 }
 
-/// A frame's features and edges before they go to the device.
-struct HostFrame {
-    points: usize,
-    nodes: Vec<f32>,
-    edges: Vec<f32>,
+/// A frame's features and edges before they go to a device.
+#[derive(Clone, Debug)]
+pub struct HostFrame {
+    /// Points of all windows together.
+    pub points: usize,
+    /// Features of a node and of an edge.
+    pub columns: [usize; 2],
+    /// points x node features.
+    pub nodes: Vec<f32>,
+    /// edges x edge features.
+    pub edges: Vec<f32>,
     /// (receiver, sender), ascending.
-    pairs: Vec<(i32, i32)>,
+    pub pairs: Vec<(i32, i32)>,
 }
 
 impl HostFrame {
-    fn new(points: usize, nodes: Vec<f32>, edges: Vec<f32>, graph: &RadiusGraph) -> Self {
+    fn new(
+        points: usize,
+        nodes: Vec<f32>,
+        edges: Vec<f32>,
+        graph: &RadiusGraph,
+        columns: [usize; 2],
+    ) -> Self {
         let pairs = graph.pairs().map(|(receiver, sender)| (receiver as i32, sender as i32));
-        Self { points, nodes, edges, pairs: pairs.collect() }
+        Self { points, columns, nodes, edges, pairs: pairs.collect() }
     }
 
     /// The graphs of several windows as one graph without edges between them.
-    fn side_by_side(parts: Vec<HostFrame>) -> Self {
-        let mut whole = Self { points: 0, nodes: Vec::new(), edges: Vec::new(), pairs: Vec::new() };
+    fn side_by_side(parts: Vec<HostFrame>, columns: [usize; 2]) -> Self {
+        let mut whole =
+            Self { points: 0, columns, nodes: Vec::new(), edges: Vec::new(), pairs: Vec::new() };
         for part in parts {
             let offset = whole.points as i32;
             whole.points += part.points;
@@ -289,10 +315,10 @@ impl HostFrame {
 
     fn to_device<B: Backend>(
         &self,
-        columns: [usize; 2],
         previous: Option<&HostFrame>,
         device: &B::Device,
     ) -> FrameInput<B> {
+        let columns = self.columns;
         FrameInput {
             nodes: matrix(&self.nodes, [self.points, columns[0]], device),
             edges: matrix(&self.edges, [self.pairs.len(), columns[1]], device),

@@ -7,15 +7,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+use dempm::device::Device;
 use dempm::scene::Scene;
 use dempm::trajectory::{Frame, TrajectoryWriter};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::constraints::Constraints;
+use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Precision};
 use crate::features::Window;
+use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
+use crate::train::weights;
 use crate::watch::{self, Watch};
 
 /// A prediction that makes no sense.
@@ -25,11 +29,22 @@ pub enum RolloutError {
     NotFinite { frame: usize, point: usize },
     #[error("frame {frame}: point {point} leaves the domain by {distance:.3} m")]
     Left { frame: usize, point: usize, distance: f64 },
+    #[error("the rollout on the GPU: {message}")]
+    Device { message: String },
+}
+
+/// What predicts frames.
+enum Engine {
+    /// The network on the processor.
+    Cpu(Box<Inference>),
+    /// A rollout on a GPU, some frames ahead.
+    Cuda(Ahead),
 }
 
 /// A rollout under way.
 pub struct Rollout<'a> {
     simulator: &'a Simulator,
+    engine: Engine,
     constraints: Constraints,
     /// The window of frames that the model sees next, the oldest first.
     window: VecDeque<Vec<[f64; 2]>>,
@@ -46,6 +61,10 @@ impl<'a> Rollout<'a> {
         let interval = simulator.training.frame_interval;
         Self {
             simulator,
+            engine: match &simulator.gpu {
+                Some(device) => Engine::Cuda(ahead(device, simulator, start)),
+                None => Engine::Cpu(Box::new(simulator.inference())),
+            },
             constraints: Constraints::new(&start.scene),
             window: start.positions.iter().cloned().collect(),
             statics: start.statics.clone(),
@@ -75,19 +94,36 @@ impl<'a> Rollout<'a> {
         self.start + frame as f64 * self.simulator.training.frame_interval
     }
 
-    /// Predicts one frame: acceleration of the network, semi-implicit Euler, walls and boxes.
+    /// Predicts one frame.
     ///
     /// # Errors
-    /// If a position is not finite or leaves the domain so far that no wall explains it; the frame
-    /// is then not made.
+    /// If a position is not finite or leaves the domain so far that no wall explains it, or the GPU
+    /// fails; the frame is then not made.
     pub fn advance(&mut self) -> Result<&[[f64; 2]], RolloutError> {
+        let next = match &mut self.engine {
+            Engine::Cuda(ahead) => ahead.next_frame()?,
+            Engine::Cpu(network) => {
+                let frames = self.window.iter().flatten().flatten();
+                let positions: &Vec<f32> = &frames.map(|&x| x as f32).collect();
+                let points = self.window[0].len();
+                let window = Window { positions, points, statics: &self.statics };
+                let domain = self.constraints.domain();
+                let accelerations =
+                    self.simulator.accelerations(network, &window, domain, self.gravity);
+                self.integrate(&accelerations)?
+            }
+        };
+        self.window.pop_front();
+        self.window.push_back(next);
+        self.frame += 1;
+        Ok(&self.window[self.window.len() - 1])
+    }
+
+    /// Semi-implicit Euler, walls and boxes.
+    fn integrate(&self, accelerations: &[f64]) -> Result<Vec<[f64; 2]>, RolloutError> {
         let last = &self.window[self.window.len() - 1];
         let before = &self.window[self.window.len() - 2];
-        let flat: Vec<f32> = self.window.iter().flatten().flatten().map(|&x| x as f32).collect();
         let domain = self.constraints.domain();
-        let window = Window { positions: &flat, points: last.len(), statics: &self.statics };
-        let accelerations = self.simulator.accelerations(&window, domain, self.gravity);
-
         let frame = self.frame + 1;
         let times = [self.time(self.frame), self.time(frame)];
         let mut next = Vec::with_capacity(last.len());
@@ -103,10 +139,7 @@ impl<'a> Rollout<'a> {
             }
             next.push(self.constraints.confine(last[point], free, times));
         }
-        self.window.pop_front();
-        self.window.push_back(next);
-        self.frame = frame;
-        Ok(&self.window[self.window.len() - 1])
+        Ok(next)
     }
 
     /// The last frame as a trajectory records it.
@@ -139,6 +172,27 @@ impl<'a> Rollout<'a> {
     }
 }
 
+/// Begins a rollout on a GPU.
+fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahead {
+    let interval = simulator.training.frame_interval;
+    let relative = f64::from(u8::from(simulator.training.without_gravity));
+    let motion = Motion {
+        constraints: Constraints::new(&start.scene),
+        fall: start.scene.gravity.map(|g| relative * (g * interval * interval)),
+        start: start.time,
+        interval,
+    };
+    let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
+    let (weights, window) = (weights(&simulator.model), start.positions.clone());
+    let device = device.clone();
+    Ahead::start(move || {
+        let room = Capacity { points: window[0].len(), edges: 1 };
+        let mut network = CudaNetwork::new(&device, &config, PRECISION, room, false)?;
+        network.set_weights(&weights)?;
+        CudaRollout::new(&device, &config, &norm, &motion, &window, network)
+    })
+}
+
 /// Arguments of `surrogate rollout`.
 #[derive(clap::Args)]
 pub struct RolloutArgs {
@@ -159,6 +213,9 @@ pub struct RolloutArgs {
     /// Average each prediction with the mirrored one of the mirrored window
     #[arg(long)]
     mirror: bool,
+    /// Where to compute: auto, cpu, cuda or cuda:N
+    #[arg(long, default_value = "auto")]
+    device: Device,
     /// Trajectory file to write (HDF5)
     #[arg(short, long)]
     output: PathBuf,
@@ -166,6 +223,9 @@ pub struct RolloutArgs {
     #[arg(long)]
     overwrite: bool,
 }
+
+/// Of the network on a GPU, so that results are those of the processor but for rounding.
+const PRECISION: Precision = Precision::F32;
 
 /// Exit code after Ctrl-C, as shells use it.
 const INTERRUPTED: u8 = 130;
@@ -179,7 +239,8 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
-    let simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
+    let mut simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
+    simulator.place(args.device).into_diagnostic().wrap_err("--device")?;
     let prepared = Instant::now();
     let start = match (&args.scene, &args.from) {
         (Some(scene), _) => Start::from_scene(Scene::load(scene)?, &simulator)?,
@@ -258,7 +319,10 @@ fn begin(
     let mut header = start.header.clone();
     header.created = dempm::trajectory::utc_now();
     header.versions.insert("surrogate".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
-    header.device = format!("cpu, {} threads", rayon::current_num_threads());
+    header.device = match &simulator.gpu {
+        Some(device) => device.name().to_owned(),
+        None => format!("cpu, {} threads", rayon::current_num_threads()),
+    };
     header.precision = "f32 (network), f64 (positions)".to_owned();
     header.material = format!("surrogate ({})", model.display());
     header.frame_interval = simulator.training.frame_interval;

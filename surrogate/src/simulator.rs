@@ -2,13 +2,16 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use dempm::trajectory::{WriteError, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::backend::{Cpu, Device, device};
 use crate::config::ModelConfig;
+use crate::cuda::{self, CudaError};
 use crate::features::{Normalisation, Window, window_input};
+use crate::inference::Inference;
 use crate::model::Model;
 use crate::weights::{self, WeightsError};
 
@@ -32,6 +35,8 @@ pub struct Simulator {
     /// Averages with the mirrored prediction of the mirrored window.
     pub mirror: bool,
     pub device: Device,
+    /// The GPU that rollouts are made on; without one it is the processor.
+    pub gpu: Option<Arc<gpu::Device>>,
 }
 
 /// A file of weights that cannot be used.
@@ -61,7 +66,7 @@ impl Simulator {
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
-        Ok(Self { model, config, normalisation, training, mirror: false, device })
+        Ok(Self { model, config, normalisation, training, mirror: false, device, gpu: None })
     }
 
     /// Writes the weights and everything else, whole or not at all.
@@ -77,13 +82,45 @@ impl Simulator {
         })
     }
 
+    /// Chooses where rollouts are made. Those that no GPU can make stay on the processor, unless a
+    /// GPU is asked for.
+    ///
+    /// # Errors
+    /// If the GPU that is asked for cannot be used, or not for this network.
+    pub fn place(&mut self, choice: dempm::device::Device) -> Result<(), CudaError> {
+        use dempm::device::Device;
+        let mirror = CudaError::Unsupported { key: "mirror", value: 1, most: 0 };
+        let fits = if self.mirror { Err(mirror) } else { cuda::supports(&self.config) };
+        self.gpu = match (choice, fits) {
+            (Device::Auto, Err(reason)) => {
+                eprintln!("running on the CPU: {reason}");
+                None
+            }
+            (Device::Cuda(_), Err(reason)) => return Err(reason),
+            _ => choice.open()?,
+        };
+        Ok(())
+    }
+
+    /// The network for the processor, apart from the simulator as it remembers frames.
+    pub fn inference(&self) -> Inference {
+        let windows = if self.mirror { 2 } else { 1 };
+        Inference::new(&self.model, &self.config, windows)
+    }
+
     /// Accelerations of the points of a window in m/frame², x and y in turn. `gravity` is in
     /// m/frame², `domain` is the size of the domain.
     ///
     /// With `mirror`, a(X) becomes (a(X) + M a(M X)) / 2 with the reflection M of left and right:
     /// the mirrored window then has the mirrored accelerations, whatever the network has learnt.
-    pub fn accelerations(&self, window: &Window, domain: [f64; 2], gravity: [f64; 2]) -> Vec<f64> {
-        let straight = self.predict(window, domain, gravity);
+    pub fn accelerations(
+        &self,
+        network: &mut Inference,
+        window: &Window,
+        domain: [f64; 2],
+        gravity: [f64; 2],
+    ) -> Vec<f64> {
+        let straight = self.predict(network, window, domain, gravity);
         if !self.mirror {
             return straight;
         }
@@ -91,13 +128,19 @@ impl Simulator {
         let rows = window.positions.as_chunks::<2>().0.iter();
         let image: Vec<f32> = rows.flat_map(|[x, y]| [width - x, *y]).collect();
         let image = Window { positions: &image, ..*window };
-        let mirrored = self.predict(&image, domain, [-gravity[0], gravity[1]]);
+        let mirrored = self.predict(network, &image, domain, [-gravity[0], gravity[1]]);
         let pairs = straight.as_chunks::<2>().0.iter().zip(mirrored.as_chunks::<2>().0);
         pairs.flat_map(|(a, b)| [(a[0] - b[0]) / 2.0, (a[1] + b[1]) / 2.0]).collect()
     }
 
     /// What the network says.
-    fn predict(&self, window: &Window, domain: [f64; 2], gravity: [f64; 2]) -> Vec<f64> {
+    fn predict(
+        &self,
+        network: &mut Inference,
+        window: &Window,
+        domain: [f64; 2],
+        gravity: [f64; 2],
+    ) -> Vec<f64> {
         let bounds = domain.map(|length| [0.0, length]);
         let input = window_input::<Cpu>(
             &[*window],
@@ -106,13 +149,13 @@ impl Simulator {
             &bounds,
             &self.device,
         );
-        let output = self.model.forward(&input).into_data();
+        let output = network.forward(&input);
         let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
         let scale = |(place, a): (usize, f32)| {
             let axis = place % 2;
             let fall = if self.training.without_gravity { gravity[axis] } else { 0.0 };
             f64::from(a) * acceleration_std[axis] + acceleration_mean[axis] + fall
         };
-        output.iter::<f32>().enumerate().map(scale).collect()
+        output.into_iter().enumerate().map(scale).collect()
     }
 }

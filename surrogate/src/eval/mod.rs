@@ -5,8 +5,9 @@ mod tables;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use dempm::device::Device;
 use dempm::trajectory::{Trajectory, TrajectoryError, WriteError, write_atomically};
-use miette::bail;
+use miette::{Context, IntoDiagnostic, bail};
 
 use self::tables::{chart, frames_table, report, summary_table};
 use crate::data::trajectories_in;
@@ -33,6 +34,9 @@ pub struct EvalArgs {
     /// expected to come closer to a run than another packing does
     #[arg(long, value_name = "DIR")]
     noise_floor: Option<PathBuf>,
+    /// Where to compute: auto, cpu, cuda or cuda:N
+    #[arg(long, default_value = "auto")]
+    device: Device,
     /// Average each prediction with the mirrored one of the mirrored window
     #[arg(long)]
     mirror: bool,
@@ -139,7 +143,8 @@ enum FloorError {
 /// # Errors
 /// If a file is wrong or the results cannot be written.
 pub fn eval(args: &EvalArgs) -> miette::Result<()> {
-    let simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
+    let mut simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
+    simulator.place(args.device).into_diagnostic().wrap_err("--device")?;
     let mut cases = Vec::new();
     for path in trajectories_in(&args.data)? {
         let began = Instant::now();

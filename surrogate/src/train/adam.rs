@@ -27,12 +27,26 @@ impl Adam {
         self.mean.len().min(self.square.len())
     }
 
+    /// Steps made, moving averages of the gradient and of its square.
+    pub fn parts(&self) -> (u64, &[f32], &[f32]) {
+        (self.steps, &self.mean, &self.square)
+    }
+
+    /// The inverse of [`parts`](Self::parts).
+    pub fn from_parts(steps: u64, mean: Vec<f32>, square: Vec<f32>) -> Self {
+        Self { steps, mean, square }
+    }
+
+    /// What the averages have to be divided by after so many steps: they start from zero and are
+    /// too small at first.
+    pub fn corrections(steps: u64) -> [f32; 2] {
+        [BETA_1, BETA_2].map(|beta| (1.0 - beta.powf(steps as f64)) as f32)
+    }
+
     /// Moves the weights.
     pub fn step(&mut self, weights: &mut [f32], gradients: &[f32], rate: f64) {
         self.steps += 1;
-        // Averages that start from zero are too small at first.
-        let correction = |beta: f64| (1.0 - beta.powf(self.steps as f64)) as f32;
-        let (mean_part, square_part) = (correction(BETA_1), correction(BETA_2));
+        let [mean_part, square_part] = Self::corrections(self.steps);
         let (beta_1, beta_2, rate) = (BETA_1 as f32, BETA_2 as f32, rate as f32);
         let averages = self.mean.iter_mut().zip(&mut self.square);
         for ((weight, &g), (mean, square)) in weights.iter_mut().zip(gradients).zip(averages) {

@@ -1,4 +1,4 @@
-//! What computes a training step: network, gradients and optimiser on one device.
+//! What computes a training step on the processor: network, gradients and optimiser.
 
 use burn::module::AutodiffModule;
 use burn::tensor::{Tensor, TensorData};
@@ -28,7 +28,7 @@ pub struct State {
 }
 
 /// Network and optimiser in training.
-pub struct Engine {
+pub struct CpuEngine {
     model: Model<CpuAutodiff>,
     state: State,
     decay: f64,
@@ -67,7 +67,14 @@ impl Preparation {
     }
 }
 
-impl Engine {
+/// Decay of the moving average of the weights at a step, the first of which is 1. Early on the
+/// average follows, lest it remembers the random start.
+pub fn average_decay(decay: f64, step: u64) -> f32 {
+    let step = step as f64;
+    decay.min((1.0 + step) / (10.0 + step)) as f32
+}
+
+impl CpuEngine {
     /// A network with random weights. `decay` is that of the moving average, 0 for none.
     pub fn new(config: &ModelConfig, seed: u64, decay: f64) -> Self {
         let model = Model::new(config, seed, &device());
@@ -123,9 +130,7 @@ impl Engine {
         self.model = with_weights(self.model.clone(), &self.state.weights);
         self.state.step += 1;
         if let Some(average) = &mut self.state.average {
-            // Early on the average follows, lest it remembers the random start.
-            let step = self.state.step as f64;
-            let decay = self.decay.min((1.0 + step) / (10.0 + step)) as f32;
+            let decay = average_decay(self.decay, self.state.step);
             for (mean, weight) in average.iter_mut().zip(&self.state.weights) {
                 *mean = decay * *mean + (1.0 - decay) * weight;
             }

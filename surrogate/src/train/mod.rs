@@ -3,9 +3,11 @@
 mod adam;
 mod checkpoint;
 mod config;
+mod cuda;
 mod engine;
 mod log;
 mod parameters;
+mod place;
 mod progress;
 #[cfg(test)]
 mod rank_tests;
@@ -20,6 +22,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use dempm::device::Device;
 use miette::{Context, IntoDiagnostic, bail};
 
 pub use self::config::{ConfigError, Precision, TrainConfig};
@@ -47,6 +50,9 @@ pub struct TrainArgs {
     /// Seconds between checkpoints, at least
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
     checkpoint_interval: f64,
+    /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
+    #[arg(long, default_value = "auto")]
+    device: Device,
 }
 
 /// Trains a network.
@@ -70,6 +76,6 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
-    let mut sitting = Sitting::start(config, &args.data, &args.output, args.resume)?;
+    let mut sitting = Sitting::start(args, config)?;
     sitting.advance(&interrupted, interval)
 }

@@ -9,13 +9,15 @@ use indicatif::ProgressBar;
 use miette::bail;
 
 use super::checkpoint::{Checkpoint, Identity};
-use super::config::{Precision, TrainConfig};
-use super::engine::{Engine, Preparation, Prepared};
+use super::config::TrainConfig;
+use super::engine::Preparation;
 use super::log::Log;
-use super::progress;
+use super::place::{Engine, EngineBatch};
 use super::ranks::{AllReduce, Alone, Place};
 use super::tcp::Tcp;
+use super::{TrainArgs, progress};
 use crate::backend::{Cpu, device};
+use crate::cuda::supports;
 use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
 use crate::features::Window;
@@ -32,7 +34,7 @@ pub fn checkpoint_in(folder: &Path) -> PathBuf {
 
 /// What the next step learns from.
 enum Work {
-    Graph(Prepared),
+    Graph(EngineBatch),
     /// Windows that the network has to move on first, as it is by then.
     Draft(Draft),
 }
@@ -56,19 +58,8 @@ pub struct Sitting {
 
 impl Sitting {
     /// Opens the data and prepares everything.
-    pub fn start(
-        config: TrainConfig,
-        data: &Path,
-        folder: &Path,
-        resume: bool,
-    ) -> miette::Result<Self> {
-        if config.precision == Precision::Bf16 {
-            bail!(
-                help = "leave `precision` out, or say \"f32\"",
-                "`precision` is \"bf16\", which only tensor cores of a GPU have; this training \
-                 computes on the CPU"
-            );
-        }
+    pub fn start(args: &TrainArgs, config: TrainConfig) -> miette::Result<Self> {
+        let (data, folder) = (&args.data, &args.output);
         let place = Place::from_variables(|name| std::env::var(name).ok())?;
         let (rank, size) = place.as_ref().map_or((0, 1), |place| (place.rank, place.ranks));
         let model = config.model();
@@ -80,17 +71,17 @@ impl Sitting {
         let frame_interval = data.frame_interval();
         let identity = Identity::of(&config, &data, size)?;
 
-        let mut engine = Engine::new(&model, config.seed, config.ema);
+        let mut engine = Engine::new(args.device, size, &model, &config)?;
         let (mut log, mut best) = (Log::default(), None);
-        if resume {
+        if args.resume {
             let path = checkpoint_in(folder);
             let checkpoint = Checkpoint::read(&path, &identity)?;
             (log, best) = (checkpoint.log, checkpoint.best);
-            if !engine.resume(checkpoint.state) {
+            if !engine.resume(checkpoint.state)? {
                 bail!("{}: the checkpoint is that of another network", path.display());
             }
         }
-        let step = engine.state().step;
+        let step = engine.step_number();
         let ranks: Box<dyn AllReduce> = match place {
             Some(place) => Box::new(Tcp::join(place, &identity.fingerprint(step))?),
             None => Box::new(Alone),
@@ -119,12 +110,12 @@ impl Sitting {
             );
         }
         let bar = if rank == 0 { progress::bar(config.steps, step) } else { ProgressBar::hidden() };
-        let (ahead, graphs) = (recipe.clone(), preparation.clone());
+        let (ahead, prepare) = (recipe.clone(), engine.prepare(&preparation));
         let batches = Prefetch::start(data, recipe.clone(), step, move |draft| {
             if draft.unroll > 0 {
                 Work::Draft(draft)
             } else {
-                Work::Graph(graphs.prepare(&ahead.batch(&draft)))
+                Work::Graph(prepare(ahead.batch(&draft)))
             }
         });
         Ok(Self {
@@ -151,16 +142,16 @@ impl Sitting {
         interval: Duration,
     ) -> miette::Result<ExitCode> {
         let steps = self.config.steps;
-        let began = (Instant::now(), self.engine.state().step);
+        let began = (Instant::now(), self.engine.step_number());
         let mut saved = Instant::now();
-        while self.engine.state().step < steps {
+        while self.engine.step_number() < steps {
             // All processes stop after the same step.
             let mut stop = [f32::from(u8::from(interrupted.load(Ordering::Relaxed)))];
             self.ranks.sum(&mut stop)?;
             if stop[0] > 0.0 {
                 self.save()?;
                 self.bar.finish_and_clear();
-                let step = self.engine.state().step;
+                let step = self.engine.step_number();
                 eprintln!("interrupted at step {step} of {steps}; --resume continues");
                 return Ok(ExitCode::from(INTERRUPTED));
             }
@@ -196,15 +187,16 @@ impl Sitting {
         let batch = match self.batches.next()? {
             Some(Work::Graph(batch)) => batch,
             Some(Work::Draft(draft)) => {
-                self.preparation.prepare(&self.recipe.batch(&self.push_forward(draft)))
+                let batch = self.recipe.batch(&self.push_forward(draft)?);
+                self.engine.prepare(&self.preparation)(batch)
             }
             None => bail!("the thread that prepares the data has died"),
         };
         let steps = self.config.steps;
         let ranks = self.ranks.as_mut();
-        let rate = self.config.schedule.at(self.engine.state().step, steps, ranks.ranks());
+        let rate = self.config.schedule.at(self.engine.step_number(), steps, ranks.ranks());
         self.engine.step(batch, rate, ranks)?;
-        let step = self.engine.state().step;
+        let step = self.engine.step_number();
         self.bar.set_position(step);
         if step.is_multiple_of(self.config.log_every) || step == steps {
             self.read_losses()?;
@@ -221,20 +213,21 @@ impl Sitting {
         Ok(())
     }
 
-    fn push_forward(&self, draft: Draft) -> Draft {
-        let simulator = self.simulator(self.engine.network());
+    fn push_forward(&self, draft: Draft) -> miette::Result<Draft> {
+        let simulator = self.simulator(self.engine.network()?);
+        let mut network = simulator.inference();
         let domain = self.preparation.bounds.map(|[_, length]| length);
-        draft.push_forward(|example| {
+        Ok(draft.push_forward(|example| {
             let (positions, statics) = (&example.window(), &example.statics);
             let window = Window { positions, points: example.points, statics };
-            simulator.accelerations(&window, domain, example.gravity)
-        })
+            simulator.accelerations(&mut network, &window, domain, example.gravity)
+        }))
     }
 
     fn read_losses(&mut self) -> miette::Result<()> {
-        let losses = self.engine.take_losses();
+        let losses = self.engine.take_losses()?;
         if let Some(place) = losses.iter().position(|loss| !loss.is_finite()) {
-            let step = self.engine.state().step - (losses.len() - place) as u64 + 1;
+            let step = self.engine.step_number() - (losses.len() - place) as u64 + 1;
             bail!(
                 help = "a lower schedule.rate or a schedule.warm_up may help",
                 "the loss of step {step} is not finite; the last checkpoint is from before"
@@ -246,14 +239,14 @@ impl Sitting {
 
     /// Rolls out all validation files and keeps the model if it is the best so far.
     fn validate(&mut self) -> miette::Result<()> {
-        let simulator = self.simulator(self.engine.model());
+        let simulator = self.simulator(self.engine.model()?);
         let frames = Some(self.config.validation.frames).filter(|&frames| frames > 0);
         let mut sum = 0.0;
         for path in &self.valid {
             sum += errors(&simulator, path, frames)?.mean();
         }
         let mse = sum / self.valid.len() as f64;
-        self.log.validation(self.engine.state().step, mse);
+        self.log.validation(self.engine.step_number(), mse);
         if mse < self.best.unwrap_or(f64::INFINITY) {
             self.best = Some(mse);
             simulator.save(&self.folder.join("best.safetensors"))?;
@@ -267,9 +260,9 @@ impl Sitting {
         if self.ranks.rank() > 0 {
             return Ok(());
         }
-        self.simulator(self.engine.model()).save(&self.folder.join("last.safetensors"))?;
+        self.simulator(self.engine.model()?).save(&self.folder.join("last.safetensors"))?;
         self.log.write(&self.folder)?;
-        let (identity, state) = (self.identity.clone(), self.engine.state().clone());
+        let (identity, state) = (self.identity.clone(), self.engine.state()?);
         let checkpoint = Checkpoint::new(identity, state, self.log.clone(), self.best);
         checkpoint.write(&checkpoint_in(&self.folder))?;
         Ok(())
@@ -283,10 +276,11 @@ impl Sitting {
             training: Training {
                 frame_interval: self.frame_interval,
                 without_gravity: self.config.data.subtract_gravity,
-                steps: self.engine.state().step,
+                steps: self.engine.step_number(),
             },
             mirror: false,
             device: device(),
+            gpu: self.engine.gpu().filter(|_| supports(&self.preparation.config).is_ok()),
         }
     }
 }

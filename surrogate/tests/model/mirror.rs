@@ -19,11 +19,12 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
         training: Training { frame_interval: 0.01, without_gravity: true, steps: 0 },
         mirror,
         device: Default::default(),
+        gpu: None,
     };
     let points = 40;
     let run = |positions: &[f32], gravity| {
         let window = Window { positions, points, statics: &[] };
-        simulator.accelerations(&window, [1.0, 1.0], gravity)
+        simulator.accelerations(&mut simulator.inference(), &window, [1.0, 1.0], gravity)
     };
     // 1 - x is exact for these positions, so the images are to the bit.
     let here = cloud(points, 2, 3, 15);

@@ -1,0 +1,261 @@
+//! Time of a training step and of a predicted frame at the size of the paper's Baseline, on a GPU.
+//!
+//! `cuda_bench [FOLDER]`; in FOLDER it leaves weights, input, output and gradient for
+//! `benches/torch_reference.py`, which computes and times the same in PyTorch.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use gpu::Device;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use safetensors::tensor::{Dtype, TensorView, serialize_to_file};
+use surrogate::backend::device as cpu;
+use surrogate::config::ModelConfig;
+use surrogate::cuda::{
+    Capacity, CudaNetwork, CudaTrainer, FrameInput, HostInput, Precision, Rates, upload,
+};
+use surrogate::features::{HostFrame, Normalisation, Window, host_frames};
+use surrogate::model::Model;
+use surrogate::train::weights;
+
+/// Points of a side of the column, 1/16 m apart.
+const SIDE: usize = 48;
+const POINTS: usize = SIDE * SIDE;
+const WINDOWS: usize = 2;
+const REPEATS: usize = 50;
+
+fn normalisation() -> Normalisation {
+    Normalisation {
+        velocity_mean: vec![0.0; 2],
+        velocity_std: vec![0.004; 2],
+        acceleration_mean: vec![0.0; 2],
+        acceleration_std: vec![1e-3; 2],
+        ..Normalisation::default()
+    }
+}
+
+/// Jittered columns in random motion.
+fn windows(config: &ModelConfig) -> Vec<Vec<f32>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut window = || -> Vec<f32> {
+        let mut start = Vec::new();
+        let mut step = Vec::new();
+        for k in 0..POINTS {
+            for place in [k % SIDE, k / SIDE] {
+                start.push((place as f32 + 0.5 + rng.random_range(-0.1..0.1)) / 16.0);
+                step.push(rng.random_range(-0.004..0.004));
+            }
+        }
+        let at =
+            |k: usize| start.iter().zip(&step).map(move |(x, v): (&f32, &f32)| x + k as f32 * v);
+        (0..config.frames).flat_map(at).collect()
+    };
+    (0..WINDOWS).map(|_| window()).collect()
+}
+
+struct Scene {
+    config: ModelConfig,
+    weights: Vec<f32>,
+    host: Vec<HostFrame>,
+    target: Vec<f32>,
+}
+
+impl Scene {
+    fn new() -> Self {
+        let config = ModelConfig::default();
+        let positions = windows(&config);
+        let windows: Vec<Window> = positions
+            .iter()
+            .map(|positions| Window { positions, points: POINTS, statics: &[] })
+            .collect();
+        let began = Instant::now();
+        let host = host_frames(&windows, &config, &normalisation(), &[[0.0, 10.0]; 2]);
+        println!("graphs and features on the CPU: {:.1} ms", ms(began));
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let target = (0..2 * WINDOWS * POINTS).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let model = Model::<surrogate::backend::Cpu>::new(&config, 3, &cpu());
+        Self { weights: weights(&model), config, host, target }
+    }
+
+    fn capacity(&self) -> Capacity {
+        let edges = self.host.iter().map(|frame| frame.pairs.len()).max().unwrap_or(1);
+        Capacity { points: WINDOWS * POINTS, edges }
+    }
+
+    fn uploaded(&self, device: &Arc<Device>) -> Result<Vec<FrameInput>, Box<dyn Error>> {
+        let room = self.capacity().edges;
+        let frames = self.host.iter().map(|f| upload(device, &HostInput::from(f.clone()), room));
+        Ok(frames.collect::<Result<_, _>>()?)
+    }
+}
+
+fn ms(since: Instant) -> f64 {
+    1e3 * since.elapsed().as_secs_f64()
+}
+
+fn print_profile(profile: &[(&str, usize, f32)]) {
+    for (name, launches, time) in profile {
+        println!("    {name:<18} {launches:>4} launches {time:>8.3} ms");
+    }
+    println!("    {:<18} {:>22.3} ms", "sum", profile.iter().map(|p| p.2).sum::<f32>());
+}
+
+/// Times training steps; gives output and gradient at the start.
+fn train(
+    device: &Arc<Device>,
+    scene: &Scene,
+    precision: Precision,
+) -> Result<[Vec<f32>; 2], Box<dyn Error>> {
+    let stream = device.stream();
+    let frames = scene.uploaded(device)?;
+    let target = device.upload(&scene.target)?;
+    let zeros = vec![0.0; scene.weights.len()];
+    let mut trainer = CudaTrainer::new(device, &scene.config, precision, scene.capacity(), false)?;
+    trainer.restore(&scene.weights, [&zeros, &zeros], None)?;
+    let gradient = trainer.gradient(&frames, &target)?;
+    let output = trainer.network().forward(&frames)?;
+    let output = stream.clone_dtoh(output)?;
+    let rates = Rates { rate: 1e-4, corrections: [1.0; 2], decay: 0.0 };
+    let mut step = || trainer.step(&frames, &target, rates);
+    (0..5).try_for_each(|_| step())?;
+    stream.synchronize()?;
+    let mut times = Vec::new();
+    for _ in 0..5 {
+        let began = Instant::now();
+        (0..REPEATS).try_for_each(|_| step())?;
+        stream.synchronize()?;
+        times.push(ms(began) / REPEATS as f64);
+    }
+    times.sort_by(f64::total_cmp);
+    let losses = trainer.losses(256)?;
+    println!(
+        "{precision:?} training step, batch {WINDOWS}: {:.3} ms ({:.3} to {:.3}); loss {:.4} -> {:.4}",
+        times[2],
+        times[0],
+        times[4],
+        losses[0],
+        losses[losses.len() - 1]
+    );
+    trainer.profile(&frames, &target)?;
+    print_profile(&trainer.profile(&frames, &target)?);
+    Ok([output, gradient])
+}
+
+/// Times predicted frames of one window, whose encodings are kept.
+fn predict(
+    device: &Arc<Device>,
+    scene: &Scene,
+    precision: Precision,
+) -> Result<(), Box<dyn Error>> {
+    let stream = device.stream();
+    let positions = windows(&scene.config);
+    let window = [Window { positions: &positions[0], points: POINTS, statics: &[] }];
+    let host = host_frames(&window, &scene.config, &normalisation(), &[[0.0, 10.0]; 2]);
+    let edges = host.iter().map(|frame| frame.pairs.len()).max().unwrap_or(1);
+    // The first frame too with velocities.
+    let inputs: Vec<FrameInput> = (0..host.len())
+        .map(|k| upload(device, &HostInput::from(host[k.max(1)].clone()), edges))
+        .collect::<Result<_, _>>()?;
+    let frames: Vec<&FrameInput> = inputs.iter().collect();
+    let room = Capacity { points: POINTS, edges };
+    let mut network = CudaNetwork::new(device, &scene.config, precision, room, false)?;
+    network.set_weights(&scene.weights)?;
+    network.advance(&frames, false)?;
+    for _ in 0..5 {
+        network.advance(&frames, true)?;
+    }
+    stream.synchronize()?;
+    let began = Instant::now();
+    for _ in 0..REPEATS {
+        network.advance(&frames, true)?;
+    }
+    stream.synchronize()?;
+    let launched = ms(began) / REPEATS as f64;
+    // The same as a CUDA graph.
+    use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
+    stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
+    let queued = network.advance(&frames, true).map(|_| ());
+    let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
+    queued?;
+    let mut replayed = f64::NAN;
+    if let Some(graph) = graph {
+        graph.launch()?;
+        stream.synchronize()?;
+        let began = Instant::now();
+        (0..REPEATS).try_for_each(|_| graph.launch())?;
+        stream.synchronize()?;
+        replayed = ms(began) / REPEATS as f64;
+    }
+    println!(
+        "{precision:?} predicted frame: {replayed:.3} ms as a graph, {launched:.3} ms launched"
+    );
+    print_profile(&network.profile_advance(&frames)?);
+    Ok(())
+}
+
+/// Everything that PyTorch needs to compute the same.
+fn write(
+    folder: &Path,
+    scene: &Scene,
+    results: &[(Precision, [Vec<f32>; 2])],
+) -> Result<(), Box<dyn Error>> {
+    let model = Model::<surrogate::backend::Cpu>::new(&scene.config, 3, &cpu());
+    surrogate::weights::save(
+        &folder.join("weights.safetensors"),
+        &model,
+        &scene.config,
+        &normalisation(),
+        Default::default(),
+    )?;
+    let mut tensors: Vec<(String, Dtype, Vec<usize>, Vec<u8>)> = Vec::new();
+    let bytes = |list: &[f32]| list.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+    for (k, frame) in scene.host.iter().enumerate() {
+        let [node, edge] = frame.columns;
+        let (points, edges) = (frame.points, frame.pairs.len());
+        tensors.push((format!("node{k}"), Dtype::F32, vec![points, node], bytes(&frame.nodes)));
+        tensors.push((format!("edge{k}"), Dtype::F32, vec![edges, edge], bytes(&frame.edges)));
+        let ends = |which: fn(&(i32, i32)) -> i32| -> Vec<u8> {
+            frame.pairs.iter().flat_map(|p| i64::from(which(p)).to_le_bytes()).collect()
+        };
+        tensors.push((format!("sender{k}"), Dtype::I64, vec![edges], ends(|p| p.1)));
+        tensors.push((format!("receiver{k}"), Dtype::I64, vec![edges], ends(|p| p.0)));
+    }
+    let outputs = vec![scene.target.len() / 2, 2];
+    tensors.push(("target".into(), Dtype::F32, outputs.clone(), bytes(&scene.target)));
+    for (precision, [output, gradient]) in results {
+        let name = format!("{precision:?}").to_lowercase();
+        tensors.push((format!("output_{name}"), Dtype::F32, outputs.clone(), bytes(output)));
+        let count = vec![gradient.len()];
+        tensors.push((format!("gradient_{name}"), Dtype::F32, count, bytes(gradient)));
+    }
+    let views = tensors
+        .iter()
+        .map(|(name, dtype, shape, bytes)| {
+            Ok((name.clone(), TensorView::new(*dtype, shape.clone(), bytes)?))
+        })
+        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()?;
+    Ok(serialize_to_file(views, None, &folder.join("bench.safetensors"))?)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let device = Device::new(0)?;
+    let scene = Scene::new();
+    println!(
+        "{}: {POINTS} points, {} edges in the frames of a batch of {WINDOWS}",
+        device.name(),
+        scene.capacity().edges
+    );
+    let mut results = Vec::new();
+    for precision in [Precision::Bf16, Precision::F32] {
+        results.push((precision, train(&device, &scene, precision)?));
+        predict(&device, &scene, precision)?;
+    }
+    if let Some(folder) = std::env::args_os().nth(1).map(PathBuf::from) {
+        std::fs::create_dir_all(&folder)?;
+        write(&folder, &scene, &results)?;
+    }
+    Ok(())
+}

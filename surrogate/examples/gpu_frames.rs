@@ -1,0 +1,180 @@
+//! Times of a frame of a rollout on the GPU: its parts besides the network, all of these, and the
+//! whole frame with the Baseline network in two precisions.
+//!
+//! `cargo run --release -p surrogate --example gpu_frames`
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use cudarc::driver::CudaSlice;
+use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
+use dempm::scene::Scene;
+use gpu::Device;
+use surrogate::backend::{Cpu, device as cpu};
+use surrogate::config::ModelConfig;
+use surrogate::constraints::Constraints;
+use surrogate::cuda::{
+    BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
+    HostWindows, Integrator, Motion, Network, Precision,
+};
+use surrogate::features::Normalisation;
+use surrogate::model::Model;
+use surrogate::train::weights;
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Launches of a part in one CUDA graph, and launches of the graph.
+const REPEATS: usize = 20;
+const LAUNCHES: usize = 20;
+/// Blocks of a rollout, or batches, that are timed.
+const BLOCKS: usize = 20;
+
+/// Nothing accelerates.
+struct Rest(CudaSlice<f32>);
+
+impl Network for Rest {
+    fn make_room(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
+        Ok(())
+    }
+
+    fn accelerations(&mut self, _: &[&FrameInput], _: bool) -> Result<&CudaSlice<f32>, CudaError> {
+        Ok(&self.0)
+    }
+
+    fn period(&self) -> usize {
+        1
+    }
+}
+
+/// Microseconds of one call of `work`, launched as a part of a CUDA graph.
+fn time(device: &Device, mut work: impl FnMut() -> Result<(), gpu::Error>) -> Result<f64, Failure> {
+    work()?;
+    let stream = device.stream();
+    stream.synchronize()?;
+    stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
+    let queued = (0..REPEATS).try_for_each(|_| work());
+    let graph = stream.end_capture(CUgraphInstantiate_flags(0))?.ok_or("nothing captured")?;
+    queued?;
+    graph.launch()?;
+    stream.synchronize()?;
+    let began = Instant::now();
+    (0..LAUNCHES).try_for_each(|_| graph.launch())?;
+    stream.synchronize()?;
+    Ok(began.elapsed().as_secs_f64() * 1e6 / (REPEATS * LAUNCHES) as f64)
+}
+
+/// A column of points 1/16 m apart, as high as wide, each a little off its place.
+fn column(points: usize) -> Vec<[f64; 2]> {
+    let columns = (points as f64).sqrt().ceil() as usize;
+    let offset = |k: usize| (k as f64 * 0.618_034).fract() * 0.02;
+    let place = |k: usize, n: usize| (n as f64 + 0.5) / 16.0 + offset(k);
+    (0..points).map(|k| [place(k, k % columns), place(3 * k, k / columns)]).collect()
+}
+
+fn main() -> Result<(), Failure> {
+    let device = Device::new(0)?;
+    println!("{}; microseconds", device.name());
+    println!(
+        "{:>7} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9} {:>9} {:>9} {:>12}",
+        "points",
+        "edges",
+        "graph",
+        "features",
+        "integrate",
+        "no network",
+        "f32",
+        "bf16",
+        "batch 2",
+        "graph on CPU"
+    );
+    for points in [1000, 2304, 5120, 10_000, 30_000, 100_000] {
+        measure(&device, points)?;
+    }
+    Ok(())
+}
+
+fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
+    let config = ModelConfig::default();
+    let norm = Normalisation {
+        velocity_mean: vec![0.0; 2],
+        velocity_std: vec![0.01; 2],
+        acceleration_mean: vec![0.0; 2],
+        acceleration_std: vec![1e-3; 2],
+        ..Normalisation::default()
+    };
+    let text = "duration = 1.0\n[material]\nkind = \"mu-i\"\n[domain]\nsize = [100.0, 100.0]\n\
+        [[column]]\nsize = [0.5, 0.5]\n\
+        [[obstacle]]\ncorner = [50.0, 0.0]\nsize = [0.5, 0.8]\n";
+    let motion = Motion {
+        constraints: Constraints::new(&Scene::parse(text, "scene.toml")?),
+        fall: [0.0; 2],
+        start: 0.0,
+        interval: 0.01,
+    };
+    let positions = column(points);
+    let window = vec![positions.clone(); config.frames];
+    let bounds = motion.constraints.domain().map(|length| [0.0, length]);
+
+    let mut builder = FrameBuilder::new(device, &config, &norm, &bounds, &[points])?;
+    let single: Vec<f32> = positions.as_flattened().iter().map(|&x| x as f32).collect();
+    let position = device.upload(&single)?;
+    let mut frame = builder.allocate(48 * points)?;
+    let graph = time(device, || builder.graph(&position.as_view(), &mut frame))?;
+    let edges = builder.needed()?;
+    let before = position.as_view();
+    let features =
+        time(device, || builder.features(&position.as_view(), Some(&before), &mut frame))?;
+
+    let mut integrator = Integrator::new(device, &config, &norm, &motion, points)?;
+    integrator.begin([&positions, &positions], 6)?;
+    let output = device.zeros(2 * points)?;
+    let mut moved = device.zeros(2 * points)?;
+    let integrate = time(device, || integrator.step(&output, &mut moved))?;
+
+    let still = &Normalisation { acceleration_std: vec![1e-15; 2], ..norm.clone() };
+    let start = || (config.clone(), still, &motion, &window[..]);
+    let frame = rollout(device, start(), Rest(device.zeros(2 * points)?))?;
+    let weights = weights(&Model::<Cpu>::new(&config, 1, &cpu()));
+    let mut whole = Vec::new();
+    for precision in [Precision::F32, Precision::Bf16] {
+        let room = Capacity { points, edges: 1 };
+        let mut network = CudaNetwork::new(device, &config, precision, room, false)?;
+        network.set_weights(&weights)?;
+        whole.push(rollout(device, start(), network)?);
+    }
+
+    let mut batches = BatchBuilder::new(device, &config, &norm, &bounds);
+    let twice = vec![single.repeat(config.frames); 2];
+    let members = HostWindows::new(&twice, vec![points; 2], single.repeat(2));
+    batches.make(&members)?;
+    let began = Instant::now();
+    for _ in 0..BLOCKS {
+        batches.make(&members)?;
+    }
+    let batch = began.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64;
+
+    let began = Instant::now();
+    surrogate::graph::radius_graph(&single, 2, config.connection_radius as f32);
+    let cpu = began.elapsed().as_secs_f64() * 1e6;
+    println!(
+        "{points:>7} {edges:>9} {graph:>8.1} {features:>9.1} {integrate:>9.1} {frame:>10.1} \
+         {:>9.0} {:>9.0} {batch:>9.0} {cpu:>12.0}",
+        whole[0], whole[1]
+    );
+    Ok(())
+}
+
+/// Microseconds of a frame of a rollout, copies to the host included.
+fn rollout<N: Network>(
+    device: &Arc<Device>,
+    (config, norm, motion, window): (ModelConfig, &Normalisation, &Motion, &[Vec<[f64; 2]>]),
+    network: N,
+) -> Result<f64, Failure> {
+    let mut rollout = CudaRollout::new(device, &config, norm, motion, window, network)?;
+    // All of its CUDA graphs are made in the first blocks.
+    let warm_up = config.frames * (config.frames - 1) / BLOCK + 2;
+    (0..warm_up).try_for_each(|_| rollout.block().map(|_| ()))?;
+    let began = Instant::now();
+    (0..BLOCKS).try_for_each(|_| rollout.block().map(|_| ()))?;
+    Ok(began.elapsed().as_secs_f64() * 1e6 / (BLOCKS * BLOCK) as f64)
+}

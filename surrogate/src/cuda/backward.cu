@@ -1,0 +1,216 @@
+// MLPs, backward: from the gradient of the output to those of all linears' outputs (which
+// gradient.cu turns into the weights') and of the inputs. A warp takes 16 rows through all of it.
+
+struct Backward {
+    const u32* count;
+    // Gradient of the output, the sum of up to three: rows x 128, row `index[k]` of it, ...
+    const Stored* output;
+    const u32* output_index;
+    // ... in f32, ...
+    const float* output32;
+    // ... row `gathered_index[k]` of a matrix.
+    const float* gathered;
+    const u32* gathered_index;
+    // If there is a selection, rows count where it is NONE (`select_none` = 1) or is not.
+    const u32* selection;
+    // What the forward pass left.
+    const Stored* hidden;
+    size_t stride;
+    const Stored* normal;
+    const float* deviation;
+    // Packed and transposed: hidden layers, the last first, then x_0, x_1.
+    const uint4* weights;
+    const float* parameters;
+    // Gradients of the linears' outputs, `stride` apart, the first linear's first.
+    Stored* linear;
+    // Gradients of x_0 and x_1 if not null, added to what is there if bit 0 or 1 of `accumulate` is
+    // set.
+    float* input32[2];
+    Stored* input;
+    // For each block, gradients of LayerNorm's scale and shift, 128 each.
+    float* norm_sums;
+
+    u32 rows;
+    int units, resident, select_none;
+    int norm, layers, width, accumulate;
+    float slope;
+};
+
+struct BackwardBatch {
+    Backward item[4];
+};
+
+// Sums 16 numbers over the eight lanes of equal t; a lane gets the sums number
+// 2 (lane / 4 % 2 + 2 (lane / 8 % 2) + 4 (lane / 16)) and the next.
+__device__ __forceinline__ void sum_rows(float (&v)[16], float (&sum)[2]) {
+    const int lane = threadIdx.x % 32;
+#pragma unroll
+    for (int size = 8, bit = 16; bit >= 4; size /= 2, bit /= 2) {
+        const bool upper = lane & bit;
+#pragma unroll
+        for (int k = 0; k < size; k++) {
+            float give = upper ? v[k] : v[k + size], keep = upper ? v[k + size] : v[k];
+            v[k] = keep + __shfl_xor_sync(ALL, give, bit);
+        }
+    }
+    sum[0] += v[0], sum[1] += v[1];
+}
+
+// dy -> dz = (dx - mean(dx) - x mean(dx x)) / deviation with dx = scale dy, for y = scale x + shift
+// and x = (z - mean(z)) / deviation. Adds dy x and dy, summed over the rows, to `sums`.
+__device__ void normalise_backward(Tile& z, const Backward& a, const Place& at, const float* scale,
+                                   float (&sums)[4][2]) {
+    float mean[2] = {0.f, 0.f}, product[2] = {0.f, 0.f};
+#pragma unroll
+    for (int q = 0; q < 4; q++) {
+        float s[8], both[16] = {};
+        load8(scale + at.column(q), s);
+#pragma unroll
+        for (int half = 0; half < 2; half++) {
+            float x[8] = {}, dy[8];
+            if (at.live[half]) load8(a.normal + (size_t)at.row[half] * WIDTH + at.column(q), x);
+            chunk(z, q, half, dy);
+#pragma unroll
+            for (int k = 0; k < 8; k++) {
+                both[k] += dy[k] * x[k];
+                both[8 + k] += dy[k];
+                mean[half] += s[k] * dy[k];
+                product[half] += s[k] * dy[k] * x[k];
+            }
+        }
+        sum_rows(both, sums[q]);
+    }
+    const float share = 1.f / a.width;
+    float inverse[2];
+#pragma unroll
+    for (int half = 0; half < 2; half++) {
+        mean[half] = row_sum(mean[half]) * share;
+        product[half] = row_sum(product[half]) * share;
+        inverse[half] = at.live[half] ? a.deviation[at.row[half]] : 0.f;
+    }
+#pragma unroll
+    for (int q = 0; q < 4; q++) {
+        float s[8];
+        load8(scale + at.column(q), s);
+#pragma unroll
+        for (int half = 0; half < 2; half++) {
+            float x[8] = {};
+            if (at.live[half]) load8(a.normal + (size_t)at.row[half] * WIDTH + at.column(q), x);
+#pragma unroll
+            for (int k = 0; k < 8; k++) {
+                float& dz = z[4 * q + k / 2][2 * half + k % 2];
+                dz = inverse[half] * (s[k] * dz - mean[half] - x[k] * product[half]);
+            }
+        }
+    }
+}
+
+// The derivative of LeakyReLU, whose values tell the sign of its arguments.
+__device__ void leaky_backward(Tile& z, const Stored* hidden, const Place& at, float slope) {
+#pragma unroll
+    for (int half = 0; half < 2; half++) {
+        if (!at.live[half]) continue;
+        const Stored* start = hidden + (size_t)at.row[half] * WIDTH;
+#pragma unroll
+        for (int q = 0; q < 4; q++) {
+            float h[8];
+            load8(start + at.column(q), h);
+#pragma unroll
+            for (int k = 0; k < 8; k++)
+                if (!(h[k] > 0.f)) z[4 * q + k / 2][2 * half + k % 2] *= slope;
+        }
+    }
+}
+
+extern "C" __global__ void __launch_bounds__(BACKWARD_THREADS, 1)
+    mlp_backward(const __grid_constant__ BackwardBatch batch) {
+    const Backward& a = batch.item[blockIdx.y];
+    extern __shared__ uint4 shared[];
+    float* scale = (float*)shared;
+    for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
+        scale[k] = a.norm >= 0 && k < a.width ? a.parameters[a.norm + k] : 0.f;
+    const int matrix = PARTS * UNIT;
+    Weights weights(a.weights, (uint4*)(scale + WIDTH), a.units, a.resident);
+
+    float sums[4][2] = {};
+    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + 15) / 16;
+    const u32 warps = blockDim.x / 32, warp = threadIdx.x / 32;
+    for (u32 first = 0; first < tiles; first += warps * gridDim.x) {
+        const u32 tile = first + warp * gridDim.x + blockIdx.x;
+        if (a.resident && tile >= tiles) break;
+        const Place at(tile, rows);
+        weights.cursor = 0;
+
+        Tile z;
+        clear(z);
+        u32 row[2];
+#pragma unroll
+        for (int half = 0; half < 2; half++) {
+            bool counts = at.live[half];
+            if (counts && a.selection)
+                counts = (a.selection[at.row[half]] == NONE) == (a.select_none != 0);
+            row[half] = counts ? at.row[half] : NONE;
+        }
+        if (a.output) {
+            u32 from[2];
+#pragma unroll
+            for (int half = 0; half < 2; half++) {
+                bool indexed = a.output_index && row[half] != NONE;
+                from[half] = indexed ? a.output_index[row[half]] : row[half];
+            }
+            add_rows(z, a.output, from, at.t);
+        }
+        if (a.output32) add_rows(z, a.output32, row, at.t);
+        if (a.gathered) {
+            u32 from[2];
+#pragma unroll
+            for (int half = 0; half < 2; half++)
+                from[half] = row[half] == NONE ? NONE : a.gathered_index[row[half]];
+            add_rows(z, a.gathered, from, at.t);
+        }
+        if (a.norm >= 0) normalise_backward(z, a, at, scale, sums);
+        store_rows(z, a.linear + a.layers * a.stride, at);
+        Operand x;
+        to_operand(z, x);
+#pragma unroll 1
+        for (int l = a.layers - 1; l >= 0; l--) {
+            clear(z);
+            multiply(z, x, weights.next(matrix));
+            leaky_backward(z, a.hidden + l * a.stride, at, a.slope);
+            store_rows(z, a.linear + l * a.stride, at);
+            to_operand(z, x);
+        }
+#pragma unroll 1
+        for (int k = 0; k < 2; k++) {
+            if (!a.input32[k] && !(k == 0 && a.input)) continue;
+            clear(z);
+            multiply(z, x, weights.next(matrix));
+            u32 own[2] = {at.live[0] ? at.row[0] : NONE, at.live[1] ? at.row[1] : NONE};
+            if (a.input32[k]) {
+                if (a.accumulate >> k & 1) add_rows(z, a.input32[k], own, at.t);
+                store_rows(z, a.input32[k], at);
+            } else {
+                if (a.accumulate & 1) add_rows(z, a.input, own, at.t);
+                store_rows(z, a.input, at);
+            }
+        }
+    }
+
+    if (!a.norm_sums) return;
+    __syncthreads();
+    float* all = (float*)shared;
+    const int lane = threadIdx.x % 32, first = 2 * (lane / 4 % 2 + 2 * (lane / 8 % 2));
+#pragma unroll
+    for (int q = 0; q < 4; q++)
+#pragma unroll
+        for (int i = 0; i < 2; i++) {
+            int column = 32 * q + 8 * (lane % 4) + first + i;
+            all[(warp * 2 + lane / 16) * WIDTH + column] = sums[q][i];
+        }
+    __syncthreads();
+    for (int k = threadIdx.x; k < 2 * WIDTH; k += blockDim.x) {
+        float sum = 0.f;
+        for (u32 w = 0; w < warps; w++) sum += all[w * 2 * WIDTH + k];
+        a.norm_sums[blockIdx.x * 2 * WIDTH + k] = sum;
+    }
+}

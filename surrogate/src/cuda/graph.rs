@@ -1,0 +1,277 @@
+//! Radius graphs on the device. The kernels are `graph.cu`, their CPU twin
+//! [`radius_graph`](crate::graph::radius_graph).
+
+use std::sync::Arc;
+
+use cudarc::driver::{
+    CudaFunction, CudaSlice, CudaView, DeviceRepr, PinnedHostSlice, PushKernelArg, sys,
+};
+use gpu::{Device, Error};
+
+use super::buffers::DeviceGraph;
+use super::launch::{address, blocks, each};
+
+/// The source of the kernels.
+pub const GRAPH_SOURCE: &str = include_str!("graph.cu");
+
+/// Receivers of a thread block: a warp each.
+const ROWS: u32 = 16;
+const LANES: u32 = 32;
+
+/// Definitions that the source needs.
+pub fn graph_defines(dimensions: usize) -> Vec<String> {
+    vec![format!("DIMENSIONS={dimensions}"), format!("ROWS={ROWS}")]
+}
+
+/// `Grid` of `graph.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+struct Grid {
+    inverse_width: f64,
+    radius_squared: f32,
+    side: u32,
+    buckets: u32,
+    points: u32,
+}
+
+// SAFETY: plain numbers, laid out as in `graph.cu`.
+unsafe impl DeviceRepr for Grid {}
+
+impl Grid {
+    /// A grid with at least two buckets for each point of a window.
+    fn new(dimensions: usize, radius: f32, points: usize, largest_window: usize) -> Self {
+        let mut side: u32 = 8;
+        while (side as usize).pow(dimensions as u32) < 2 * largest_window {
+            side *= 2;
+        }
+        Self {
+            // Wider than the radius by more than the rounding of a cell's number.
+            inverse_width: 1.0 / (1.001 * f64::from(radius)),
+            radius_squared: radius * radius,
+            side,
+            buckets: side.pow(dimensions as u32),
+            points: points as u32,
+        }
+    }
+}
+
+/// `Cells` of `graph.cu`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct CellsAddress([sys::CUdeviceptr; 5]);
+
+// SAFETY: device addresses, in the order of `graph.cu`.
+unsafe impl DeviceRepr for CellsAddress {}
+
+/// `Graph` of `graph.cu`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct GraphAddress {
+    arrays: [sys::CUdeviceptr; 5],
+    capacity: u32,
+}
+
+// SAFETY: device addresses and a number, in the order of `graph.cu`.
+unsafe impl DeviceRepr for GraphAddress {}
+
+/// Builds the radius graphs of frames of the same points.
+///
+/// Launches do not depend on the number of edges, and nothing is read back, so they can be captured
+/// in a CUDA graph. Whether all edges found room is asked for afterwards, with
+/// [`needed`](Self::needed).
+pub struct GraphBuilder {
+    device: Arc<Device>,
+    kernels: Kernels,
+    dimensions: usize,
+    grid: Grid,
+    windows: Vec<usize>,
+    work: Work,
+    /// `[1]` Most edges that a graph had.
+    needed: CudaSlice<u64>,
+}
+
+struct Kernels {
+    count_buckets: CudaFunction,
+    place_buckets: CudaFunction,
+    sort_points: CudaFunction,
+    count_edges: CudaFunction,
+    fill_edges: CudaFunction,
+    reverse_edges: CudaFunction,
+}
+
+/// Arrays of `graph.cu` besides the graph.
+struct Work {
+    /// Window of each point.
+    window: CudaSlice<u32>,
+    count: CudaSlice<u32>,
+    first: CudaSlice<u32>,
+    bucket: CudaSlice<u32>,
+    rank: CudaSlice<u32>,
+    sorted: CudaSlice<f32>,
+    neighbours: CudaSlice<u32>,
+    block_neighbours: CudaSlice<u32>,
+}
+
+impl Work {
+    fn new(device: &Device, windows: &[usize], grid: &Grid) -> Result<Self, Error> {
+        let numbered = windows.iter().enumerate();
+        let window: Vec<u32> =
+            numbered.flat_map(|(k, &n)| std::iter::repeat_n(k as u32, n)).collect();
+        let buckets = windows.len() * grid.buckets as usize;
+        // An empty allocation is an error.
+        let points = window.len().max(1);
+        Ok(Self {
+            window: device.upload(if window.is_empty() { &[0] } else { &window })?,
+            count: device.zeros(buckets + 1)?,
+            first: device.zeros(buckets.max(1))?,
+            bucket: device.zeros(points)?,
+            rank: device.zeros(points)?,
+            sorted: device.zeros(4 * points)?,
+            neighbours: device.zeros(points)?,
+            block_neighbours: device.zeros(points.div_ceil(ROWS as usize))?,
+        })
+    }
+}
+
+impl GraphBuilder {
+    /// For points in 2 or 3 dimensions, of which those closer than `radius` (m) are neighbours;
+    /// `windows` are the numbers of points of windows side by side.
+    ///
+    /// # Errors
+    /// Too little memory, or no compiler.
+    pub fn new(
+        device: &Arc<Device>,
+        dimensions: usize,
+        radius: f32,
+        windows: &[usize],
+    ) -> Result<Self, Error> {
+        let module = device.module("graph.cu", GRAPH_SOURCE, &graph_defines(dimensions))?;
+        let kernels = Kernels {
+            count_buckets: module.load_function("count_buckets")?,
+            place_buckets: module.load_function("place_buckets")?,
+            sort_points: module.load_function("sort_points")?,
+            count_edges: module.load_function("count_edges")?,
+            fill_edges: module.load_function("fill_edges")?,
+            reverse_edges: module.load_function("reverse_edges")?,
+        };
+        let (points, largest) = (windows.iter().sum(), windows.iter().copied().max().unwrap_or(0));
+        let grid = Grid::new(dimensions, radius, points, largest);
+        Ok(Self {
+            kernels,
+            dimensions,
+            windows: windows.to_vec(),
+            work: Work::new(device, windows, &grid)?,
+            grid,
+            needed: device.zeros(1)?,
+            device: device.clone(),
+        })
+    }
+
+    /// Points of all windows together.
+    pub fn points(&self) -> usize {
+        self.grid.points as usize
+    }
+
+    /// Room for a graph of at most `capacity` edges.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn allocate(&self, capacity: usize) -> Result<DeviceGraph, Error> {
+        let room = capacity.max(1);
+        self.device.reserve(3 * room * size_of::<u32>())?;
+        Ok(DeviceGraph {
+            points: self.points(),
+            capacity,
+            start: self.device.zeros(self.points() + 1)?,
+            sender: self.device.zeros(room)?,
+            receiver: self.device.zeros(room)?,
+            reverse: self.device.zeros(room)?,
+            edges: self.device.zeros(1)?,
+        })
+    }
+
+    /// Queues the building of the graph of `position`, points x dimensions (m). A graph with more
+    /// edges than there is room for is left without any.
+    ///
+    /// # Errors
+    /// A launch was refused.
+    pub fn build(
+        &mut self,
+        position: &CudaView<f32>,
+        graph: &mut DeviceGraph,
+    ) -> Result<(), Error> {
+        let points = self.points();
+        debug_assert_eq!(position.len(), points * self.dimensions);
+        debug_assert_eq!(graph.points, points);
+        if points == 0 {
+            return Ok(());
+        }
+        let stream = self.device.stream();
+        let work = &mut self.work;
+        stream.memset_zeros(&mut work.count)?;
+        let cells = CellsAddress([
+            address(&work.count, stream),
+            address(&work.first, stream),
+            address(&work.bucket, stream),
+            address(&work.rank, stream),
+            address(&work.sorted, stream),
+        ]);
+        let edges = GraphAddress {
+            arrays: [
+                address(&graph.start, stream),
+                address(&graph.sender, stream),
+                address(&graph.receiver, stream),
+                address(&graph.reverse, stream),
+                address(&graph.edges, stream),
+            ],
+            capacity: graph.capacity as u32,
+        };
+        let (grid, kernels) = (&self.grid, &self.kernels);
+        let buckets = grid.buckets * self.windows.len() as u32;
+        let rows = blocks(grid.points.div_ceil(ROWS), ROWS * LANES);
+        // SAFETY: the argument types are laid out as those of the kernels, the arrays as long as
+        // they expect.
+        unsafe {
+            let mut launch = stream.launch_builder(&kernels.count_buckets);
+            launch.arg(grid).arg(position).arg(&work.window).arg(&cells).launch(each(points))?;
+            let mut launch = stream.launch_builder(&kernels.place_buckets);
+            launch.arg(&buckets).arg(&cells).launch(each(buckets as usize))?;
+            let mut launch = stream.launch_builder(&kernels.sort_points);
+            launch.arg(grid).arg(position).arg(&cells).launch(each(points))?;
+            let mut launch = stream.launch_builder(&kernels.count_edges);
+            launch.arg(grid).arg(position).arg(&work.window).arg(&cells);
+            launch.arg(&work.neighbours).arg(&work.block_neighbours).launch(rows)?;
+            let mut launch = stream.launch_builder(&kernels.fill_edges);
+            launch.arg(grid).arg(position).arg(&work.window).arg(&cells);
+            launch.arg(&work.neighbours).arg(&work.block_neighbours);
+            launch.arg(&edges).arg(&self.needed).launch(rows)?;
+            if graph.capacity > 0 {
+                let mut launch = stream.launch_builder(&kernels.reverse_edges);
+                launch.arg(&edges).launch(each(graph.capacity))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Queues the copy of the most edges of a graph since the last time, for a caller that does not
+    /// wait as in [`needed`](Self::needed).
+    ///
+    /// # Errors
+    /// The copy was refused.
+    pub fn copy_needed(&mut self, needed: &mut PinnedHostSlice<u64>) -> Result<(), Error> {
+        let stream = self.device.stream();
+        stream.memcpy_dtoh(&self.needed, needed)?;
+        Ok(stream.memset_zeros(&mut self.needed)?)
+    }
+
+    /// The most edges of a graph since the last time, once all queued work is done. If that is more
+    /// than the graph had room for, it has to be built again in a larger one.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn needed(&mut self) -> Result<usize, Error> {
+        let needed = self.device.stream().clone_dtoh(&self.needed)?[0];
+        self.device.stream().memset_zeros(&mut self.needed)?;
+        Ok(usize::try_from(needed).unwrap_or(usize::MAX))
+    }
+}

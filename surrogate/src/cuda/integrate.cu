@@ -1,0 +1,69 @@
+// One step of a rollout: network output -> acceleration -> semi-implicit Euler -> constraints. The
+// CUDA twin of `Rollout::advance` in surrogate/src/rollout.rs, equal to it to the bit.
+// Follows constraints.cu in one source.
+
+struct Setup {
+    // Scale, mean and free fall of the accelerations (m/frame²).
+    double scale[2], mean[2], fall[2];
+    double domain[2];
+    // Time of frame 0 and between frames (s).
+    double start, interval;
+    // Farthest that a point may be beyond the domain (m).
+    double reach;
+    unsigned points, boxes;
+    // Frames that `history` holds, one after the other, in turn.
+    unsigned rows;
+    unsigned unused;
+};
+
+struct Clock {
+    // Number of the frame to make, which goes to row `made % rows`, and frames made.
+    unsigned frame, made;
+    // Thread blocks that are done with the frame.
+    unsigned blocks;
+    unsigned unused;
+};
+
+// `failed` is the lowest frame << 32 | point of a position that makes no sense; it is left in the
+// history as it was predicted. `position` gets the frame in single precision, for the network.
+extern "C" __global__ void integrate(
+    Setup setup, const Box* boxes, const float* output, double* history, float* position,
+    Clock* clock, unsigned long long* failed) {
+    const unsigned frame = clock->frame, made = clock->made;
+    const unsigned point = blockIdx.x * blockDim.x + threadIdx.x;
+    if (point < setup.points) {
+        const unsigned values = 2 * setup.points;
+        const unsigned long long rows = setup.rows;
+        double* next = history + made % rows * values + 2 * point;
+        const double* last = history + (made + rows - 1) % rows * values + 2 * point;
+        const double* before = history + (made + rows - 2) % rows * values + 2 * point;
+        Pair old, free;
+        double beyond = 0.0;
+        bool finite = true;
+        for (int k = 0; k < 2; ++k) {
+            const double a = product(double(output[2 * point + k]), setup.scale[k])
+                + setup.mean[k] + setup.fall[k];
+            old.x[k] = last[k];
+            free.x[k] = last[k] + (last[k] - before[k] + a);
+            finite = finite && isfinite(free.x[k]);
+            beyond = fmax(beyond, fmax(-free.x[k], free.x[k] - setup.domain[k]));
+        }
+        if (!finite || beyond > setup.reach) {
+            atomicMin(failed, (unsigned long long)frame << 32 | point);
+        } else {
+            const double times[2] = {
+                setup.start + product(double(frame - 1), setup.interval),
+                setup.start + product(double(frame), setup.interval)};
+            free = confine(boxes, setup.boxes, setup.domain, old, free, times);
+        }
+        for (int k = 0; k < 2; ++k) {
+            next[k] = free.x[k];
+            position[2 * point + k] = float(free.x[k]);
+        }
+    }
+    // The last block to come here has the clock for itself.
+    __syncthreads();
+    if (threadIdx.x == 0 && atomicAdd(&clock->blocks, 1u) == gridDim.x - 1) {
+        *clock = Clock{frame + 1, made + 1, 0, 0};
+    }
+}

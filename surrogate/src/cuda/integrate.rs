@@ -1,0 +1,227 @@
+//! Steps of a rollout on the device. The kernel is `integrate.cu`, its CPU twin
+//! [`Rollout::advance`](crate::rollout::Rollout::advance).
+
+use std::sync::Arc;
+
+use cudarc::driver::{CudaFunction, CudaSlice, DeviceRepr, PinnedHostSlice, PushKernelArg};
+use gpu::{Device, Error};
+
+use super::constraints::{self, BoxRecord};
+use super::launch::each;
+use crate::config::ModelConfig;
+use crate::constraints::Constraints;
+use crate::features::Normalisation;
+use crate::rollout::RolloutError;
+
+/// The source of the kernel.
+pub const INTEGRATE_SOURCE: &str =
+    concat!(include_str!("constraints.cu"), include_str!("integrate.cu"));
+
+/// Frames that are made before the host looks at them.
+pub const BLOCK: usize = 8;
+/// Frames of the history: a block, and the one before it, whose last two the next step needs.
+const ROWS: usize = 2 * BLOCK;
+/// No failure.
+const FINE: u64 = u64::MAX;
+
+/// What moves the points besides the network.
+pub struct Motion {
+    pub constraints: Constraints,
+    /// Added to the network's accelerations (m/frame²).
+    pub fall: [f64; 2],
+    /// Time of frame 0 and between frames (s).
+    pub start: f64,
+    pub interval: f64,
+}
+
+/// `Setup` of `integrate.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+struct Setup {
+    scale: [f64; 2],
+    mean: [f64; 2],
+    fall: [f64; 2],
+    domain: [f64; 2],
+    start: f64,
+    interval: f64,
+    reach: f64,
+    points: u32,
+    boxes: u32,
+    rows: u32,
+    unused: u32,
+}
+
+// SAFETY: plain numbers without padding, laid out as in `integrate.cu`.
+unsafe impl DeviceRepr for Setup {}
+
+/// `Clock` of `integrate.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+struct Clock {
+    frame: u32,
+    made: u32,
+    blocks: u32,
+    unused: u32,
+}
+
+// SAFETY: plain numbers without padding, laid out as in `integrate.cu`.
+unsafe impl DeviceRepr for Clock {}
+
+/// Positions of points in double precision, with the last frames of their history.
+pub struct Integrator {
+    device: Arc<Device>,
+    kernel: CudaFunction,
+    setup: Setup,
+    boxes: CudaSlice<BoxRecord>,
+    history: CudaSlice<f64>,
+    clock: CudaSlice<Clock>,
+    failed: CudaSlice<u64>,
+}
+
+impl Integrator {
+    /// For `points` points, at least one, that a network moves.
+    ///
+    /// # Errors
+    /// Too little memory, or no compiler.
+    pub fn new(
+        device: &Arc<Device>,
+        config: &ModelConfig,
+        norm: &Normalisation,
+        motion: &Motion,
+        points: usize,
+    ) -> Result<Self, Error> {
+        let pair = |list: &[f64]| [list[0], list[1]];
+        let (boxes, number) = constraints::upload(device, &motion.constraints)?;
+        let setup = Setup {
+            scale: pair(&norm.acceleration_std),
+            mean: pair(&norm.acceleration_mean),
+            fall: motion.fall,
+            domain: motion.constraints.domain(),
+            start: motion.start,
+            interval: motion.interval,
+            reach: config.connection_radius,
+            points: points as u32,
+            boxes: number,
+            rows: ROWS as u32,
+            unused: 0,
+        };
+        let module = device.module("integrate.cu", INTEGRATE_SOURCE, &[])?;
+        Ok(Self {
+            kernel: module.load_function("integrate")?,
+            setup,
+            boxes,
+            history: device.zeros(ROWS * 2 * points)?,
+            clock: device.upload(&[Clock::default()])?,
+            failed: device.upload(&[FINE])?,
+            device: device.clone(),
+        })
+    }
+
+    /// Goes on from the positions (m) of the frames `frame` - 2 and `frame` - 1.
+    ///
+    /// # Errors
+    /// The copy failed.
+    pub fn begin(&mut self, last_two: [&[[f64; 2]]; 2], frame: usize) -> Result<(), Error> {
+        let stream = self.device.stream();
+        let values = 2 * self.setup.points as usize;
+        for (row, positions) in (ROWS - 2..ROWS).zip(last_two) {
+            let mut row = self.history.slice_mut(row * values..(row + 1) * values);
+            stream.memcpy_htod(positions.as_flattened(), &mut row)?;
+        }
+        stream
+            .memcpy_htod(&[Clock { frame: frame as u32, ..Clock::default() }], &mut self.clock)?;
+        stream.memcpy_htod(&[FINE], &mut self.failed)?;
+        Ok(())
+    }
+
+    /// Queues a step with the network's output, points x 2; `position` gets the new frame in single
+    /// precision.
+    ///
+    /// # Errors
+    /// The launch was refused.
+    pub fn step(
+        &mut self,
+        output: &CudaSlice<f32>,
+        position: &mut CudaSlice<f32>,
+    ) -> Result<(), Error> {
+        let mut launch = self.device.stream().launch_builder(&self.kernel);
+        launch.arg(&self.setup).arg(&self.boxes).arg(output).arg(&mut self.history);
+        launch.arg(position).arg(&mut self.clock).arg(&mut self.failed);
+        // SAFETY: the argument types are laid out as those of the kernel, and the arrays as long as
+        // it expects.
+        unsafe { launch.launch(each(self.setup.points as usize)) }?;
+        Ok(())
+    }
+
+    /// Page-locked memory for the results of a block.
+    ///
+    /// # Errors
+    /// Too little memory.
+    pub fn landing(&self) -> Result<Landing, Error> {
+        let context = self.device.context();
+        let values = BLOCK * 2 * self.setup.points as usize;
+        // SAFETY: read after a copy has filled it only.
+        let landing = unsafe {
+            Landing {
+                positions: context.alloc_pinned_with_flags(values, 0)?,
+                failed: context.alloc_pinned_with_flags(1, 0)?,
+            }
+        };
+        Ok(landing)
+    }
+
+    /// Queues the copy of block number `block` of [`BLOCK`] frames since the beginning.
+    ///
+    /// # Errors
+    /// The copy was refused.
+    pub fn copy_block(&self, block: usize, landing: &mut Landing) -> Result<(), Error> {
+        let stream = self.device.stream();
+        let values = 2 * self.setup.points as usize;
+        let row = block % (ROWS / BLOCK) * BLOCK;
+        let rows = self.history.slice(row * values..(row + BLOCK) * values);
+        stream.memcpy_dtoh(&rows, &mut landing.positions)?;
+        stream.memcpy_dtoh(&self.failed, &mut landing.failed)?;
+        Ok(())
+    }
+
+    /// Waits for the copy of a block, the first frame of which has number `first`, and gives its
+    /// frames; fewer if one makes no sense, and why.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn block(
+        &self,
+        landing: &Landing,
+        first: usize,
+    ) -> Result<(Frames, Option<RolloutError>), Error> {
+        let positions = landing.positions.as_slice()?;
+        let failed = landing.failed.as_slice()?[0];
+        let frames = positions.chunks_exact(2 * self.setup.points as usize);
+        let mut frames: Frames = frames.map(|frame| frame.as_chunks().0.to_vec()).collect();
+        if failed == FINE {
+            return Ok((frames, None));
+        }
+        let (frame, point) = ((failed >> 32) as usize, failed as u32 as usize);
+        let place = frames[frame - first][point];
+        frames.truncate(frame - first);
+        Ok((frames, Some(self.failure(frame, point, place))))
+    }
+
+    fn failure(&self, frame: usize, point: usize, place: [f64; 2]) -> RolloutError {
+        if !place.iter().all(|x| x.is_finite()) {
+            return RolloutError::NotFinite { frame, point };
+        }
+        let domain = self.setup.domain;
+        let beyond = [0, 1].map(|k| (-place[k]).max(place[k] - domain[k]));
+        RolloutError::Left { frame, point, distance: beyond[0].max(beyond[1]).max(0.0) }
+    }
+}
+
+/// Where the results of a block arrive on the host, so that the device can go on meanwhile.
+pub struct Landing {
+    positions: PinnedHostSlice<f64>,
+    failed: PinnedHostSlice<u64>,
+}
+
+/// Positions (m) of the points, frame by frame.
+pub type Frames = Vec<Vec<[f64; 2]>>;

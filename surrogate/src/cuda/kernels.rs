@@ -1,0 +1,513 @@
+//! The compiled kernels and what they take, laid out as in the sources.
+
+use std::sync::Arc;
+
+use cudarc::driver::sys::CUfunction_attribute;
+use cudarc::driver::{
+    CudaFunction, CudaModule, DeviceRepr, LaunchArgs, LaunchConfig, PushKernelArg,
+};
+use gpu::Device;
+
+use super::error::CudaError;
+use super::profile::Profile;
+
+/// Columns of a state.
+pub const WIDTH: usize = 128;
+/// A packed matrix of 128 x 128 two-byte numbers, in words of 16 bytes.
+pub const UNIT: usize = 2048;
+
+/// Precision of products; sums, LayerNorm and the optimiser are in float32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Precision {
+    /// States are stored in float32, and multiplied as sums of two float16 or bfloat16.
+    F32,
+    /// States are stored and multiplied in bfloat16.
+    #[default]
+    Bf16,
+}
+
+impl Precision {
+    /// Matrices of two-byte numbers whose sum is a matrix of numbers.
+    pub fn parts(self) -> usize {
+        match self {
+            Self::F32 => 2,
+            Self::Bf16 => 1,
+        }
+    }
+
+    /// Bytes of a stored number.
+    pub fn bytes(self) -> usize {
+        2 * self.parts()
+    }
+
+    /// Threads of a block of the MLP kernels: as many as there are registers for.
+    fn threads(self) -> u32 {
+        match self {
+            Self::F32 => 384,
+            Self::Bf16 => 512,
+        }
+    }
+}
+
+macro_rules! source {
+    ($file:literal) => {
+        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), include_str!($file))
+    };
+}
+
+/// Names and texts of the kernels' sources.
+pub const SOURCES: [(&str, &str); 6] = [
+    ("weights.cu", source!("weights.cu")),
+    ("forward.cu", source!("forward.cu")),
+    ("backward.cu", source!("backward.cu")),
+    ("gradient.cu", source!("gradient.cu")),
+    ("segment.cu", source!("segment.cu")),
+    ("optimiser.cu", source!("optimiser.cu")),
+];
+
+/// Definitions that the sources need.
+pub fn defines(precision: Precision) -> Vec<String> {
+    let threads = precision.threads();
+    vec![
+        format!("PARTS={}", precision.parts()),
+        format!("FORWARD_THREADS={threads}"),
+        format!("BACKWARD_THREADS={threads}"),
+    ]
+}
+
+/// Address in device memory; 0 is none.
+pub type Address = u64;
+
+/// `Pack` of weights.cu.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Pack {
+    pub from: i32,
+    pub stride: i32,
+    pub rows: i32,
+    pub columns: i32,
+    pub transposed: i32,
+    pub steps: i32,
+    pub features: i32,
+    pub parts: i32,
+    pub to: i32,
+}
+
+/// `Forward` of forward.cu.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Forward {
+    pub count: Address,
+    pub x: [Address; 2],
+    pub index: Address,
+    pub features: Address,
+    pub added: [Address; 2],
+    pub added_index: [Address; 2],
+    pub weights: Address,
+    pub parameters: Address,
+    pub hidden: Address,
+    pub stride: u64,
+    pub normal: Address,
+    pub deviation: Address,
+    pub output: Address,
+    pub residual: Address,
+    pub output32: Address,
+    pub narrow: Address,
+    pub rows: u32,
+    pub units: i32,
+    pub resident: i32,
+    pub feature_count: i32,
+    pub feature_stride: i32,
+    pub feature_steps: i32,
+    pub bias: i32,
+    pub bias_stride: i32,
+    pub last_bias: i32,
+    pub norm: i32,
+    pub input_norm: i32,
+    pub layers: i32,
+    pub width: i32,
+    pub columns: i32,
+    pub accumulate: i32,
+    pub slope: f32,
+}
+
+/// `Backward` of backward.cu.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Backward {
+    pub count: Address,
+    pub output: Address,
+    pub output_index: Address,
+    pub output32: Address,
+    pub gathered: Address,
+    pub gathered_index: Address,
+    pub selection: Address,
+    pub hidden: Address,
+    pub stride: u64,
+    pub normal: Address,
+    pub deviation: Address,
+    pub weights: Address,
+    pub parameters: Address,
+    pub linear: Address,
+    pub input32: [Address; 2],
+    pub input: Address,
+    pub norm_sums: Address,
+    pub rows: u32,
+    pub units: i32,
+    pub resident: i32,
+    pub select_none: i32,
+    pub norm: i32,
+    pub layers: i32,
+    pub width: i32,
+    pub accumulate: i32,
+    pub slope: f32,
+}
+
+/// `Product` of gradient.cu.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Product {
+    pub count: Address,
+    pub x: Address,
+    pub index: Address,
+    pub features: Address,
+    pub dz: Address,
+    pub weight: Address,
+    pub bias: Address,
+    pub rows: u32,
+    pub feature_count: i32,
+    pub blocks: i32,
+    pub input_norm: i32,
+    pub width: i32,
+}
+
+/// `Target` of optimiser.cu.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Target {
+    pub sums: Address,
+    pub count: i32,
+    pub size: i32,
+    pub first: i32,
+    pub rows: i32,
+    pub columns: i32,
+    pub to: i32,
+}
+
+/// MLPs of one forward launch, and of one backward launch.
+pub const FORWARD_BATCH: usize = 8;
+pub const BACKWARD_BATCH: usize = 4;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+struct ForwardBatch([Forward; FORWARD_BATCH]);
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+struct BackwardBatch([Backward; BACKWARD_BATCH]);
+
+// SAFETY: plain numbers, laid out as in the sources.
+unsafe impl DeviceRepr for Pack {}
+// SAFETY: as above.
+unsafe impl DeviceRepr for Product {}
+// SAFETY: as above.
+unsafe impl DeviceRepr for Target {}
+// SAFETY: as above.
+unsafe impl DeviceRepr for ForwardBatch {}
+// SAFETY: as above.
+unsafe impl DeviceRepr for BackwardBatch {}
+
+/// All kernels, for one precision.
+#[derive(Debug)]
+pub struct Kernels {
+    pub device: Arc<Device>,
+    pub precision: Precision,
+    /// Multiprocessors of the GPU.
+    pub processors: u32,
+    /// Times of launches, if they are wanted.
+    pub profile: Profile,
+    shared: usize,
+    pack: CudaFunction,
+    forward: CudaFunction,
+    backward: CudaFunction,
+    product: CudaFunction,
+    receive: CudaFunction,
+    collect: CudaFunction,
+    same: CudaFunction,
+    reduce: CudaFunction,
+    loss: CudaFunction,
+    adam: CudaFunction,
+}
+
+impl Kernels {
+    /// Compiles what is not in the cache.
+    pub fn load(device: &Arc<Device>, precision: Precision) -> Result<Self, CudaError> {
+        let defines = defines(precision);
+        let modules = SOURCES
+            .iter()
+            .map(|(name, source)| device.module(name, source, &defines))
+            .collect::<Result<Vec<Arc<CudaModule>>, _>>()?;
+        let [weights, forward, backward, gradient, segment, optimiser] = &modules[..] else {
+            unreachable!("six sources")
+        };
+        // What the driver keeps of a block's shared memory is not in the limit.
+        let shared = device.limits()?.shared_per_block;
+        let with_shared = |module: &Arc<CudaModule>, name: &str, bytes: usize| {
+            let kernel = module.load_function(name)?;
+            kernel.set_attribute(
+                CUfunction_attribute::CU_FUNC_ATTRIBUTE_MAX_DYNAMIC_SHARED_SIZE_BYTES,
+                bytes as i32,
+            )?;
+            Ok::<_, CudaError>(kernel)
+        };
+        let processors = device.context().attribute(
+            cudarc::driver::sys::CUdevice_attribute::CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT,
+        )?;
+        Ok(Self {
+            pack: weights.load_function("pack_weights")?,
+            forward: with_shared(forward, "mlp_forward", shared)?,
+            backward: with_shared(backward, "mlp_backward", shared)?,
+            product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
+            receive: segment.load_function("receive")?,
+            collect: segment.load_function("collect")?,
+            same: segment.load_function("same_edges")?,
+            reduce: optimiser.load_function("reduce_gradient")?,
+            loss: optimiser.load_function("loss_gradient")?,
+            adam: optimiser.load_function("adam")?,
+            processors: processors as u32,
+            device: device.clone(),
+            precision,
+            profile: Profile::default(),
+            shared,
+        })
+    }
+
+    pub fn pack(
+        &self,
+        packs: Address,
+        count: usize,
+        parameters: Address,
+        packed: Address,
+    ) -> Result<(), CudaError> {
+        let mut launch = self.device.stream().launch_builder(&self.pack);
+        launch.arg(&packs).arg(&parameters).arg(&packed);
+        // SAFETY: the addresses are those of `count` packs, of the weights and of the room that
+        // the packs were laid out for.
+        unsafe { self.launch("pack", launch, config([count as u32, 1], 512, 0))? };
+        Ok(())
+    }
+
+    /// # Safety
+    /// As for [`LaunchArgs::launch`].
+    unsafe fn launch(
+        &self,
+        name: &'static str,
+        mut launch: LaunchArgs,
+        config: LaunchConfig,
+    ) -> Result<(), CudaError> {
+        let stream = self.device.stream();
+        self.profile.around(name, stream, || {
+            // SAFETY: the caller's.
+            unsafe { launch.launch(config)? };
+            Ok(())
+        })
+    }
+
+    /// Blocks of an MLP launch on at most `rows` rows.
+    pub fn blocks(&self, rows: usize) -> u32 {
+        self.processors.min(rows.div_ceil(16) as u32).max(1)
+    }
+
+    /// Whether `units` (in words of 16 bytes) fit into shared memory with `vectors` of 128 f32;
+    /// the shared memory needed.
+    fn fit(&self, units: i32, vectors: usize) -> (bool, usize) {
+        let vectors = vectors * WIDTH * 4;
+        let all = vectors + 16 * units as usize;
+        let resident = all <= self.shared;
+        (resident, if resident { all } else { vectors + 16 * UNIT * self.precision.parts() })
+    }
+
+    /// MLPs with the same sizes of weights on up to `rows` rows each.
+    pub fn forward(&self, items: &[Forward], rows: usize) -> Result<(), CudaError> {
+        let edges = items.first().is_some_and(|item| item.count != 0);
+        let name = if edges { "forward, edges" } else { "forward, nodes" };
+        for part in items.chunks(FORWARD_BATCH) {
+            let mut batch = ForwardBatch::default();
+            let mut shared = 0;
+            for (to, from) in batch.0.iter_mut().zip(part) {
+                let (resident, bytes) = self.fit(from.units, from.layers as usize + 5);
+                *to = Forward { resident: i32::from(resident), ..*from };
+                shared = shared.max(bytes);
+            }
+            let mut launch = self.device.stream().launch_builder(&self.forward);
+            launch.arg(&batch);
+            let grid = [self.blocks(rows), part.len() as u32];
+            // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
+            unsafe { self.launch(name, launch, config(grid, self.precision.threads(), shared))? };
+        }
+        Ok(())
+    }
+
+    /// As [`forward`](Self::forward).
+    pub fn backward(&self, items: &[Backward], rows: usize) -> Result<(), CudaError> {
+        let edges = items.first().is_some_and(|item| item.count != 0);
+        let name = if edges { "backward, edges" } else { "backward, nodes" };
+        for part in items.chunks(BACKWARD_BATCH) {
+            let mut batch = BackwardBatch::default();
+            let mut shared = 0;
+            for (to, from) in batch.0.iter_mut().zip(part) {
+                let (resident, bytes) = self.fit(from.units, 1);
+                *to = Backward { resident: i32::from(resident), ..*from };
+                // Sums of LayerNorm's parameters, 256 of each warp.
+                let sums = self.precision.threads() as usize / 32 * 256 * 4;
+                shared = shared.max(bytes).max(sums);
+            }
+            let mut launch = self.device.stream().launch_builder(&self.backward);
+            launch.arg(&batch);
+            let grid = [self.blocks(rows), part.len() as u32];
+            // SAFETY: as above.
+            unsafe { self.launch(name, launch, config(grid, self.precision.threads(), shared))? };
+        }
+        Ok(())
+    }
+
+    pub fn products(
+        &self,
+        products: Address,
+        count: usize,
+        blocks: usize,
+        parameters: Address,
+    ) -> Result<(), CudaError> {
+        let mut launch = self.device.stream().launch_builder(&self.product);
+        launch.arg(&products).arg(&parameters);
+        let shared = product_shared(self.precision);
+        // SAFETY: the addresses in the products are those of live buffers.
+        unsafe {
+            self.launch("products", launch, config([blocks as u32, count as u32], 256, shared))?
+        };
+        Ok(())
+    }
+
+    /// Messages (normalised; LayerNorm at `norm` of the parameters) of each node's edges, added.
+    #[allow(clippy::too_many_arguments)]
+    pub fn receive(
+        &self,
+        start: Address,
+        points: usize,
+        normal: Address,
+        parameters: Address,
+        norm: i32,
+        width: usize,
+        sum: Address,
+    ) -> Result<(), CudaError> {
+        let mut launch = self.device.stream().launch_builder(&self.receive);
+        let (points, width) = (points as i32, width as i32);
+        launch.arg(&start).arg(&points).arg(&normal).arg(&parameters).arg(&norm).arg(&width);
+        launch.arg(&sum);
+        // SAFETY: live buffers for the graph's points and edges.
+        unsafe {
+            self.launch("receive", launch, config([(points as u32).div_ceil(4), 1], 128, 0))?
+        };
+        Ok(())
+    }
+
+    /// An edge quantity, added over each node's outgoing and incoming edges.
+    pub fn collect(
+        &self,
+        start: Address,
+        reverse: Address,
+        points: usize,
+        edge: Address,
+        sent: Address,
+        received: Address,
+    ) -> Result<(), CudaError> {
+        let mut launch = self.device.stream().launch_builder(&self.collect);
+        let points = points as i32;
+        launch.arg(&start).arg(&reverse).arg(&points).arg(&edge).arg(&sent).arg(&received);
+        // SAFETY: as above.
+        unsafe {
+            self.launch("collect", launch, config([(points as u32).div_ceil(4), 1], 128, 0))?
+        };
+        Ok(())
+    }
+
+    /// For each edge of a graph (its count, senders and receivers), the same one of another (its
+    /// starts and senders).
+    pub fn same_edges(
+        &self,
+        graph: [Address; 3],
+        other: [Address; 2],
+        same: Address,
+    ) -> Result<(), CudaError> {
+        let mut launch = self.device.stream().launch_builder(&self.same);
+        let ([edges, sender, receiver], [other_start, other_sender]) = (graph, other);
+        launch.arg(&edges).arg(&sender).arg(&receiver).arg(&other_start).arg(&other_sender);
+        launch.arg(&same);
+        // SAFETY: as above.
+        unsafe { self.launch("same_edges", launch, config([4 * self.processors, 1], 256, 0))? };
+        Ok(())
+    }
+
+    pub fn reduce(
+        &self,
+        targets: Address,
+        count: usize,
+        gradient: Address,
+    ) -> Result<(), CudaError> {
+        let mut launch = self.device.stream().launch_builder(&self.reduce);
+        launch.arg(&targets).arg(&gradient);
+        let grid = [WIDTH as u32, count as u32];
+        // SAFETY: the addresses in the targets are those of live buffers.
+        unsafe { self.launch("reduce", launch, config(grid, 512, 0))? };
+        Ok(())
+    }
+
+    /// Loss of points x columns numbers, and its gradient in rows of 128.
+    #[allow(clippy::too_many_arguments)]
+    pub fn loss(
+        &self,
+        output: Address,
+        target: Address,
+        points: usize,
+        columns: usize,
+        gradient: Address,
+        losses: Address,
+        counter: Address,
+        room: usize,
+    ) -> Result<(), CudaError> {
+        let mut launch = self.device.stream().launch_builder(&self.loss);
+        let (points, columns, room) = (points as i32, columns as i32, room as u32);
+        launch.arg(&output).arg(&target).arg(&points).arg(&columns);
+        launch.arg(&gradient).arg(&losses).arg(&counter).arg(&room);
+        // SAFETY: live buffers of these sizes.
+        unsafe { self.launch("loss", launch, config([1, 1], 1024, 0))? };
+        Ok(())
+    }
+
+    /// Adam on `count` weights: weights, averages of gradients and of their squares, average of
+    /// the weights (or 0), gradient, rates.
+    pub fn adam(&self, lists: [Address; 6], count: usize) -> Result<(), CudaError> {
+        let mut launch = self.device.stream().launch_builder(&self.adam);
+        for list in &lists {
+            launch.arg(list);
+        }
+        let number = count as i32;
+        launch.arg(&number);
+        // SAFETY: live buffers of this size.
+        unsafe { self.launch("adam", launch, config([(count as u32).div_ceil(256), 1], 256, 0))? };
+        Ok(())
+    }
+}
+
+/// Shared memory of `weight_gradient`: two tiles of 64 rows of 17 words of 16 bytes.
+fn product_shared(precision: Precision) -> usize {
+    2 * precision.parts() * 64 * 17 * 16
+}
+
+fn config(grid: [u32; 2], threads: u32, shared: usize) -> LaunchConfig {
+    LaunchConfig {
+        grid_dim: (grid[0], grid[1], 1),
+        block_dim: (threads, 1, 1),
+        shared_mem_bytes: shared as u32,
+    }
+}

@@ -1,0 +1,74 @@
+// The loss, and from all blocks' sums the gradient of the weights and Adam's step.
+
+// A part of the list of all weights, and the sums of which its gradient consists.
+struct Target {
+    // `count` slices of `size` numbers; of each, rows x columns from `first` in rows of 128.
+    const float* sums;
+    int count, size, first, rows, columns;
+    // Offset in the list of weights.
+    int to;
+};
+
+constexpr int REDUCE_GROUPS = 4;
+
+// Block (x, y) adds up row x of target y: four groups of 128 threads a quarter of the slices each.
+extern "C" __global__ void reduce_gradient(const Target* targets, float* gradient) {
+    const Target a = targets[blockIdx.y];
+    const int row = blockIdx.x, column = threadIdx.x % WIDTH, group = threadIdx.x / WIDTH;
+    if (row >= a.rows) return;
+    float sum = 0.f;
+    const float* from = a.sums + a.first + row * WIDTH + column;
+#pragma unroll 4
+    for (int k = group; k < a.count; k += REDUCE_GROUPS) sum += from[(size_t)k * a.size];
+    __shared__ float all[REDUCE_GROUPS][WIDTH];
+    all[group][column] = sum;
+    __syncthreads();
+    if (group != 0 || column >= a.columns) return;
+    for (int k = 1; k < REDUCE_GROUPS; k++) sum += all[k][column];
+    gradient[a.to + row * a.columns + column] = sum;
+}
+
+constexpr int LOSS_THREADS = 1024;
+
+__device__ float block_sum(float x) {
+    __shared__ float all[LOSS_THREADS / 32];
+    for (int bit = 16; bit > 0; bit /= 2) x += __shfl_xor_sync(ALL, x, bit);
+    __syncthreads();
+    if (threadIdx.x % 32 == 0) all[threadIdx.x / 32] = x;
+    __syncthreads();
+    float sum = 0.f;
+    for (int k = 0; k < LOSS_THREADS / 32; k++) sum += all[k];
+    return sum;
+}
+
+// loss = sum (a - a*)^2 / sum (a*)^2 over points x columns, and its gradient in rows of 128. The loss is put where the counter of losses says.
+extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
+    loss_gradient(const float* output, const float* target, int points, int columns,
+                  float* gradient, float* losses, u32* counter, u32 room) {
+    float scale = 0.f, error = 0.f;
+    for (int n = threadIdx.x; n < points * columns; n += LOSS_THREADS) {
+        float e = output[n] - target[n];
+        scale += target[n] * target[n];
+        error += e * e;
+    }
+    scale = fmaxf(block_sum(scale), 1e-12f);
+    error = block_sum(error);
+    for (int n = threadIdx.x; n < points * columns; n += LOSS_THREADS) {
+        int place = n / columns * WIDTH + n % columns;
+        gradient[place] = 2.f * (output[n] - target[n]) / scale;
+    }
+    if (threadIdx.x == 0) losses[atomicAdd(counter, 1) % room] = error / scale;
+}
+
+// One step of Adam (Kingma, Ba, 2015), and of the moving average of the weights if `average` is not
+// null. `rates`: rate, 1 - beta_1^n, 1 - beta_2^n, decay of the average.
+extern "C" __global__ void adam(float* weights, float* mean, float* square, float* average,
+                                const float* gradient, const float* rates, int count) {
+    const int k = blockIdx.x * blockDim.x + threadIdx.x;
+    if (k >= count) return;
+    const float beta_1 = 0.9f, beta_2 = 0.999f, g = gradient[k];
+    const float m = mean[k] = beta_1 * mean[k] + (1.f - beta_1) * g;
+    const float s = square[k] = beta_2 * square[k] + (1.f - beta_2) * g * g;
+    const float w = weights[k] -= rates[0] * (m / rates[1]) / (sqrtf(s / rates[2]) + 1e-8f);
+    if (average) average[k] = rates[3] * average[k] + (1.f - rates[3]) * w;
+}

@@ -1,0 +1,340 @@
+//! The gradient of the weights: products of the linears' inputs with the gradients of their
+//! outputs, in shares that are added up in a fixed order.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use cudarc::driver::{CudaSlice, DevicePtr};
+use gpu::Device;
+
+use super::error::CudaError;
+use super::forward::EdgeState;
+use super::kernels::{Address, Product, Target, WIDTH};
+use super::layout::Input;
+use super::network::{CudaNetwork, Features, View};
+use super::room::Saved;
+
+/// Blocks that share the rows of a product over edges, and over nodes.
+const EDGE_BLOCKS: usize = 44;
+const NODE_BLOCKS: usize = 8;
+
+/// Gradients of all weights, and what it takes to compute them.
+#[derive(Debug)]
+pub struct Products {
+    /// In the order of the weights.
+    pub gradient: CudaSlice<f32>,
+    products: CudaSlice<Product>,
+    targets: CudaSlice<Target>,
+    /// What is on the device.
+    known: Vec<Product>,
+    target_count: usize,
+    weight_sums: CudaSlice<f32>,
+    bias_sums: CudaSlice<f32>,
+}
+
+/// A product without a place for its sums, and the part of an MLP whose gradient it is: linear
+/// and, of the first, input.
+struct Part {
+    mlp: usize,
+    linear: usize,
+    input: usize,
+    product: Product,
+}
+
+impl Products {
+    pub fn new(network: &CudaNetwork, device: &Arc<Device>) -> Result<Self, CudaError> {
+        let layout = &network.layout;
+        let mut parts = network.parts(&[]);
+        let blocks = assign(&mut parts, |_, _| (0, 0));
+        let weight_sums = device.zeros(blocks.weight * WIDTH * WIDTH)?;
+        let bias_sums = device.zeros(blocks.bias * WIDTH)?;
+        let mut targets = network.norm_targets();
+        let mut weight_from = at(&weight_sums, device);
+        let mut bias_from = at(&bias_sums, device);
+        for ((mlp, linear, input), count) in &blocks.shares {
+            let m = &layout.mlps[*mlp];
+            let (rows, row) = match (linear, m.inputs.get(*input)) {
+                (0, Some(Input::Features(count))) => (*count, m.first_row(*input)),
+                (0, _) => (m.width, m.first_row(*input)),
+                _ => (m.width, 0),
+            };
+            let columns = m.outputs(*linear);
+            targets.push(Target {
+                sums: weight_from,
+                count: count.weight as i32,
+                size: (WIDTH * WIDTH) as i32,
+                first: 0,
+                rows: rows as i32,
+                columns: columns as i32,
+                to: (m.weight(*linear) + row * columns) as i32,
+            });
+            weight_from += (4 * count.weight * WIDTH * WIDTH) as u64;
+            if count.bias > 0 {
+                targets.push(Target {
+                    sums: bias_from,
+                    count: count.bias as i32,
+                    size: WIDTH as i32,
+                    first: 0,
+                    rows: 1,
+                    columns: columns as i32,
+                    to: m.bias(*linear) as i32,
+                });
+                bias_from += (4 * count.bias * WIDTH) as u64;
+            }
+        }
+        Ok(Self {
+            gradient: device.zeros(layout.parameters)?,
+            products: device.upload(&vec![Product::default(); parts.len()])?,
+            targets: device.upload(&targets)?,
+            known: Vec::new(),
+            target_count: targets.len(),
+            weight_sums,
+            bias_sums,
+        })
+    }
+
+    /// Makes the list of products for these frames; does nothing if they are at the same addresses
+    /// as before.
+    pub fn prepare(&mut self, network: &CudaNetwork, views: &[View]) -> Result<(), CudaError> {
+        let device = &network.kernels.device;
+        let (weights, biases) = (at(&self.weight_sums, device), at(&self.bias_sums, device));
+        let mut parts = network.parts(views);
+        assign(&mut parts, |weight, bias| {
+            (weights + (4 * weight * WIDTH * WIDTH) as u64, biases + (4 * bias * WIDTH) as u64)
+        });
+        // The long ones first.
+        parts.sort_by_key(|part| part.product.count == 0);
+        let products: Vec<Product> = parts.into_iter().map(|part| part.product).collect();
+        if self.known != products {
+            device.stream().memcpy_htod(&products, &mut self.products)?;
+            self.known = products;
+        }
+        Ok(())
+    }
+
+    /// Computes the gradient of the weights.
+    pub fn launch(&self, network: &CudaNetwork) -> Result<(), CudaError> {
+        let device = &network.kernels.device;
+        let parameters = at(&network.parameters, device);
+        let products = at(&self.products, device);
+        network.kernels.products(products, self.known.len(), EDGE_BLOCKS, parameters)?;
+        let targets = at(&self.targets, device);
+        network.kernels.reduce(targets, self.target_count, at(&self.gradient, device))
+    }
+}
+
+/// Shares of sums.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shares {
+    weight: usize,
+    bias: usize,
+}
+
+struct Assigned {
+    weight: usize,
+    bias: usize,
+    shares: BTreeMap<(usize, usize, usize), Shares>,
+}
+
+/// Gives the products of each part of the weights neighbouring shares; `address` is where the
+/// shares of that number are.
+fn assign(parts: &mut [Part], address: impl Fn(usize, usize) -> (Address, Address)) -> Assigned {
+    parts.sort_by_key(|part| (part.mlp, part.linear, part.input));
+    let mut all = Assigned { weight: 0, bias: 0, shares: BTreeMap::new() };
+    for part in parts {
+        let key = (part.mlp, part.linear, part.input);
+        let shares = all.shares.entry(key).or_default();
+        let blocks = part.product.blocks as usize;
+        let (weight, bias) = address(all.weight, all.bias);
+        part.product.weight = weight;
+        shares.weight += blocks;
+        all.weight += blocks;
+        // Where the bias is wanted it is not zero.
+        if part.product.bias != 0 {
+            part.product.bias = bias.max(1);
+            shares.bias += blocks;
+            all.bias += blocks;
+        }
+    }
+    all
+}
+
+fn at<T>(slice: &CudaSlice<T>, device: &Device) -> Address {
+    slice.device_ptr(device.stream()).0
+}
+
+/// What an application of an MLP read.
+struct Read<'a> {
+    mlp: usize,
+    saved: &'a Saved,
+    /// Number of rows on the device, or here.
+    count: Address,
+    rows: usize,
+    states: Vec<EdgeState>,
+    index: Address,
+    features: Option<Features>,
+}
+
+impl CudaNetwork {
+    /// All products of a training step; without views, with addresses of features missing.
+    fn parts(&self, views: &[View]) -> Vec<Part> {
+        let layout = &self.layout;
+        let none = View {
+            points: 0,
+            start: 0,
+            sender: 0,
+            receiver: 0,
+            reverse: 0,
+            edges: 1,
+            node: Features { at: 0, stride: 0 },
+            edge: Features { at: 0, stride: 0 },
+        };
+        let view = |k: usize| views.get(k.min(layout.frames - 1)).copied().unwrap_or(none);
+        let mut parts = Vec::new();
+        let plain = |at| EdgeState { at, norm: -1 };
+        let nodes = |mlp, saved, states: Vec<Address>, features, view: &View| Read {
+            mlp,
+            saved,
+            count: 0,
+            rows: view.points,
+            states: states.into_iter().map(plain).collect(),
+            index: 0,
+            features,
+        };
+        for (k, room) in self.room.frames.iter().enumerate() {
+            let view = view(k);
+            let (node, edge) = match k {
+                0 => (layout.node_first, layout.edge_first),
+                _ => (layout.node_later, layout.edge_later),
+            };
+            let read = nodes(node, &room.node_encoder, vec![], Some(view.node), &view);
+            self.add_products(&mut parts, &read);
+            let edges = |mlp, saved, states, index| Read {
+                mlp,
+                saved,
+                count: view.edges,
+                rows: 0,
+                states,
+                index,
+                features: Some(view.edge),
+            };
+            self.add_products(&mut parts, &edges(edge, &room.edge_encoder, vec![], 0));
+            if k == 0 {
+                continue;
+            }
+            let states = vec![self.room.layers[k - 1].node, room.node];
+            let read = nodes(layout.node_fusion, &room.node_fusion, states, None, &view);
+            self.add_products(&mut parts, &read);
+            if let Some(fusion) = layout.edge_fusion {
+                let states = vec![self.messages(k - 1)];
+                let read = edges(fusion, &room.edge_fusion, states, room.previous);
+                self.add_products(&mut parts, &read);
+            }
+        }
+        for (k, (mlps, room)) in layout.layers.iter().zip(&self.room.layers).enumerate() {
+            let view = view(k);
+            let state = self.node_state(k);
+            self.add_products(
+                &mut parts,
+                &Read {
+                    mlp: mlps.message,
+                    saved: &room.message,
+                    count: view.edges,
+                    rows: 0,
+                    states: vec![self.edge_state(k)],
+                    index: 0,
+                    features: None,
+                },
+            );
+            for (input, dz) in [room.sender_gradient, room.receiver_gradient].iter().enumerate() {
+                let product = Product {
+                    x: state,
+                    dz: *dz,
+                    rows: view.points as u32,
+                    blocks: NODE_BLOCKS as i32,
+                    input_norm: -1,
+                    ..Product::default()
+                };
+                parts.push(Part { mlp: mlps.message, linear: 0, input, product });
+            }
+            let states = vec![state, room.received];
+            let read = nodes(mlps.update, &room.update, states, None, &view);
+            self.add_products(&mut parts, &read);
+        }
+        let last = self.room.layers[layout.layers.len() - 1].node;
+        let read = nodes(layout.decoder, &self.room.decoder, vec![last], None, &view(0));
+        self.add_products(&mut parts, &read);
+        parts
+    }
+
+    /// The products of one application of an MLP.
+    fn add_products(&self, parts: &mut Vec<Part>, read: &Read) {
+        let m = &self.layout.mlps[read.mlp];
+        let bytes = self.kernels.precision.bytes() as u64;
+        let stride = bytes * read.saved.stride;
+        let common = Product {
+            count: read.count,
+            rows: read.rows as u32,
+            blocks: if read.count == 0 { NODE_BLOCKS } else { EDGE_BLOCKS } as i32,
+            input_norm: -1,
+            width: m.width as i32,
+            ..Product::default()
+        };
+        // The nodes' parts of messages are apart.
+        let first = m.inputs.len() - read.states.len() - usize::from(read.features.is_some());
+        let mut input = first;
+        // Any number but 0 until it is known.
+        let bias = |input| Address::from(input == first);
+        for (k, state) in read.states.iter().enumerate() {
+            let product = Product {
+                x: state.at,
+                index: if k == 0 { read.index } else { 0 },
+                input_norm: state.norm,
+                dz: read.saved.linear,
+                bias: bias(input),
+                ..common
+            };
+            parts.push(Part { mlp: read.mlp, linear: 0, input, product });
+            input += 1;
+        }
+        if let Some(features) = read.features {
+            let product = Product {
+                features: features.at,
+                feature_count: features.stride as i32,
+                dz: read.saved.linear,
+                bias: bias(input),
+                ..common
+            };
+            parts.push(Part { mlp: read.mlp, linear: 0, input, product });
+        }
+        for linear in 1..=m.layers {
+            let product = Product {
+                x: read.saved.hidden + (linear as u64 - 1) * stride,
+                dz: read.saved.linear + linear as u64 * stride,
+                bias: 1,
+                ..common
+            };
+            parts.push(Part { mlp: read.mlp, linear, input: 0, product });
+        }
+    }
+
+    /// Where the gradients of LayerNorms' scales and shifts come from.
+    fn norm_targets(&self) -> Vec<Target> {
+        let mut targets = Vec::new();
+        for (mlp, sums) in &self.room.norm_sums {
+            let m = &self.layout.mlps[*mlp];
+            for kind in 0..2 {
+                targets.push(Target {
+                    sums: sums.at,
+                    count: sums.blocks as i32,
+                    size: 2 * WIDTH as i32,
+                    first: (kind * WIDTH) as i32,
+                    rows: 1,
+                    columns: m.columns as i32,
+                    to: (m.scale() + kind * m.columns) as i32,
+                });
+            }
+        }
+        targets
+    }
+}

@@ -1,0 +1,75 @@
+// Sums over the edges of each node, and edges that two graphs share.
+
+// Rows that a warp adds up at a time: each of its halves one, of 16 lanes with 8 columns each.
+__device__ __forceinline__ void combine(float (&v)[8]) {
+#pragma unroll
+    for (int k = 0; k < 8; k++) v[k] += __shfl_xor_sync(ALL, v[k], 16);
+}
+
+// For each node the sum of its edges' messages scale x + shift, given x: points x 128.
+extern "C" __global__ void receive(const u32* start, int points, const Stored* x,
+                                   const float* parameters, int norm, int width, Stored* sum) {
+    const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
+    if (node >= points) return;
+    const int column = lane % 16 * 8;
+    const u32 first = start[node], end = start[node + 1];
+    float total[8] = {};
+#pragma unroll 4
+    for (u32 edge = first + lane / 16; edge < end; edge += 2) {
+        float v[8];
+        load8(x + (size_t)edge * WIDTH + column, v);
+#pragma unroll
+        for (int k = 0; k < 8; k++) total[k] += v[k];
+    }
+    combine(total);
+    const float degree = end - first;
+#pragma unroll
+    for (int k = 0; k < 8; k++) {
+        bool real = column + k < width;
+        float scale = real ? parameters[norm + column + k] : 0.f;
+        float shift = real ? parameters[norm + width + column + k] : 0.f;
+        total[k] = scale * total[k] + degree * shift;
+    }
+    if (lane < 16) store8(sum + (size_t)node * WIDTH + column, total);
+}
+
+// For each node the sum of an edge quantity over the edges that it receives, and over those that it
+// sends: points x 128 each. The graph is symmetric, so the latter are the reverses of the former.
+extern "C" __global__ void collect(const u32* start, const u32* reverse, int points,
+                                   const Stored* x, Stored* sent, Stored* received) {
+    const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
+    if (node >= points) return;
+    const int column = lane % 16 * 8;
+    const u32 end = start[node + 1];
+    float in[8] = {}, out[8] = {};
+#pragma unroll 4
+    for (u32 edge = start[node] + lane / 16; edge < end; edge += 2) {
+        float v[8], w[8];
+        load8(x + (size_t)edge * WIDTH + column, v);
+        load8(x + (size_t)reverse[edge] * WIDTH + column, w);
+#pragma unroll
+        for (int k = 0; k < 8; k++) in[k] += v[k], out[k] += w[k];
+    }
+    combine(in);
+    combine(out);
+    if (lane < 16) {
+        store8(received + (size_t)node * WIDTH + column, in);
+        store8(sent + (size_t)node * WIDTH + column, out);
+    }
+}
+
+// For each edge of a graph the same edge of another one, or NONE.
+extern "C" __global__ void same_edges(const u32* edges, const u32* sender, const u32* receiver,
+                                      const u32* other_start, const u32* other_sender, u32* same) {
+    for (u32 edge = blockIdx.x * blockDim.x + threadIdx.x; edge < *edges;
+         edge += gridDim.x * blockDim.x) {
+        const u32 from = sender[edge];
+        u32 low = other_start[receiver[edge]], end = other_start[receiver[edge] + 1], high = end;
+        while (low < high) {
+            u32 middle = (low + high) / 2;
+            if (other_sender[middle] < from) low = middle + 1;
+            else high = middle;
+        }
+        same[edge] = low < end && other_sender[low] == from ? low : NONE;
+    }
+}

@@ -1,0 +1,306 @@
+// What one warp computes with: 16 rows of 128 columns in registers.
+//
+// The columns of a tile are numbered so that the product of one linear is the operand of the next
+// without any exchange between lanes, and so that a lane's columns are contiguous in memory: with
+// g = lane / 4 and t = lane % 4 a lane has rows g and g + 8, and element i of the pair of the
+// tensor cores' matrix j (of 16) is column 32 (j / 4) + 8 t + 2 (j % 4) + i. Weights are packed
+// accordingly (weights.cu).
+//
+// PARTS = 1: operands are bf16, and so is what is stored. PARTS = 2: operands are sums of two f16
+// (22 bits of mantissa), of which all but the smallest products are taken, and float is stored. f16
+// has a small range: rows are divided by a power of two that is about their largest number, and
+// weights are packed 64 times too large. Sums are f32 in both.
+
+constexpr int WIDTH = 128;
+// u32 words of a packed bf16 matrix of 128 x 128, divided by 4.
+constexpr int UNIT = 2048;
+constexpr u32 ALL = 0xffffffffu;
+// Index of a row that does not exist.
+constexpr u32 NONE = 0xffffffffu;
+
+#if PARTS == 1
+typedef unsigned short Stored;
+#else
+typedef float Stored;
+#endif
+
+typedef float Tile[16][4];
+
+struct Operand {
+    u32 part[PARTS][8][4];
+#if PARTS == 2
+    // Of the two rows.
+    float scale[2];
+#endif
+};
+
+constexpr float WEIGHT_SCALE = 64.f;
+
+__device__ __forceinline__ float low(u32 both) { return __uint_as_float(both << 16); }
+__device__ __forceinline__ float high(u32 both) { return __uint_as_float(both & 0xffff0000u); }
+
+// Two numbers as the sum of two pairs of f16.
+__device__ __forceinline__ void split_f16(float a, float b, u32 (&part)[2]) {
+    float x, y;
+    part[0] = pack_f16(a, b);
+    unpack_f16(part[0], x, y);
+    part[1] = pack_f16(a - x, b - y);
+}
+
+// Eight consecutive numbers.
+__device__ __forceinline__ void load8(const unsigned short* from, float (&v)[8]) {
+    uint4 u = *(const uint4*)from;
+    u32 word[4] = {u.x, u.y, u.z, u.w};
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        v[2 * k] = low(word[k]);
+        v[2 * k + 1] = high(word[k]);
+    }
+}
+
+__device__ __forceinline__ void load8(const float* from, float (&v)[8]) {
+    float4 a = *(const float4*)from, b = *(const float4*)(from + 4);
+    v[0] = a.x, v[1] = a.y, v[2] = a.z, v[3] = a.w;
+    v[4] = b.x, v[5] = b.y, v[6] = b.z, v[7] = b.w;
+}
+
+__device__ __forceinline__ void store8(unsigned short* to, const float (&v)[8]) {
+    *(uint4*)to = make_uint4(pack(v[0], v[1]), pack(v[2], v[3]), pack(v[4], v[5]), pack(v[6], v[7]));
+}
+
+__device__ __forceinline__ void store8(float* to, const float (&v)[8]) {
+    *(float4*)to = make_float4(v[0], v[1], v[2], v[3]);
+    *(float4*)(to + 4) = make_float4(v[4], v[5], v[6], v[7]);
+}
+
+// The eight columns of chunk q of a lane in one of its two rows: columns 32 q + 8 t and following.
+__device__ __forceinline__ void chunk(const Tile& z, int q, int half, float (&v)[8]) {
+#pragma unroll
+    for (int k = 0; k < 8; k++) v[k] = z[4 * q + k / 2][2 * half + k % 2];
+}
+
+__device__ __forceinline__ void add_chunk(Tile& z, int q, int half, const float (&v)[8]) {
+#pragma unroll
+    for (int k = 0; k < 8; k++) z[4 * q + k / 2][2 * half + k % 2] += v[k];
+}
+
+// Which lane, and which of its two rows exist.
+struct Place {
+    int g, t;
+    u32 row[2];
+    bool live[2];
+
+    __device__ Place(u32 tile, u32 rows) {
+        int lane = threadIdx.x % 32;
+        g = lane / 4, t = lane % 4;
+        row[0] = 16 * tile + g, row[1] = row[0] + 8;
+        live[0] = row[0] < rows, live[1] = row[1] < rows;
+    }
+
+    __device__ int column(int q) const { return 32 * q + 8 * t; }
+};
+
+// Every row the same 128 numbers of shared memory.
+__device__ __forceinline__ void fill(Tile& z, const float* vector, int t) {
+#pragma unroll
+    for (int q = 0; q < 4; q++) {
+        float v[8];
+        load8(vector + 32 * q + 8 * t, v);
+#pragma unroll
+        for (int k = 0; k < 8; k++) z[4 * q + k / 2][k % 2] = z[4 * q + k / 2][2 + k % 2] = v[k];
+    }
+}
+
+__device__ __forceinline__ void clear(Tile& z) {
+#pragma unroll
+    for (int j = 0; j < 16; j++)
+#pragma unroll
+        for (int k = 0; k < 4; k++) z[j][k] = 0.f;
+}
+
+// Rows of a matrix; `row` is NONE for a row of zeros.
+template <class Number>
+__device__ __forceinline__ void add_rows(Tile& z, const Number* from, const u32 (&row)[2], int t) {
+#pragma unroll
+    for (int half = 0; half < 2; half++) {
+        if (row[half] == NONE) continue;
+        const Number* start = from + (size_t)row[half] * WIDTH + 8 * t;
+#pragma unroll
+        for (int q = 0; q < 4; q++) {
+            float v[8];
+            load8(start + 32 * q, v);
+            add_chunk(z, q, half, v);
+        }
+    }
+}
+
+template <class Number>
+__device__ __forceinline__ void store_rows(const Tile& z, Number* to, const Place& at) {
+#pragma unroll
+    for (int half = 0; half < 2; half++) {
+        if (!at.live[half]) continue;
+        Number* start = to + (size_t)at.row[half] * WIDTH + 8 * at.t;
+#pragma unroll
+        for (int q = 0; q < 4; q++) {
+            float v[8];
+            chunk(z, q, half, v);
+            store8(start + 32 * q, v);
+        }
+    }
+}
+
+// Register of the tensor cores' first operand for the pair r of chunk q.
+__device__ __forceinline__ u32& element(Operand& x, int part, int q, int r, int half) {
+    return x.part[part][2 * q + r / 2][2 * (r % 2) + half];
+}
+
+__device__ __forceinline__ void to_operand(const float (&v)[8], Operand& x, int q, int half) {
+#pragma unroll
+    for (int r = 0; r < 4; r++) {
+#if PARTS == 1
+        element(x, 0, q, r, half) = pack(v[2 * r], v[2 * r + 1]);
+#else
+        u32 part[2];
+        const float inverse = 1.f / x.scale[half];
+        split_f16(inverse * v[2 * r], inverse * v[2 * r + 1], part);
+        element(x, 0, q, r, half) = part[0], element(x, 1, q, r, half) = part[1];
+#endif
+    }
+}
+
+// Power of two between half the largest number of a row and itself, given the largest of a lane.
+__device__ __forceinline__ float power_of_two(float largest) {
+    largest = fmaxf(largest, __shfl_xor_sync(ALL, largest, 1));
+    largest = fmaxf(largest, __shfl_xor_sync(ALL, largest, 2));
+    // In rows of next to nothing any will do.
+    return largest > 1e-30f ? __uint_as_float(__float_as_uint(largest) & 0x7f800000u) : 1.f;
+}
+
+__device__ __forceinline__ void to_operand(const Tile& z, Operand& x) {
+#if PARTS == 2
+#pragma unroll
+    for (int half = 0; half < 2; half++) {
+        float largest = 0.f;
+#pragma unroll
+        for (int j = 0; j < 16; j++)
+            largest = fmaxf(largest, fmaxf(fabsf(z[j][2 * half]), fabsf(z[j][2 * half + 1])));
+        x.scale[half] = power_of_two(largest);
+    }
+#endif
+#pragma unroll
+    for (int q = 0; q < 4; q++)
+#pragma unroll
+        for (int half = 0; half < 2; half++) {
+            float v[8];
+            chunk(z, q, half, v);
+            to_operand(v, x, q, half);
+        }
+}
+
+// Rows of a matrix as an operand; with `scale` (and after it, 128 numbers on, the shift) each
+// column is scaled and shifted.
+__device__ __forceinline__ void load_operand(
+    Operand& x, const Stored* from, const u32 (&row)[2], const float* scale, int t) {
+#if PARTS == 2
+    Tile z;
+#endif
+#pragma unroll
+    for (int half = 0; half < 2; half++)
+#pragma unroll
+        for (int q = 0; q < 4; q++) {
+            float v[8] = {};
+            if (row[half] != NONE) {
+                int column = 32 * q + 8 * t;
+                load8(from + (size_t)row[half] * WIDTH + column, v);
+                if (scale) {
+                    float s[8], b[8];
+                    load8(scale + column, s);
+                    load8(scale + WIDTH + column, b);
+#pragma unroll
+                    for (int k = 0; k < 8; k++) v[k] = s[k] * v[k] + b[k];
+                }
+            }
+#if PARTS == 1
+            to_operand(v, x, q, half);
+#else
+#pragma unroll
+            for (int k = 0; k < 8; k++) z[4 * q + k / 2][2 * half + k % 2] = v[k];
+#endif
+        }
+#if PARTS == 2
+    to_operand(z, x);
+#endif
+}
+
+__device__ __forceinline__ void scale_rows(Tile& z, float first, float second) {
+#pragma unroll
+    for (int j = 0; j < 16; j++) z[j][0] *= first, z[j][1] *= first, z[j][2] *= second, z[j][3] *= second;
+}
+
+// z += x W with packed weights in shared memory.
+__device__ __forceinline__ void multiply(Tile& z, const Operand& x, const uint4* weights) {
+    const uint4* mine = weights + threadIdx.x % 32;
+#if PARTS == 1
+#pragma unroll
+    for (int k = 0; k < 8; k++)
+#pragma unroll
+        for (int j = 0; j < 8; j++) {
+            uint4 w = mine[(k * 8 + j) * 32];
+            multiply_add(z[2 * j], x.part[0][k], w.x, w.y);
+            multiply_add(z[2 * j + 1], x.part[0][k], w.z, w.w);
+        }
+#else
+    scale_rows(z, WEIGHT_SCALE / x.scale[0], WEIGHT_SCALE / x.scale[1]);
+#pragma unroll
+    for (int k = 0; k < 8; k++)
+#pragma unroll
+        for (int j = 0; j < 8; j++) {
+            uint4 w = mine[(k * 8 + j) * 32], v = mine[UNIT + (k * 8 + j) * 32];
+            multiply_add_f16(z[2 * j], x.part[0][k], v.x, v.y);
+            multiply_add_f16(z[2 * j + 1], x.part[0][k], v.z, v.w);
+            multiply_add_f16(z[2 * j], x.part[1][k], w.x, w.y);
+            multiply_add_f16(z[2 * j + 1], x.part[1][k], w.z, w.w);
+            multiply_add_f16(z[2 * j], x.part[0][k], w.x, w.y);
+            multiply_add_f16(z[2 * j + 1], x.part[0][k], w.z, w.w);
+        }
+    scale_rows(z, x.scale[0] / WEIGHT_SCALE, x.scale[1] / WEIGHT_SCALE);
+#endif
+}
+
+__device__ __forceinline__ float leaky(float x, float slope) { return x > 0.f ? x : slope * x; }
+
+// Sum over the four lanes that share rows.
+__device__ __forceinline__ float row_sum(float x) {
+    x += __shfl_xor_sync(ALL, x, 1);
+    return x + __shfl_xor_sync(ALL, x, 2);
+}
+
+// Copies packed weights to shared memory, all of it or a matrix at a time as it is asked for.
+struct Weights {
+    const uint4* source;
+    uint4* buffer;
+    bool resident;
+    int cursor;
+
+    __device__ Weights(const uint4* source, uint4* buffer, int all, bool resident)
+        : source(source), buffer(buffer), resident(resident), cursor(0) {
+        if (resident) copy(0, all);
+        __syncthreads();
+    }
+
+    __device__ void copy(int from, int count) {
+        for (int k = threadIdx.x; k < count; k += blockDim.x) buffer[k] = source[from + k];
+    }
+
+    // The next matrix, `size` words of 16 bytes long. All threads of the block have to ask unless
+    // the weights are resident.
+    __device__ const uint4* next(int size) {
+        int at = cursor;
+        cursor += size;
+        if (resident) return buffer + at;
+        __syncthreads();
+        copy(at, size);
+        __syncthreads();
+        return buffer;
+    }
+};

@@ -1,0 +1,252 @@
+//! Training steps on a GPU: loss, gradient and Adam, queued as one CUDA graph.
+
+use std::sync::Arc;
+
+use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
+use cudarc::driver::{CudaGraph, CudaSlice};
+use gpu::Device;
+
+use super::buffers::FrameInput;
+use super::error::CudaError;
+use super::kernels::{Address, Precision};
+use super::network::{Capacity, CudaNetwork, View};
+use super::products::Products;
+use crate::config::ModelConfig;
+
+/// Losses that can wait on the device to be read.
+pub const LOSSES: usize = 4096;
+
+/// A network in training.
+pub struct CudaTrainer {
+    network: CudaNetwork,
+    products: Products,
+    /// Moving averages of the gradient and of its square.
+    mean: CudaSlice<f32>,
+    square: CudaSlice<f32>,
+    /// Moving average of the weights.
+    average: Option<CudaSlice<f32>>,
+    /// Learning rate, the averages' corrections, decay of the average of the weights.
+    rates: CudaSlice<f32>,
+    losses: CudaSlice<f32>,
+    counter: CudaSlice<u32>,
+    graph: Option<(Key, CudaGraph)>,
+}
+
+/// What a queued step was made for.
+#[derive(PartialEq)]
+struct Key {
+    views: Vec<View>,
+    target: Address,
+}
+
+/// Numbers that change from step to step.
+#[derive(Clone, Copy, Debug)]
+pub struct Rates {
+    pub rate: f32,
+    /// 1 - beta^n of the averages of the gradient and of its square.
+    pub corrections: [f32; 2],
+    /// Decay of the average of the weights.
+    pub decay: f32,
+}
+
+impl CudaTrainer {
+    /// A network with weights all zero and an optimiser without memory. `averaging`: with a moving
+    /// average of the weights.
+    ///
+    /// # Errors
+    /// As [`CudaNetwork::new`].
+    pub fn new(
+        device: &Arc<Device>,
+        config: &ModelConfig,
+        precision: Precision,
+        capacity: Capacity,
+        averaging: bool,
+    ) -> Result<Self, CudaError> {
+        let network = CudaNetwork::new(device, config, precision, capacity, true)?;
+        let count = network.layout.parameters;
+        Ok(Self {
+            products: Products::new(&network, device)?,
+            mean: device.zeros(count)?,
+            square: device.zeros(count)?,
+            average: if averaging { Some(device.zeros(count)?) } else { None },
+            rates: device.zeros(4)?,
+            losses: device.zeros(LOSSES)?,
+            counter: device.zeros(1)?,
+            graph: None,
+            network,
+        })
+    }
+
+    pub fn network(&mut self) -> &mut CudaNetwork {
+        &mut self.network
+    }
+
+    fn device(&self) -> Arc<Device> {
+        self.network.kernels.device.clone()
+    }
+
+    /// Makes room for larger batches, if need be.
+    ///
+    /// # Errors
+    /// If the GPU's memory is too small.
+    pub fn grow(&mut self, capacity: Capacity) -> Result<(), CudaError> {
+        let before = self.network.capacity();
+        self.network.grow(capacity)?;
+        if self.network.capacity() != before {
+            self.graph = None;
+            self.products = Products::new(&self.network, &self.device())?;
+        }
+        Ok(())
+    }
+
+    /// One step on a batch of windows and its normalised accelerations (points x dimensions). Does
+    /// not wait.
+    ///
+    /// # Errors
+    /// If there are more points or edges than there is room for.
+    pub fn step(
+        &mut self,
+        frames: &[FrameInput],
+        target: &CudaSlice<f32>,
+        rates: Rates,
+    ) -> Result<(), CudaError> {
+        let Rates { rate, corrections: [mean, square], decay } = rates;
+        let stream = self.device().stream().clone();
+        stream.memcpy_htod(&[rate, mean, square, decay], &mut self.rates)?;
+        let views = self.network.views(frames)?;
+        let key = Key { target: self.network.address(target), views };
+        if self.graph.as_ref().is_none_or(|(known, _)| *known != key) {
+            self.products.prepare(&self.network, &key.views)?;
+            // What is captured must not wait for what was queued before.
+            stream.synchronize()?;
+            stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
+            let queued = self.queue_step(&key);
+            let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
+            queued?;
+            self.graph = graph.map(|graph| (key, graph));
+        }
+        if let Some((_, graph)) = &self.graph {
+            graph.launch()?;
+        }
+        Ok(())
+    }
+
+    fn queue_step(&self, key: &Key) -> Result<(), CudaError> {
+        self.queue_gradient(&key.views, key.target)?;
+        let network = &self.network;
+        let lists = [
+            network.address(&network.parameters),
+            network.address(&self.mean),
+            network.address(&self.square),
+            self.average.as_ref().map_or(0, |average| network.address(average)),
+            network.address(&self.products.gradient),
+            network.address(&self.rates),
+        ];
+        network.kernels.adam(lists, network.layout.parameters)?;
+        network.pack()
+    }
+
+    fn queue_gradient(&self, views: &[View], target: Address) -> Result<(), CudaError> {
+        let network = &self.network;
+        network.encode(views)?;
+        network.pass_messages(views)?;
+        let Some(passed) = &network.room.training else { return Ok(()) };
+        network.kernels.loss(
+            network.address(&network.output),
+            target,
+            views[0].points,
+            network.layout.dimensions,
+            passed.output,
+            network.address(&self.losses),
+            network.address(&self.counter),
+            LOSSES,
+        )?;
+        network.propagate(views, passed)?;
+        self.products.launch(network)
+    }
+
+    /// The gradient of the loss, in the order of the weights, which stay as they are.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn gradient(
+        &mut self,
+        frames: &[FrameInput],
+        target: &CudaSlice<f32>,
+    ) -> Result<Vec<f32>, CudaError> {
+        let views = self.network.views(frames)?;
+        // Another step may have other products.
+        self.graph = None;
+        self.products.prepare(&self.network, &views)?;
+        self.queue_gradient(&views, self.network.address(target))?;
+        Ok(self.device().stream().clone_dtoh(&self.products.gradient)?)
+    }
+
+    /// Times of the kernels of a step without the optimiser: name, launches, ms. Waits.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn profile(
+        &mut self,
+        frames: &[FrameInput],
+        target: &CudaSlice<f32>,
+    ) -> Result<Vec<(&'static str, usize, f32)>, CudaError> {
+        let views = self.network.views(frames)?;
+        self.products.prepare(&self.network, &views)?;
+        self.network.profile(|network| {
+            network.pack()?;
+            self.queue_gradient(&views, network.address(target))
+        })
+    }
+
+    /// The last `count` losses (at most [`LOSSES`]), the oldest first. Waits.
+    ///
+    /// # Errors
+    /// If a kernel failed.
+    pub fn losses(&self, count: usize) -> Result<Vec<f32>, CudaError> {
+        let stream = self.network.kernels.device.stream();
+        let end = stream.clone_dtoh(&self.counter)?[0] as usize;
+        let all = stream.clone_dtoh(&self.losses)?;
+        let first = end.saturating_sub(count.min(LOSSES));
+        Ok((first..end).map(|k| all[k % LOSSES]).collect())
+    }
+
+    /// Weights, averages of the gradient and of its square, and average of the weights. Waits.
+    ///
+    /// # Errors
+    /// If a kernel failed.
+    pub fn download(&self) -> Result<[Vec<f32>; 4], CudaError> {
+        let stream = self.network.kernels.device.stream();
+        let average = match &self.average {
+            Some(average) => stream.clone_dtoh(average)?,
+            None => Vec::new(),
+        };
+        let read = |list: &CudaSlice<f32>| stream.clone_dtoh(list);
+        Ok([read(&self.network.parameters)?, read(&self.mean)?, read(&self.square)?, average])
+    }
+
+    /// Takes what [`download`](Self::download) gave.
+    ///
+    /// # Errors
+    /// If a kernel failed, or the lists are not those of this network.
+    pub fn restore(
+        &mut self,
+        weights: &[f32],
+        [mean, square]: [&[f32]; 2],
+        average: Option<&[f32]>,
+    ) -> Result<(), CudaError> {
+        let expected = self.network.layout.parameters;
+        for list in [mean, square, average.unwrap_or(weights)] {
+            if list.len() != expected {
+                return Err(CudaError::Weights { found: list.len(), expected });
+            }
+        }
+        let stream = self.device().stream().clone();
+        stream.memcpy_htod(mean, &mut self.mean)?;
+        stream.memcpy_htod(square, &mut self.square)?;
+        if let (Some(to), Some(from)) = (&mut self.average, average) {
+            stream.memcpy_htod(from, to)?;
+        }
+        self.network.set_weights(weights)
+    }
+}

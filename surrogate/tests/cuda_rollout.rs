@@ -1,0 +1,598 @@
+//! Graphs, features, training batches and rollouts on a GPU against their CPU twins.
+//!
+//! Without a GPU these tests say so and pass, unless `DEMPM_REQUIRE_GPU=1`.
+
+use std::sync::Arc;
+
+use burn::backend::Flex;
+use burn::tensor::Tensor;
+use cudarc::driver::{CudaFunction, CudaSlice, LaunchConfig, PushKernelArg};
+use dempm::scene::Scene;
+use gpu::{Device, compile, nvrtc_is_present};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rstest::rstest;
+use surrogate::config::ModelConfig;
+use surrogate::constraints::Constraints;
+use surrogate::cuda::{
+    BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FEATURES_SOURCE,
+    FrameBuilder, FrameInput, Frames, GRAPH_SOURCE, GraphBuilder, HostWindows, INTEGRATE_SOURCE,
+    Motion, Network, Precision, features_defines, graph_defines,
+};
+use surrogate::features::{Normalisation, Window, window_input};
+use surrogate::graph::{RadiusGraph, radius_graph};
+use surrogate::model::Model;
+use surrogate::rollout::RolloutError;
+use surrogate::train::weights;
+
+const RADIUS: f32 = 0.25;
+
+fn normalisation(dimensions: usize) -> Normalisation {
+    Normalisation {
+        velocity_mean: (0..dimensions).map(|k| 0.001 * k as f64).collect(),
+        velocity_std: vec![0.01; dimensions],
+        acceleration_mean: vec![1e-4; dimensions],
+        acceleration_std: vec![2e-3; dimensions],
+        ..Normalisation::default()
+    }
+}
+
+fn random(points: usize, dimensions: usize, extent: f32, seed: u64) -> Vec<f32> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    (0..points * dimensions).map(|_| rng.random_range(0.0..extent)).collect()
+}
+
+/// The graphs of several windows side by side.
+fn reference(windows: &[Vec<f32>], dimensions: usize) -> RadiusGraph {
+    let mut whole = RadiusGraph { start: vec![0], sender: Vec::new() };
+    for window in windows {
+        let graph = radius_graph(window, dimensions, RADIUS);
+        let (points, edges) = (whole.start.len() as u32 - 1, whole.sender.len() as u32);
+        whole.start.extend(graph.start[1..].iter().map(|start| start + edges));
+        whole.sender.extend(graph.sender.iter().map(|sender| sender + points));
+    }
+    whole
+}
+
+/// Builds the graph of some windows and compares it edge by edge; the room is too small at first.
+fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
+    let Some(device) = gpu::for_tests() else { return };
+    let expected = reference(windows, dimensions);
+    let points: Vec<usize> = windows.iter().map(|window| window.len() / dimensions).collect();
+    let mut builder = GraphBuilder::new(&device, dimensions, RADIUS, &points).unwrap();
+    let mut positions = windows.concat();
+    let values = positions.len();
+    positions.push(0.0); // an empty upload is an error
+    let positions = device.upload(&positions).unwrap();
+    let position = positions.slice(..values);
+    if expected.edges() > 0 {
+        let mut small = builder.allocate(expected.edges() - 1).unwrap();
+        builder.build(&position, &mut small).unwrap();
+        assert_eq!(builder.needed().unwrap(), expected.edges());
+        let stream = device.stream();
+        assert_eq!(stream.clone_dtoh(&small.edges).unwrap(), [0], "no half of a graph");
+        assert!(stream.clone_dtoh(&small.start).unwrap().iter().all(|&start| start == 0));
+    }
+    for capacity in [expected.edges(), 2 * expected.edges() + 100] {
+        let mut graph = builder.allocate(capacity).unwrap();
+        // The second time over what the first one left.
+        for _ in 0..2 {
+            builder.build(&position, &mut graph).unwrap();
+        }
+        assert_eq!(builder.needed().unwrap(), expected.edges());
+        assert_eq!(builder.needed().unwrap(), 0, "since the last call");
+        let stream = device.stream();
+        let read = |array: &CudaSlice<u32>| {
+            let mut list = stream.clone_dtoh(array).unwrap();
+            list.truncate(expected.edges());
+            list
+        };
+        assert_eq!(stream.clone_dtoh(&graph.edges).unwrap(), [expected.edges() as u32]);
+        assert_eq!(stream.clone_dtoh(&graph.start).unwrap(), expected.start);
+        let (sender, receiver) = (read(&graph.sender), read(&graph.receiver));
+        assert_eq!(sender, expected.sender);
+        let receivers: Vec<u32> = expected.pairs().map(|(receiver, _)| receiver as u32).collect();
+        assert_eq!(receiver, receivers);
+        for (edge, &back) in read(&graph.reverse).iter().enumerate() {
+            let back = back as usize;
+            assert_eq!((sender[back], receiver[back]), (receiver[edge], sender[edge]));
+        }
+    }
+}
+
+#[rstest]
+fn graphs_of_random_points(
+    #[values(2, 3)] dimensions: usize,
+    #[values(1, 2, 31, 33, 500, 3000)] points: usize,
+) {
+    for (seed, extent) in [(1, 0.3), (2, 2.0), (3, 10.0)] {
+        check_graph(&[random(points, dimensions, extent, seed)], dimensions);
+    }
+}
+
+#[rstest]
+fn graphs_of_special_points(#[values(2, 3)] dimensions: usize) {
+    let line = |xs: &[f32]| -> Vec<f32> {
+        xs.iter().flat_map(|&x| [x, 0.5, 0.5].into_iter().take(dimensions)).collect()
+    };
+    check_graph(&[Vec::new()], dimensions);
+    check_graph(&[line(&[1.0])], dimensions);
+    // All at one place: each is a neighbour of all.
+    check_graph(&[line(&[0.7; 100])], dimensions);
+    // At exactly the radius, and the next number beyond; on borders of cells, about zero.
+    check_graph(&[line(&[1.0, 1.25, 1.5, 1.750_000_1, -0.25, 0.0, 0.25, -0.0])], dimensions);
+    let width = 0.25 * 1.001;
+    let borders: Vec<f32> = (-20..20).map(|k| k as f32 * width).collect();
+    check_graph(&[line(&borders)], dimensions);
+    // Far away and nowhere.
+    let far = [f32::NAN, 1.0, 1.1, f32::INFINITY, 1e30, -1e30, 1e9, 1e9, -3e7, -3e7, f32::MAX, 1.2];
+    check_graph(&[line(&far)], dimensions);
+    // 16 cells apart, so that they share buckets.
+    check_graph(&[line(&[0.1, 0.1 + 16.0 * width, 0.1 + 8.0 * width, 0.2])], dimensions);
+    // Dense clusters in a wide domain.
+    let mut clusters = random(400, dimensions, 0.2, 4);
+    clusters.extend(random(400, dimensions, 0.2, 5).iter().map(|x| x + 900.0));
+    check_graph(&[clusters], dimensions);
+}
+
+/// Differences of coordinates of thousands of cells, where single precision could part neighbours by
+/// two cells.
+#[test]
+fn graphs_far_from_the_origin() {
+    for shift in [1.0e3, 1.0e4, 1.0e5] {
+        let cloud: Vec<f32> = random(2000, 2, 4.0, 6).iter().map(|x| x + shift).collect();
+        check_graph(&[cloud], 2);
+    }
+}
+
+#[rstest]
+fn graphs_of_batches(#[values(2, 3)] dimensions: usize) {
+    let sizes = [300, 0, 1, 2304, 77];
+    let windows: Vec<Vec<f32>> =
+        sizes.iter().enumerate().map(|(k, &n)| random(n, dimensions, 2.0, k as u64)).collect();
+    check_graph(&windows, dimensions);
+}
+
+/// The paper's scene and larger ones.
+#[test]
+fn graphs_of_lattices() {
+    for (columns, rows) in [(48, 48), (400, 250)] {
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        let place = |k: usize| (k as f32 + 0.5) / 16.0;
+        let lattice = (0..columns * rows).flat_map(|k| [place(k % columns), place(k / columns)]);
+        let lattice = lattice.map(|x| x + rng.random_range(-0.02..0.02)).collect();
+        check_graph(&[lattice], 2);
+    }
+}
+
+/// Positions of frames of a cloud that drifts.
+fn drifting(points: usize, dimensions: usize, frames: usize, seed: u64) -> Vec<f32> {
+    let start = random(points, dimensions, 1.0, seed);
+    let drift = random(points, dimensions, 0.02, seed + 100);
+    (0..frames)
+        .flat_map(|k| start.iter().zip(&drift).map(move |(x, v)| x + k as f32 * (v - 0.01)))
+        .collect()
+}
+
+fn rows(tensor: &Tensor<Flex, 2>) -> Vec<f32> {
+    tensor.to_data().iter::<f32>().collect()
+}
+
+/// Compares features to the bit.
+fn check_frames(
+    device: &Device,
+    frames: &[FrameInput],
+    windows: &[Window],
+    config: &ModelConfig,
+    norm: &Normalisation,
+    bounds: &[[f64; 2]],
+) {
+    let expected = window_input::<Flex>(windows, config, norm, bounds, &Default::default());
+    assert_eq!(frames.len(), expected.frames.len());
+    for (found, expected) in frames.iter().zip(&expected.frames) {
+        let mut node = device.stream().clone_dtoh(&found.node).unwrap();
+        let mut edge = device.stream().clone_dtoh(&found.edge).unwrap();
+        let (nodes, edges) = (rows(&expected.nodes), rows(&expected.edges));
+        node.truncate(nodes.len());
+        edge.truncate(edges.len());
+        assert_eq!(node, nodes);
+        assert_eq!(edge, edges);
+    }
+}
+
+#[rstest]
+fn features_match(#[values(2, 3)] dimensions: usize) {
+    let Some(device) = gpu::for_tests() else { return };
+    let config = ModelConfig { dimensions, frames: 3, ..ModelConfig::default() };
+    let norm = normalisation(dimensions);
+    let bounds = vec![[0.0, 1.0]; dimensions];
+    let sizes = [150, 300];
+    let windows: Vec<Vec<f32>> = sizes
+        .iter()
+        .enumerate()
+        .map(|(k, &n)| {
+            let mut window = drifting(n, dimensions, 3, k as u64);
+            // Two points at one place in all frames.
+            for frame in window.chunks_exact_mut(n * dimensions) {
+                frame.copy_within(0..dimensions, dimensions);
+            }
+            window
+        })
+        .collect();
+    let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes).unwrap();
+    let at = |k: usize| -> CudaSlice<f32> {
+        let parts = windows
+            .iter()
+            .zip(sizes)
+            .map(|(window, n)| &window[k * n * dimensions..(k + 1) * n * dimensions]);
+        device.upload(&parts.collect::<Vec<_>>().concat()).unwrap()
+    };
+    let positions: Vec<_> = (0..3).map(at).collect();
+    let frames: Vec<FrameInput> = (0..3)
+        .map(|k| {
+            let mut frame = builder.allocate(450 * 449).unwrap();
+            builder.graph(&positions[k].as_view(), &mut frame).unwrap();
+            let before = (k > 0).then(|| positions[k - 1].as_view());
+            builder.features(&positions[k].as_view(), before.as_ref(), &mut frame).unwrap();
+            frame
+        })
+        .collect();
+    let windows: Vec<Window> = windows
+        .iter()
+        .zip(sizes)
+        .map(|(positions, points)| Window { positions, points, statics: &[] })
+        .collect();
+    check_frames(&device, &frames, &windows, &config, &norm, &bounds);
+}
+
+#[test]
+fn batches_match() {
+    let Some(device) = gpu::for_tests() else { return };
+    let config = ModelConfig { frames: 4, ..ModelConfig::default() };
+    let norm = normalisation(2);
+    let bounds = [[0.0, 1.0]; 2];
+    let mut builder = BatchBuilder::new(&device, &config, &norm, &bounds);
+    // More edges than there is room for at first, another composition, and the first one again.
+    for sizes in [[200, 350], [40, 30], [200, 350]] {
+        let windows: Vec<Vec<f32>> =
+            sizes.iter().enumerate().map(|(k, &n)| drifting(n, 2, 4, k as u64)).collect();
+        let targets = random(sizes.iter().sum(), 2, 1.0, 8);
+        let host = HostWindows::new(&windows, sizes.to_vec(), targets.clone());
+        let batch = builder.make(&host).unwrap();
+        assert_eq!(device.stream().clone_dtoh(&batch.targets).unwrap(), targets);
+        let windows: Vec<Window> = windows
+            .iter()
+            .zip(sizes)
+            .map(|(positions, points)| Window { positions, points, statics: &[] })
+            .collect();
+        check_frames(&device, &batch.frames, &windows, &config, &norm, &bounds);
+    }
+}
+
+/// Accelerations that depend on all that a network reads, in sums of fixed order.
+const STAND_IN: &str = r#"
+extern "C" __global__ void stand_in(
+    unsigned points, const unsigned* start, const float* node, const float* edge,
+    const float* oldest_node, float scale, float* output) {
+    const unsigned point = blockIdx.x * blockDim.x + threadIdx.x;
+    if (point >= points) {
+        return;
+    }
+    for (int k = 0; k < 2; ++k) {
+        float sum = 0.0f;
+        for (unsigned e = start[point]; e < start[point + 1]; ++e) {
+            // Repulsion and drag.
+            const float push = __fmul_rn(edge[5 * e + 2 + k], edge[5 * e + 4] - 1.0f);
+            sum = __fadd_rn(sum, __fadd_rn(push, __fmul_rn(0.1f, edge[5 * e + k])));
+        }
+        const float walls = oldest_node[6 * point + 2 + 2 * k] - node[6 * point + 2 + 2 * k];
+        output[2 * point + k] = __fmul_rn(scale, __fadd_rn(sum, walls));
+    }
+}
+"#;
+
+/// What [`STAND_IN`] computes.
+fn stand_in(windows: &[Window], config: &ModelConfig, scale: f32) -> Vec<f32> {
+    let input = window_input::<Flex>(
+        windows,
+        config,
+        &normalisation(2),
+        &[[0.0, 4.0], [0.0, 2.0]],
+        &Default::default(),
+    );
+    let newest = &input.frames[config.frames - 1];
+    let (node, edge) = (rows(&newest.nodes), rows(&newest.edges));
+    let oldest = rows(&input.frames[0].nodes);
+    let points = windows[0].points;
+    let last = &windows[0].positions[(config.frames - 1) * 2 * points..];
+    let graph = radius_graph(last, 2, RADIUS);
+    let mut output = Vec::new();
+    for point in 0..points {
+        for k in 0..2 {
+            let mut sum = 0.0_f32;
+            for e in graph.start[point] as usize..graph.start[point + 1] as usize {
+                let push = edge[5 * e + 2 + k] * (edge[5 * e + 4] - 1.0);
+                sum += push + 0.1 * edge[5 * e + k];
+            }
+            let walls = oldest[4 * point + 2 * k] - node[6 * point + 2 + 2 * k];
+            output.push(scale * (sum + walls));
+        }
+    }
+    output
+}
+
+/// The stand-in as a network.
+struct StandIn {
+    device: Arc<Device>,
+    kernel: CudaFunction,
+    scale: f32,
+    output: CudaSlice<f32>,
+    calls: usize,
+}
+
+impl StandIn {
+    fn new(device: &Arc<Device>, points: usize, scale: f32) -> Self {
+        let module = device.module("stand_in.cu", STAND_IN, &[]).unwrap();
+        let kernel = module.load_function("stand_in").unwrap();
+        let output = device.zeros(2 * points).unwrap();
+        Self { device: device.clone(), kernel, scale, output, calls: 0 }
+    }
+}
+
+impl Network for StandIn {
+    fn make_room(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
+        self.calls = 0;
+        Ok(())
+    }
+
+    fn accelerations(
+        &mut self,
+        frames: &[&FrameInput],
+        moved: bool,
+    ) -> Result<&CudaSlice<f32>, CudaError> {
+        assert_eq!(moved, self.calls > 0);
+        self.calls += 1;
+        // Once as it is, and captured in each phase: frames and period have no common factor.
+        assert!(self.calls <= 1 + frames.len() * self.period(), "called instead of replayed");
+        let newest = frames[frames.len() - 1];
+        let points = newest.graph.points as u32;
+        let mut launch = self.device.stream().launch_builder(&self.kernel);
+        launch.arg(&points).arg(&newest.graph.start).arg(&newest.node).arg(&newest.edge);
+        launch.arg(&frames[0].node).arg(&self.scale).arg(&self.output);
+        // SAFETY: the arguments are those of the kernel.
+        unsafe { launch.launch(LaunchConfig::for_num_elems(points)) }?;
+        Ok(&self.output)
+    }
+
+    fn period(&self) -> usize {
+        3
+    }
+}
+
+/// A wall-bounded box with obstacles of all kinds of faces, and a plate that comes down.
+fn scene() -> Scene {
+    let text = "duration = 1.0\n[material]\nkind = \"mu-i\"\n[domain]\nsize = [4.0, 2.0]\n\
+        [[column]]\nsize = [0.5, 0.5]\n\
+        [[obstacle]]\ncorner = [1.0, 0.0]\nsize = [0.5, 0.8]\n\
+        faces = { left = \"slip\", right = \"stick\", top = 0.5, bottom = 0.5 }\n\
+        [[obstacle]]\ncorner = [2.5, 0.7]\nsize = [0.6, 0.3]\n\
+        faces = { left = 0.2, right = 0.3, top = \"stick\", bottom = \"slip\" }\n\
+        [plate]\ncorner = [0.2, 1.2]\nsize = [0.7, 0.4]\nvelocity = [0.1, -2.0]\nstart = 0.2\n";
+    Scene::parse(text, "scene.toml").unwrap()
+}
+
+fn motion() -> Motion {
+    Motion {
+        constraints: Constraints::new(&scene()),
+        fall: [0.0, -9.81e-4],
+        start: 0.05,
+        interval: 0.01,
+    }
+}
+
+/// Frames of points outside the boxes, in motion.
+fn start(points: usize, frames: usize, spread: f64) -> Vec<Vec<[f64; 2]>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let constraints = Constraints::new(&scene());
+    let free = |x: [f64; 2]| {
+        constraints.boxes(0.0).iter().all(|b| {
+            !(x[0] > b[0] - 0.01 && x[0] < b[2] + 0.01 && x[1] > b[1] - 0.01 && x[1] < b[3] + 0.01)
+        })
+    };
+    let mut positions = Vec::new();
+    while positions.len() < points {
+        let x = [rng.random_range(0.0..4.0 * spread), rng.random_range(0.0..2.0 * spread)];
+        if free(x) {
+            positions.push(x);
+        }
+    }
+    let velocity: Vec<[f64; 2]> =
+        positions.iter().map(|_| [0, 1].map(|_| rng.random_range(-0.01..0.01))).collect();
+    let at = |k: usize| {
+        let moved = positions.iter().zip(&velocity);
+        moved.map(|(x, v)| [0, 1].map(|c| x[c] + k as f64 * v[c])).collect()
+    };
+    (0..frames).map(at).collect()
+}
+
+/// One frame of the rollout as `Rollout::advance` makes it, with the stand-in.
+fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) -> Vec<[f64; 2]> {
+    let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
+    let positions = &single(window);
+    let windows = [Window { positions, points: window[0].len(), statics: &[] }];
+    integrate(window, motion, frame, &stand_in(&windows, &config, scale))
+}
+
+fn single(window: &[Vec<[f64; 2]>]) -> Vec<f32> {
+    window.iter().flatten().flatten().map(|&x| x as f32).collect()
+}
+
+/// The frame that follows from a network's output.
+fn integrate(
+    window: &[Vec<[f64; 2]>],
+    motion: &Motion,
+    frame: usize,
+    output: &[f32],
+) -> Vec<[f64; 2]> {
+    let norm = normalisation(2);
+    let (before, last) = (&window[window.len() - 2], &window[window.len() - 1]);
+    let time = |frame: usize| motion.start + frame as f64 * motion.interval;
+    let times = [time(frame - 1), time(frame)];
+    (0..last.len())
+        .map(|point| {
+            let a = [0, 1].map(|k| {
+                f64::from(output[2 * point + k]) * norm.acceleration_std[k]
+                    + norm.acceleration_mean[k]
+                    + motion.fall[k]
+            });
+            let velocity = [0, 1].map(|k| last[point][k] - before[point][k] + a[k]);
+            let free = [0, 1].map(|k| last[point][k] + velocity[k]);
+            motion.constraints.confine(last[point], free, times)
+        })
+        .collect()
+}
+
+/// Networks with their encodings kept from frame to frame: each frame is what the plain network
+/// makes of those before it.
+#[rstest]
+fn networks_roll_out(
+    #[values("baseline", "frame4-msg0-hidden1", "frame4-msg1-hidden1-edgemsg")] name: &str,
+    #[values(Precision::F32, Precision::Bf16)] precision: Precision,
+) {
+    let Some(device) = gpu::for_tests() else { return };
+    let config = ModelConfig::named(name).unwrap();
+    // Walls only: a rough box holds a point that touches it, and rounding decides which does.
+    let scene = Scene { obstacles: Vec::new(), plate: None, ..scene() };
+    let motion = Motion { constraints: Constraints::new(&scene), ..motion() };
+    let norm = normalisation(2);
+    let model = Model::<Flex>::new(&config, 5, &Default::default());
+    let mut window = start(300, config.frames, 0.7);
+    let room = Capacity { points: 1, edges: 1 };
+    let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();
+    network.set_weights(&weights(&model)).unwrap();
+    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, &window, network).unwrap();
+    // Outputs are about 1, in units of the accelerations' scale.
+    let tolerance = 2e-3 * if precision == Precision::F32 { 1e-4 } else { 0.2 };
+    let bounds = [[0.0, 4.0], [0.0, 2.0]];
+    let mut frame = window.len();
+    // More frames than it takes until everything comes from CUDA graphs: 30 and one.
+    for _ in 0..6 {
+        let (frames, failure) = rollout.block().unwrap();
+        assert_eq!(failure, None);
+        for found in frames {
+            let positions = &single(&window);
+            let windows = [Window { positions, points: window[0].len(), statics: &[] }];
+            let input =
+                window_input::<Flex>(&windows, &config, &norm, &bounds, &Default::default());
+            let output = rows(&model.forward(&input));
+            let expected = integrate(&window, &motion, frame, &output);
+            let pairs = found.as_flattened().iter().zip(expected.as_flattened());
+            let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(most <= tolerance, "frame {frame}: {most:e} m");
+            window.remove(0);
+            window.push(found);
+            frame += 1;
+        }
+    }
+}
+
+/// Several blocks, most of them CUDA graphs: to the bit what the CPU makes of them. The points start
+/// close together, so that the room for edges is too small and grows.
+#[rstest]
+fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spread: f64) {
+    let Some(device) = gpu::for_tests() else { return };
+    let config = ModelConfig { frames: 4, ..ModelConfig::default() };
+    let (scale, motion) = (0.05, motion());
+    let mut window = start(points, config.frames, spread);
+    let network = StandIn::new(&device, points, scale);
+    let norm = normalisation(2);
+    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, &window, network).unwrap();
+    let mut frame = window.len();
+    for _ in 0..3 {
+        let (frames, failure) = rollout.block().unwrap();
+        assert_eq!((frames.len(), failure), (BLOCK, None));
+        for found in frames {
+            let expected = advance(&window, &motion, frame, scale);
+            assert_eq!(found, expected, "frame {frame}");
+            window.remove(0);
+            window.push(found);
+            frame += 1;
+        }
+    }
+}
+
+/// What a rollout gives before it fails, and why it does.
+fn failing(
+    motion: &Motion,
+    window: &[Vec<[f64; 2]>],
+    scale: f32,
+) -> Option<(Frames, RolloutError)> {
+    let device = gpu::for_tests()?;
+    let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
+    let network = StandIn::new(&device, window[0].len(), scale);
+    let norm = normalisation(2);
+    let mut rollout = CudaRollout::new(&device, &config, &norm, motion, window, network).unwrap();
+    let mut good = Vec::new();
+    while good.len() < 100 {
+        let (frames, failure) = rollout.block().unwrap();
+        good.extend(frames);
+        if let Some(failure) = failure {
+            return Some((good, failure));
+        }
+    }
+    panic!("no failure in 100 frames");
+}
+
+#[test]
+fn failures_name_frame_and_point() {
+    let mut window = start(50, 4, 1.0);
+    let Some((good, failure)) = failing(&motion(), &window, f32::INFINITY) else { return };
+    assert!(good.is_empty());
+    assert_eq!(failure, RolloutError::NotFinite { frame: 4, point: 0 });
+
+    // Free fall along x, in which this point reaches the wall with 0.35 m/frame in frame 26.
+    for frame in &mut window {
+        frame[7] = [0.12, 1.9];
+    }
+    let motion = Motion { fall: [0.015, 0.0], ..motion() };
+    let Some((good, failure)) = failing(&motion, &window, 0.0) else { return };
+    let mut frame = window.len();
+    for found in good {
+        assert_eq!(found, advance(&window, &motion, frame, 0.0));
+        window.remove(0);
+        window.push(found);
+        frame += 1;
+    }
+    let RolloutError::Left { frame: failed, point, distance } = failure else {
+        panic!("{failure}")
+    };
+    assert_eq!(failed, frame);
+    let (before, last) = (window[window.len() - 2][point], window[window.len() - 1][point]);
+    let beyond = last[0] + (last[0] - before[0] + (1e-4 + 0.015)) - 4.0;
+    assert!(beyond > 0.25 && (beyond - distance).abs() < 1e-12, "{beyond} {distance}");
+}
+
+/// Needs NVRTC, but no GPU.
+#[test]
+fn kernels_compile() {
+    if !nvrtc_is_present() {
+        let required = std::env::var_os("DEMPM_REQUIRE_NVRTC").is_some();
+        assert!(!required, "NVRTC was not found, but DEMPM_REQUIRE_NVRTC is set");
+        eprintln!("skipped: {}", gpu::Error::NvrtcMissing);
+        return;
+    }
+    for architecture in ["sm_80", "sm_90"] {
+        for dimensions in [2, 3] {
+            let (graph, other) = (graph_defines(dimensions), features_defines(dimensions));
+            for (name, source, defines) in [
+                ("graph.cu", GRAPH_SOURCE, &graph),
+                ("features.cu", FEATURES_SOURCE, &other),
+                ("integrate.cu", INTEGRATE_SOURCE, &Vec::new()),
+                ("stand_in.cu", STAND_IN, &Vec::new()),
+            ] {
+                let cubin = compile(name, source, architecture, defines).unwrap();
+                assert!(!cubin.is_empty(), "{name}");
+            }
+        }
+    }
+}
