@@ -151,6 +151,7 @@ fn assign(parts: &mut [Part], address: impl Fn(usize, usize) -> (Address, Addres
     for part in parts {
         let key = (part.mlp, part.linear, part.input);
         let shares = all.shares.entry(key).or_default();
+        debug_assert!(shares.weight == 0 || shares.norm == part.norm, "one LayerNorm for all");
         shares.norm = part.norm;
         let blocks = part.product.blocks as usize;
         let (weight, bias) = address(all.weight, all.bias);
