@@ -74,6 +74,7 @@ fn fixture(directory: &Path) {
         velocity_std: vec![1e-3; 2],
         acceleration_mean: vec![0.0; 2],
         acceleration_std: vec![1e-6; 2],
+        ..Normalisation::default()
     };
     let training = r#"{ "frame_interval": 0.01, "without_gravity": false, "steps": 1000 }"#;
     let extra = [("training".to_owned(), training.to_owned())].into();

@@ -138,11 +138,13 @@ fn reference(case: &Case, input: &WindowInput<CpuAutodiff>) -> (Vec<f32>, f32, V
 
 /// Errors of values and of the gradient relative to their norms. Values suffer from rounding only:
 /// 2^-22 in sums of two f16, 2^-9 in bf16, in each of up to 60 linears in a row. In the gradient
-/// LeakyReLU has another slope wherever rounding changes the sign of its argument: that is a part
-/// of all arguments about as small as the rounding, and its root is what it adds to the error.
-fn tolerance(precision: Precision) -> [f64; 2] {
+/// LeakyReLU has another slope wherever rounding changes the sign of its argument. In f32 that
+/// hardly happens, but with few points a single one is worth a thousandth; in bf16 it happens to
+/// one argument in some hundred.
+fn tolerance(precision: Precision, slope: f64) -> [f64; 2] {
     match precision {
-        Precision::F32 => [5e-6, 2e-4],
+        Precision::F32 if slope == 1.0 => [5e-6, 1e-5],
+        Precision::F32 => [5e-6, 2e-2],
         Precision::Bf16 => [2e-2, 0.15],
     }
 }
@@ -167,7 +169,7 @@ fn compare(case: &Case, precision: Precision) {
         let output = network.forward(&frames).unwrap();
         device.stream().clone_dtoh(output).unwrap()
     };
-    let [most, most_gradient] = tolerance(precision);
+    let [most, most_gradient] = tolerance(precision, case.config.leaky_slope);
     let count = output.len();
     let relative =
         |found: &[f32], expected: &[f32]| distance(found, expected) / norm(expected).max(1e-30);
@@ -178,8 +180,9 @@ fn compare(case: &Case, precision: Precision) {
     ];
     let name = (case.config.kind, case.config.frames, case.config.message_layers);
     println!(
-        "{name:?} {precision:?} hidden {} edgemsg {} {}D {:?} points: output {:.1e} loss {:.1e} \
-         gradient {:.1e}",
+        "{name:?} {precision:?} slope {} hidden {} edgemsg {} {}D {:?} points: output {:.1e} \
+         loss {:.1e} gradient {:.1e}",
+        case.config.leaky_slope,
         case.config.hidden_layers,
         case.config.edge_message,
         case.config.dimensions,
@@ -202,6 +205,16 @@ fn compare(case: &Case, precision: Precision) {
 fn paper_networks(#[values(Precision::F32, Precision::Bf16)] precision: Precision) {
     for name in PAPER_NETWORKS {
         compare(&Case::new(name, &[70, 33]), precision);
+    }
+}
+
+/// Without the kinks of LeakyReLU the gradient is as precise as the values.
+#[test]
+fn without_kinks() {
+    for name in ["baseline", "frame4-msg1-hidden1-edgemsg"] {
+        let mut case = Case::new(name, &[70, 33]);
+        case.config.leaky_slope = 1.0;
+        compare(&case, Precision::F32);
     }
 }
 

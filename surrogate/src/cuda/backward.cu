@@ -1,5 +1,6 @@
 // MLPs, backward: from the gradient of the output to those of all linears' outputs (which
-// gradient.cu turns into the weights') and of the inputs. A warp takes 16 rows through all of it.
+// gradient.cu turns into the weights') and of the inputs. A warp takes 16 or 32 rows
+// through all of it.
 
 struct Backward {
     const u32* count;
@@ -122,76 +123,94 @@ __device__ void leaky_backward(Tile& z, const Stored* hidden, const Place& at, f
     }
 }
 
-extern "C" __global__ void __launch_bounds__(BACKWARD_THREADS, 1)
-    mlp_backward(const __grid_constant__ BackwardBatch batch) {
-    const Backward& a = batch.item[blockIdx.y];
+// The gradient of the output.
+__device__ void output_gradient(Tile& z, const Backward& a, const Place& at) {
+    clear(z);
+    u32 row[2];
+    at.rows(row);
+    if (a.selection)
+#pragma unroll
+        for (int half = 0; half < 2; half++)
+            if (row[half] != NONE && (a.selection[row[half]] == NONE) != (a.select_none != 0))
+                row[half] = NONE;
+    if (a.output) {
+        u32 from[2] = {row[0], row[1]};
+        if (a.output_index)
+#pragma unroll
+            for (int half = 0; half < 2; half++)
+                if (row[half] != NONE) from[half] = a.output_index[row[half]];
+        add_rows(z, a.output, from, at.t);
+    }
+    if (a.output32) add_rows(z, a.output32, row, at.t);
+    if (a.gathered) {
+        u32 from[2];
+#pragma unroll
+        for (int half = 0; half < 2; half++)
+            from[half] = row[half] == NONE ? NONE : a.gathered_index[row[half]];
+        add_rows(z, a.gathered, from, at.t);
+    }
+}
+
+// With GROUPS x 16 rows at a time.
+template <int GROUPS>
+__device__ __forceinline__ void backward(const Backward& a) {
     extern __shared__ uint4 shared[];
     float* scale = (float*)shared;
-    for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
-        scale[k] = a.norm >= 0 && k < a.width ? a.parameters[a.norm + k] : 0.f;
     const int matrix = PARTS * UNIT;
     Weights weights(a.weights, (uint4*)(scale + WIDTH), a.units, a.resident);
+    for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
+        scale[k] = a.norm >= 0 && k < a.width ? a.parameters[a.norm + k] : 0.f;
+    weights.wait();
 
     float sums[4][2] = {};
-    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + 15) / 16;
+    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + 16 * GROUPS - 1) / (16 * GROUPS);
     const u32 warps = blockDim.x / 32, warp = threadIdx.x / 32;
     for (u32 first = 0; first < tiles; first += warps * gridDim.x) {
         const u32 tile = first + warp * gridDim.x + blockIdx.x;
         if (a.resident && tile >= tiles) break;
-        const Place at(tile, rows);
         weights.cursor = 0;
 
-        Tile z;
-        clear(z);
-        u32 row[2];
+        Tile z[GROUPS];
+        Place at[GROUPS];
+        Operand x[GROUPS];
 #pragma unroll
-        for (int half = 0; half < 2; half++) {
-            bool counts = at.live[half];
-            if (counts && a.selection)
-                counts = (a.selection[at.row[half]] == NONE) == (a.select_none != 0);
-            row[half] = counts ? at.row[half] : NONE;
+        for (int g = 0; g < GROUPS; g++) {
+            at[g] = Place(GROUPS * tile + g, rows);
+            output_gradient(z[g], a, at[g]);
+            if (a.norm >= 0) normalise_backward(z[g], a, at[g], scale, sums);
+            store_rows(z[g], a.linear + a.layers * a.stride, at[g]);
+            to_operand(z[g], x[g]);
         }
-        if (a.output) {
-            u32 from[2];
-#pragma unroll
-            for (int half = 0; half < 2; half++) {
-                bool indexed = a.output_index && row[half] != NONE;
-                from[half] = indexed ? a.output_index[row[half]] : row[half];
-            }
-            add_rows(z, a.output, from, at.t);
-        }
-        if (a.output32) add_rows(z, a.output32, row, at.t);
-        if (a.gathered) {
-            u32 from[2];
-#pragma unroll
-            for (int half = 0; half < 2; half++)
-                from[half] = row[half] == NONE ? NONE : a.gathered_index[row[half]];
-            add_rows(z, a.gathered, from, at.t);
-        }
-        if (a.norm >= 0) normalise_backward(z, a, at, scale, sums);
-        store_rows(z, a.linear + a.layers * a.stride, at);
-        Operand x;
-        to_operand(z, x);
 #pragma unroll 1
         for (int l = a.layers - 1; l >= 0; l--) {
-            clear(z);
+#pragma unroll
+            for (int g = 0; g < GROUPS; g++) clear(z[g]);
             multiply(z, x, weights.next(matrix));
-            leaky_backward(z, a.hidden + l * a.stride, at, a.slope);
-            store_rows(z, a.linear + l * a.stride, at);
-            to_operand(z, x);
+#pragma unroll
+            for (int g = 0; g < GROUPS; g++) {
+                leaky_backward(z[g], a.hidden + l * a.stride, at[g], a.slope);
+                store_rows(z[g], a.linear + l * a.stride, at[g]);
+                to_operand(z[g], x[g]);
+            }
         }
 #pragma unroll 1
         for (int k = 0; k < 2; k++) {
             if (!a.input32[k] && !(k == 0 && a.input)) continue;
-            clear(z);
+#pragma unroll
+            for (int g = 0; g < GROUPS; g++) clear(z[g]);
             multiply(z, x, weights.next(matrix));
-            u32 own[2] = {at.live[0] ? at.row[0] : NONE, at.live[1] ? at.row[1] : NONE};
-            if (a.input32[k]) {
-                if (a.accumulate >> k & 1) add_rows(z, a.input32[k], own, at.t);
-                store_rows(z, a.input32[k], at);
-            } else {
-                if (a.accumulate & 1) add_rows(z, a.input, own, at.t);
-                store_rows(z, a.input, at);
+#pragma unroll
+            for (int g = 0; g < GROUPS; g++) {
+                u32 own[2];
+                at[g].rows(own);
+                const bool adds = a.accumulate >> k & 1;
+                if (a.input32[k]) {
+                    if (adds) add_rows(z[g], a.input32[k], own, at[g].t);
+                    store_rows(z[g], a.input32[k], at[g]);
+                } else {
+                    if (adds) add_rows(z[g], a.input, own, at[g].t);
+                    store_rows(z[g], a.input, at[g]);
+                }
             }
         }
     }
@@ -213,4 +232,16 @@ extern "C" __global__ void __launch_bounds__(BACKWARD_THREADS, 1)
         for (u32 w = 0; w < warps; w++) sum += all[w * 2 * WIDTH + k];
         a.norm_sums[blockIdx.x * 2 * WIDTH + k] = sum;
     }
+}
+
+// For few rows, where time is that of one warp.
+extern "C" __global__ void __launch_bounds__(NARROW_THREADS, 1)
+    mlp_backward(const __grid_constant__ BackwardBatch batch) {
+    backward<1>(batch.item[blockIdx.y]);
+}
+
+// For many.
+extern "C" __global__ void __launch_bounds__(WIDE_THREADS, 1)
+    mlp_backward_wide(const __grid_constant__ BackwardBatch batch) {
+    backward<WIDE_GROUPS>(batch.item[blockIdx.y]);
 }

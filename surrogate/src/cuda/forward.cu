@@ -1,6 +1,6 @@
 // MLPs, forward: a linear of up to two matrices, of features and of gathered rows, then LeakyReLU
-// and linear for each hidden layer, then LayerNorm. A warp takes 16 rows through all of it without
-// leaving its registers.
+// and linear for each hidden layer, then LayerNorm. A warp takes 16 or 32 rows through all of it
+// without leaving its registers.
 
 struct Forward {
     // Number of rows in device memory; if null, it is `rows`.
@@ -44,10 +44,20 @@ struct ForwardBatch {
     Forward item[8];
 };
 
-// `count` numbers and zeros up to 128.
-__device__ void load_vector(float* to, const float* parameters, int offset, int count) {
-    for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
-        to[k] = offset >= 0 && k < count ? parameters[offset + k] : 0.f;
+// Biases of all linears, LayerNorm's scale and shift and those of x_0's, 128 numbers each with zeros
+// for padding.
+__device__ void load_vectors(float* to, const Forward& a) {
+    for (int k = threadIdx.x; k < (a.layers + 5) * WIDTH; k += blockDim.x) {
+        const int column = k % WIDTH, vector = k / WIDTH, after = vector - a.layers;
+        int offset = after < 0 ? a.bias < 0 ? -1 : a.bias + vector * a.bias_stride
+                     : after == 0 ? a.last_bias
+                     : after < 3 ? a.norm
+                                 : a.input_norm;
+        const int count = after < 0 || after > 2 ? a.width : a.columns;
+        // Shifts follow scales.
+        if (after == 2 || after == 4) offset += offset < 0 ? 0 : count;
+        to[k] = offset >= 0 && column < count ? a.parameters[offset + column] : 0.f;
+    }
 }
 
 // Features, as sums of two f16 in any precision: they carry positions.
@@ -108,123 +118,146 @@ __device__ void normalise(Tile& z, int width, float (&deviation)[2]) {
     }
 }
 
-extern "C" __global__ void __launch_bounds__(FORWARD_THREADS, 1)
-    mlp_forward(const __grid_constant__ ForwardBatch batch) {
-    const Forward& a = batch.item[blockIdx.y];
+// Scale and shift, and what is done with the output.
+__device__ void finish(Tile& z, const Forward& a, const Place& at, const u32 (&source)[2],
+                       const float* scales) {
+    u32 own[2];
+    at.rows(own);
+    if (a.norm >= 0) {
+        float deviation[2];
+        normalise(z, a.width, deviation);
+        if (a.normal) {
+            store_rows(z, a.normal, at);
+            if (at.t == 0)
+#pragma unroll
+                for (int half = 0; half < 2; half++)
+                    if (at.live[half]) a.deviation[at.row[half]] = deviation[half];
+        }
+#pragma unroll
+        for (int q = 0; q < 4; q++) {
+            float s[8], b[8];
+            load8(scales + at.column(q), s);
+            load8(scales + WIDTH + at.column(q), b);
+#pragma unroll
+            for (int k = 0; k < 8; k++)
+#pragma unroll
+                for (int half = 0; half < 2; half++) {
+                    float& x = z[4 * q + k / 2][2 * half + k % 2];
+                    x = s[k] * x + b[k];
+                }
+        }
+    }
+    if (a.residual) add_rows(z, a.residual, own, at.t);
+    if (a.output) {
+        Place written = at;
+        written.live[0] = source[0] != NONE, written.live[1] = source[1] != NONE;
+        store_rows(z, a.output, written);
+    }
+    if (a.output32) {
+        if (a.accumulate) add_rows(z, a.output32, own, at.t);
+        store_rows(z, a.output32, at);
+    }
+    if (a.narrow && at.t == 0) {
+#pragma unroll
+        for (int half = 0; half < 2; half++)
+#pragma unroll
+            for (int k = 0; k < 8; k++)
+                if (at.live[half] && k < a.columns)
+                    a.narrow[at.row[half] * a.columns + k] = z[k / 2][2 * half + k % 2];
+    }
+}
+
+// With GROUPS x 16 rows at a time.
+template <int GROUPS>
+__device__ __forceinline__ void forward(const Forward& a) {
     extern __shared__ uint4 shared[];
     float* biases = (float*)shared;
     float* scales = biases + (a.layers + 1) * WIDTH;
     float* input_scales = scales + 2 * WIDTH;
-    for (int l = 0; l <= a.layers; l++) {
-        bool last = l == a.layers;
-        int offset = last ? a.last_bias : a.bias < 0 ? -1 : a.bias + l * a.bias_stride;
-        load_vector(biases + l * WIDTH, a.parameters, offset, last ? a.columns : a.width);
-    }
-    for (int k = 0; k < 2; k++) {
-        int norm = a.norm < 0 ? -1 : a.norm + k * a.columns;
-        load_vector(scales + k * WIDTH, a.parameters, norm, a.columns);
-        norm = a.input_norm < 0 ? -1 : a.input_norm + k * a.width;
-        load_vector(input_scales + k * WIDTH, a.parameters, norm, a.width);
-    }
     const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * 256;
     Weights weights(a.weights, (uint4*)(input_scales + 2 * WIDTH), a.units, a.resident);
+    load_vectors(biases, a);
+    weights.wait();
 
-    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + 15) / 16;
+    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + 16 * GROUPS - 1) / (16 * GROUPS);
     const u32 warps = blockDim.x / 32, warp = threadIdx.x / 32;
     for (u32 first = 0; first < tiles; first += warps * gridDim.x) {
         const u32 tile = first + warp * gridDim.x + blockIdx.x;
         if (a.resident && tile >= tiles) break;
-        const Place at(tile, rows);
         weights.cursor = 0;
 
-        Tile z;
-        fill(z, biases, at.t);
-        u32 source[2];
+        Tile z[GROUPS];
+        Place at[GROUPS];
+        u32 source[GROUPS][2];
 #pragma unroll
-        for (int half = 0; half < 2; half++)
-            source[half] = !at.live[half] ? NONE : a.index ? a.index[at.row[half]] : at.row[half];
+        for (int g = 0; g < GROUPS; g++) {
+            at[g] = Place(GROUPS * tile + g, rows);
+            fill(z[g], biases, at[g].t);
+            at[g].rows(source[g]);
+#pragma unroll
+            for (int half = 0; half < 2; half++)
+                if (a.index && source[g][half] != NONE) source[g][half] = a.index[source[g][half]];
+        }
 #pragma unroll 1
         for (int k = 0; k < 2; k++) {
             if (!a.x[k]) continue;
-            Operand x;
-            u32 row[2];
+            Operand x[GROUPS];
 #pragma unroll
-            for (int half = 0; half < 2; half++)
-                row[half] = k == 0 ? source[half] : at.live[half] ? at.row[half] : NONE;
-            const float* scale = k == 0 && a.input_norm >= 0 ? input_scales : nullptr;
-            load_operand(x, a.x[k], row, scale, at.t);
+            for (int g = 0; g < GROUPS; g++) {
+                u32 own[2];
+                at[g].rows(own);
+                if (k == 0) own[0] = source[g][0], own[1] = source[g][1];
+                const float* scale = k == 0 && a.input_norm >= 0 ? input_scales : nullptr;
+                load_operand(x[g], a.x[k], own, scale, at[g].t);
+            }
             multiply(z, x, weights.next(matrix));
         }
-        if (a.features) multiply_features(z, a, at, weights.next(feature_matrix));
+        if (a.features) {
+            const uint4* matrix = weights.next(feature_matrix);
+#pragma unroll
+            for (int g = 0; g < GROUPS; g++) multiply_features(z[g], a, at[g], matrix);
+        }
 #pragma unroll 1
         for (int k = 0; k < 2; k++) {
             if (!a.added[k]) continue;
-            u32 row[2];
 #pragma unroll
-            for (int half = 0; half < 2; half++)
-                row[half] = at.live[half] ? a.added_index[k][at.row[half]] : NONE;
-            add_rows(z, a.added[k], row, at.t);
+            for (int g = 0; g < GROUPS; g++) {
+                u32 from[2];
+                at[g].rows(from);
+#pragma unroll
+                for (int half = 0; half < 2; half++)
+                    if (from[half] != NONE) from[half] = a.added_index[k][from[half]];
+                add_rows(z[g], a.added[k], from, at[g].t);
+            }
         }
 #pragma unroll 1
         for (int l = 0; l < a.layers; l++) {
+            Operand x[GROUPS];
 #pragma unroll
-            for (int j = 0; j < 16; j++)
+            for (int g = 0; g < GROUPS; g++) {
 #pragma unroll
-                for (int k = 0; k < 4; k++) z[j][k] = leaky(z[j][k], a.slope);
-            if (a.hidden) store_rows(z, a.hidden + l * a.stride, at);
-            Operand x;
-            to_operand(z, x);
-            fill(z, biases + (l + 1) * WIDTH, at.t);
+                for (int j = 0; j < 16; j++)
+#pragma unroll
+                    for (int k = 0; k < 4; k++) z[g][j][k] = leaky(z[g][j][k], a.slope);
+                if (a.hidden) store_rows(z[g], a.hidden + l * a.stride, at[g]);
+                to_operand(z[g], x[g]);
+                fill(z[g], biases + (l + 1) * WIDTH, at[g].t);
+            }
             multiply(z, x, weights.next(matrix));
         }
-
-        if (a.norm >= 0) {
-            float deviation[2];
-            normalise(z, a.width, deviation);
-            if (a.normal) {
-                store_rows(z, a.normal, at);
-                if (at.t == 0)
 #pragma unroll
-                    for (int half = 0; half < 2; half++)
-                        if (at.live[half]) a.deviation[at.row[half]] = deviation[half];
-            }
-#pragma unroll
-            for (int q = 0; q < 4; q++) {
-                float s[8], b[8];
-                load8(scales + at.column(q), s);
-                load8(scales + WIDTH + at.column(q), b);
-#pragma unroll
-                for (int k = 0; k < 8; k++)
-#pragma unroll
-                    for (int half = 0; half < 2; half++) {
-                        float& x = z[4 * q + k / 2][2 * half + k % 2];
-                        x = s[k] * x + b[k];
-                    }
-            }
-        }
-        if (a.residual) {
-            u32 row[2] = {at.live[0] ? at.row[0] : NONE, at.live[1] ? at.row[1] : NONE};
-            add_rows(z, a.residual, row, at.t);
-        }
-        if (a.output) {
-            Place written = at;
-            written.live[0] = source[0] != NONE, written.live[1] = source[1] != NONE;
-            store_rows(z, a.output, written);
-        }
-        if (a.output32) {
-            if (a.accumulate) {
-                u32 row[2] = {at.live[0] ? at.row[0] : NONE, at.live[1] ? at.row[1] : NONE};
-                add_rows(z, a.output32, row, at.t);
-            }
-            store_rows(z, a.output32, at);
-        }
-        if (a.narrow && at.t == 0) {
-#pragma unroll
-            for (int half = 0; half < 2; half++)
-#pragma unroll
-                for (int k = 0; k < 8; k++)
-                    if (at.live[half] && k < a.columns)
-                        a.narrow[at.row[half] * a.columns + k] = z[k / 2][2 * half + k % 2];
-        }
+        for (int g = 0; g < GROUPS; g++) finish(z[g], a, at[g], source[g], scales);
     }
+}
+
+// For few rows, where time is that of one warp.
+extern "C" __global__ void __launch_bounds__(NARROW_THREADS, 1)
+    mlp_forward(const __grid_constant__ ForwardBatch batch) {
+    forward<1>(batch.item[blockIdx.y]);
+}
+
+// For many.
+extern "C" __global__ void __launch_bounds__(WIDE_THREADS, 1)
+    mlp_forward_wide(const __grid_constant__ ForwardBatch batch) {
+    forward<WIDE_GROUPS>(batch.item[blockIdx.y]);
 }

@@ -156,7 +156,7 @@ impl CudaNetwork {
             added_index: [view.sender, view.receiver],
             count: view.edges,
             output: room.edge,
-            residual: if room.edge != 0 { edge.at } else { 0 },
+            residual: if self.layout.residual && room.edge != 0 { edge.at } else { 0 },
             ..self.mlp(mlps.message)
         };
         self.kernels.forward(&[message.saving(&room.message)], self.room.capacity.edges)?;

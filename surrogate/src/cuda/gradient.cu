@@ -17,8 +17,6 @@ struct Product {
     float* bias;
     u32 rows;
     int feature_count, blocks;
-    // Offset of the scale and, `width` on, shift of x's columns in the network's weights; -1: none.
-    int input_norm, width;
 };
 
 constexpr int ROWS = 64;
@@ -54,24 +52,62 @@ __device__ __forceinline__ const void* at8(const Rows64& from, int part, int row
 constexpr int GRADIENT_THREADS = 256;
 // Chunks of eight numbers that each thread copies.
 constexpr int COPIES = ROWS * 16 / GRADIENT_THREADS;
+// Tiles in shared memory: bf16 is copied as it is, ahead of time.
+constexpr int STAGES = PARTS == 1 ? 3 : 1;
+
+struct Stage {
+    Rows64 x, dz;
+};
+
+// Copies one chunk of eight stored numbers, or zeros.
+__device__ __forceinline__ void fetch8(Rows64& to, int row, int chunk, const Stored* from, bool valid) {
+#if PARTS == 1
+    copy_async(&to.part[0][row][chunk], from, valid);
+#else
+    float v[8] = {};
+    if (valid) load8(from, v);
+    put8(to, row, chunk, v);
+#endif
+}
+
+__device__ void fetch(const Product& a, Stage& to, u32 tile, u32 rows) {
+#pragma unroll
+    for (int n = 0; n < COPIES; n++) {
+        const int local = (threadIdx.x + n * GRADIENT_THREADS) / 16, part = threadIdx.x % 16;
+        const u32 row = tile * ROWS + local;
+        const bool valid = row < rows;
+        fetch8(to.dz, local, part, a.dz + (valid ? (size_t)row * WIDTH + 8 * part : 0), valid);
+        if (!a.x) continue;
+        const u32 from = !valid ? NONE : a.index ? a.index[row] : row;
+        const bool there = from != NONE;
+        fetch8(to.x, local, part, a.x + (there ? (size_t)from * WIDTH + 8 * part : 0), there);
+    }
+    if (a.x) return;
+    for (int n = threadIdx.x; n < 4 * ROWS; n += GRADIENT_THREADS) {
+        const u32 row = tile * ROWS + n / 4;
+        const int first = 8 * (n % 4);
+        if (first >= a.feature_count) continue;
+        float v[8];
+        for (int k = 0; k < 8; k++)
+            v[k] = row < rows && first + k < a.feature_count
+                       ? a.features[(size_t)row * a.feature_count + first + k]
+                       : 0.f;
+        put8(to.x, n / 4, first / 8, v);
+    }
+}
 
 extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
-    weight_gradient(const Product* products, const float* parameters) {
+    weight_gradient(const Product* products) {
     const Product& a = products[blockIdx.y];
     if ((int)blockIdx.x >= a.blocks) return;
     extern __shared__ uint4 shared[];
-    Rows64& x = *(Rows64*)shared;
-    Rows64& dz = *((Rows64*)shared + 1);
-    __shared__ float scale[2][WIDTH];
+    Stage* stages = (Stage*)shared;
     __shared__ float partial[4][WIDTH];
-    for (int k = threadIdx.x; k < 2 * WIDTH; k += blockDim.x) {
-        bool real = a.input_norm >= 0 && k % WIDTH < a.width;
-        scale[k / WIDTH][k % WIDTH] =
-            real ? parameters[a.input_norm + k / WIDTH * a.width + k % WIDTH] : 0.f;
-    }
     if (!a.x)
-        for (int k = threadIdx.x; k < PARTS * ROWS * STRIDE; k += blockDim.x)
-            ((uint4*)&x)[k] = make_uint4(0, 0, 0, 0);
+        for (int s = 0; s < STAGES; s++)
+            for (int k = threadIdx.x; k < PARTS * ROWS * STRIDE; k += GRADIENT_THREADS)
+                ((uint4*)&stages[s].x)[k] = make_uint4(0, 0, 0, 0);
+    __syncthreads();
 
     const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + ROWS - 1) / ROWS;
     const int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
@@ -81,40 +117,29 @@ extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
     float sum[2][8][4] = {};
     float bias_sum[2] = {};
 
+#if PARTS == 1
+    for (int s = 0; s < STAGES - 1; s++) {
+        const u32 tile = blockIdx.x + s * a.blocks;
+        if (tile < tiles) fetch(a, stages[s], tile, rows);
+        end_copies();
+    }
+#endif
+    int stage = 0;
     for (u32 tile = blockIdx.x; tile < tiles; tile += a.blocks) {
+        const Rows64 &x = stages[stage].x, &dz = stages[stage].dz;
+#if PARTS == 1
+        wait_for_copies<STAGES - 2>();
         __syncthreads();
-#pragma unroll
-        for (int n = 0; n < COPIES; n++) {
-            const int local = (threadIdx.x + n * GRADIENT_THREADS) / 16, part = threadIdx.x % 16;
-            const u32 row = tile * ROWS + local;
-            float v[8] = {};
-            if (row < rows) load8(a.dz + (size_t)row * WIDTH + 8 * part, v);
-            put8(dz, local, part, v);
-            if (!a.x) continue;
-            const u32 from = row >= rows ? NONE : a.index ? a.index[row] : row;
-            float w[8] = {};
-            if (from != NONE) {
-                load8(a.x + (size_t)from * WIDTH + 8 * part, w);
-                if (a.input_norm >= 0)
-#pragma unroll
-                    for (int k = 0; k < 8; k++)
-                        w[k] = scale[0][8 * part + k] * w[k] + scale[1][8 * part + k];
-            }
-            put8(x, local, part, w);
-        }
-        if (!a.x)
-            for (int n = threadIdx.x; n < 4 * ROWS; n += blockDim.x) {
-                const u32 row = tile * ROWS + n / 4;
-                const int first = 8 * (n % 4);
-                if (first >= a.feature_count) continue;
-                float v[8];
-                for (int k = 0; k < 8; k++)
-                    v[k] = row < rows && first + k < a.feature_count
-                               ? a.features[(size_t)row * a.feature_count + first + k]
-                               : 0.f;
-                put8(x, n / 4, first / 8, v);
-            }
+        // Into the stage that all have done with.
+        const u32 ahead = tile + (STAGES - 1) * a.blocks;
+        if (ahead < tiles) fetch(a, stages[(stage + STAGES - 1) % STAGES], ahead, rows);
+        end_copies();
+#else
         __syncthreads();
+        fetch(a, stages[0], tile, rows);
+        __syncthreads();
+#endif
+        stage = (stage + 1) % STAGES;
 
         if (works)
 #pragma unroll

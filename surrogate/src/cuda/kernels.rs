@@ -40,14 +40,18 @@ impl Precision {
         2 * self.parts()
     }
 
-    /// Threads of a block of the MLP kernels: as many as there are registers for.
-    fn threads(self) -> u32 {
+    /// Threads of a block of kernels on edges, and tiles of 16 rows of a warp: as many as there are
+    /// registers for.
+    fn wide(self) -> (u32, u32) {
         match self {
-            Self::F32 => 384,
-            Self::Bf16 => 512,
+            Self::F32 => (NARROW_THREADS, 1),
+            Self::Bf16 => (256, 2),
         }
     }
 }
+
+/// Threads of a block of kernels on nodes, of which there are too few to fill the GPU.
+const NARROW_THREADS: u32 = 384;
 
 macro_rules! source {
     ($file:literal) => {
@@ -67,11 +71,12 @@ pub const SOURCES: [(&str, &str); 6] = [
 
 /// Definitions that the sources need.
 pub fn defines(precision: Precision) -> Vec<String> {
-    let threads = precision.threads();
+    let (threads, groups) = precision.wide();
     vec![
         format!("PARTS={}", precision.parts()),
-        format!("FORWARD_THREADS={threads}"),
-        format!("BACKWARD_THREADS={threads}"),
+        format!("NARROW_THREADS={NARROW_THREADS}"),
+        format!("WIDE_THREADS={threads}"),
+        format!("WIDE_GROUPS={groups}"),
     ]
 }
 
@@ -177,8 +182,6 @@ pub struct Product {
     pub rows: u32,
     pub feature_count: i32,
     pub blocks: i32,
-    pub input_norm: i32,
-    pub width: i32,
 }
 
 /// `Target` of optimiser.cu.
@@ -186,11 +189,15 @@ pub struct Product {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Target {
     pub sums: Address,
+    pub shift_sums: Address,
     pub count: i32,
     pub size: i32,
     pub first: i32,
     pub rows: i32,
     pub columns: i32,
+    pub shift_count: i32,
+    pub norm: i32,
+    pub width: i32,
     pub to: i32,
 }
 
@@ -229,7 +236,9 @@ pub struct Kernels {
     shared: usize,
     pack: CudaFunction,
     forward: CudaFunction,
+    forward_wide: CudaFunction,
     backward: CudaFunction,
+    backward_wide: CudaFunction,
     product: CudaFunction,
     receive: CudaFunction,
     collect: CudaFunction,
@@ -266,7 +275,9 @@ impl Kernels {
         Ok(Self {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
+            forward_wide: with_shared(forward, "mlp_forward_wide", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
+            backward_wide: with_shared(backward, "mlp_backward_wide", shared)?,
             product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
             receive: segment.load_function("receive")?,
             collect: segment.load_function("collect")?,
@@ -313,9 +324,10 @@ impl Kernels {
         })
     }
 
-    /// Blocks of an MLP launch on at most `rows` rows.
+    /// Blocks of an MLP launch on at most `rows` rows. A multiprocessor has four tensor cores, so
+    /// four warps of 16 rows take no longer than one, and fewer blocks fetch fewer weights.
     pub fn blocks(&self, rows: usize) -> u32 {
-        self.processors.min(rows.div_ceil(16) as u32).max(1)
+        self.processors.min(rows.div_ceil(64) as u32).max(1)
     }
 
     /// Whether `units` (in words of 16 bytes) fit into shared memory with `vectors` of 128 f32;
@@ -330,7 +342,11 @@ impl Kernels {
     /// MLPs with the same sizes of weights on up to `rows` rows each.
     pub fn forward(&self, items: &[Forward], rows: usize) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let name = if edges { "forward, edges" } else { "forward, nodes" };
+        let (name, kernel, threads) = if edges {
+            ("forward, edges", &self.forward_wide, self.precision.wide().0)
+        } else {
+            ("forward, nodes", &self.forward, NARROW_THREADS)
+        };
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
             let mut shared = 0;
@@ -339,11 +355,11 @@ impl Kernels {
                 *to = Forward { resident: i32::from(resident), ..*from };
                 shared = shared.max(bytes);
             }
-            let mut launch = self.device.stream().launch_builder(&self.forward);
+            let mut launch = self.device.stream().launch_builder(kernel);
             launch.arg(&batch);
             let grid = [self.blocks(rows), part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
-            unsafe { self.launch(name, launch, config(grid, self.precision.threads(), shared))? };
+            unsafe { self.launch(name, launch, config(grid, threads, shared))? };
         }
         Ok(())
     }
@@ -351,7 +367,11 @@ impl Kernels {
     /// As [`forward`](Self::forward).
     pub fn backward(&self, items: &[Backward], rows: usize) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let name = if edges { "backward, edges" } else { "backward, nodes" };
+        let (name, kernel, threads) = if edges {
+            ("backward, edges", &self.backward_wide, self.precision.wide().0)
+        } else {
+            ("backward, nodes", &self.backward, NARROW_THREADS)
+        };
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();
             let mut shared = 0;
@@ -359,14 +379,14 @@ impl Kernels {
                 let (resident, bytes) = self.fit(from.units, 1);
                 *to = Backward { resident: i32::from(resident), ..*from };
                 // Sums of LayerNorm's parameters, 256 of each warp.
-                let sums = self.precision.threads() as usize / 32 * 256 * 4;
+                let sums = threads as usize / 32 * 256 * 4;
                 shared = shared.max(bytes).max(sums);
             }
-            let mut launch = self.device.stream().launch_builder(&self.backward);
+            let mut launch = self.device.stream().launch_builder(kernel);
             launch.arg(&batch);
             let grid = [self.blocks(rows), part.len() as u32];
             // SAFETY: as above.
-            unsafe { self.launch(name, launch, config(grid, self.precision.threads(), shared))? };
+            unsafe { self.launch(name, launch, config(grid, threads, shared))? };
         }
         Ok(())
     }
@@ -376,10 +396,9 @@ impl Kernels {
         products: Address,
         count: usize,
         blocks: usize,
-        parameters: Address,
     ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.product);
-        launch.arg(&products).arg(&parameters);
+        launch.arg(&products);
         let shared = product_shared(self.precision);
         // SAFETY: the addresses in the products are those of live buffers.
         unsafe {
@@ -452,10 +471,11 @@ impl Kernels {
         &self,
         targets: Address,
         count: usize,
+        parameters: Address,
         gradient: Address,
     ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.reduce);
-        launch.arg(&targets).arg(&gradient);
+        launch.arg(&targets).arg(&parameters).arg(&gradient);
         let grid = [WIDTH as u32, count as u32];
         // SAFETY: the addresses in the targets are those of live buffers.
         unsafe { self.launch("reduce", launch, config(grid, 512, 0))? };
@@ -499,9 +519,10 @@ impl Kernels {
     }
 }
 
-/// Shared memory of `weight_gradient`: two tiles of 64 rows of 17 words of 16 bytes.
+/// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
 fn product_shared(precision: Precision) -> usize {
-    2 * precision.parts() * 64 * 17 * 16
+    let stages = if precision == Precision::Bf16 { 3 } else { 1 };
+    stages * 2 * precision.parts() * 64 * 17 * 16
 }
 
 fn config(grid: [u32; 2], threads: u32, shared: usize) -> LaunchConfig {

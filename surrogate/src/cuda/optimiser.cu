@@ -4,22 +4,35 @@
 struct Target {
     // `count` slices of `size` numbers; of each, rows x columns from `first` in rows of 128.
     const float* sums;
-    int count, size, first, rows, columns;
+    // If the product was one with x in place of scale x + shift, the sums of dZ, `shift_count`
+    // slices, and the offset of the scale and, `width` on, the shift in the list of weights.
+    const float* shift_sums;
+    int count, size, first, rows, columns, shift_count, norm, width;
     // Offset in the list of weights.
     int to;
 };
 
 constexpr int REDUCE_GROUPS = 4;
 
+// Every fourth slice from `from` on.
+__device__ float sum_slices(const float* from, int count, int size) {
+    float sum = 0.f;
+#pragma unroll 4
+    for (int k = threadIdx.x / WIDTH; k < count; k += REDUCE_GROUPS) sum += from[(size_t)k * size];
+    return sum;
+}
+
 // Block (x, y) adds up row x of target y: four groups of 128 threads a quarter of the slices each.
-extern "C" __global__ void reduce_gradient(const Target* targets, float* gradient) {
+extern "C" __global__ void reduce_gradient(const Target* targets, const float* parameters,
+                                           float* gradient) {
     const Target a = targets[blockIdx.y];
     const int row = blockIdx.x, column = threadIdx.x % WIDTH, group = threadIdx.x / WIDTH;
     if (row >= a.rows) return;
-    float sum = 0.f;
-    const float* from = a.sums + a.first + row * WIDTH + column;
-#pragma unroll 4
-    for (int k = group; k < a.count; k += REDUCE_GROUPS) sum += from[(size_t)k * a.size];
+    float sum = sum_slices(a.sums + a.first + row * WIDTH + column, a.count, a.size);
+    if (a.norm >= 0) {
+        float shift = sum_slices(a.shift_sums + column, a.shift_count, WIDTH);
+        sum = parameters[a.norm + row] * sum + parameters[a.norm + a.width + row] * shift;
+    }
     __shared__ float all[REDUCE_GROUPS][WIDTH];
     all[group][column] = sum;
     __syncthreads();

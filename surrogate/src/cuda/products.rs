@@ -38,6 +38,8 @@ struct Part {
     mlp: usize,
     linear: usize,
     input: usize,
+    /// LayerNorm whose scale and shift the product leaves out; -1 for none.
+    norm: i32,
     product: Product,
 }
 
@@ -61,12 +63,16 @@ impl Products {
             let columns = m.outputs(*linear);
             targets.push(Target {
                 sums: weight_from,
+                shift_sums: bias_from,
                 count: count.weight as i32,
                 size: (WIDTH * WIDTH) as i32,
-                first: 0,
                 rows: rows as i32,
                 columns: columns as i32,
+                shift_count: count.bias as i32,
+                norm: count.norm,
+                width: m.width as i32,
                 to: (m.weight(*linear) + row * columns) as i32,
+                ..Target::default()
             });
             weight_from += (4 * count.weight * WIDTH * WIDTH) as u64;
             if count.bias > 0 {
@@ -74,10 +80,11 @@ impl Products {
                     sums: bias_from,
                     count: count.bias as i32,
                     size: WIDTH as i32,
-                    first: 0,
                     rows: 1,
                     columns: columns as i32,
+                    norm: -1,
                     to: m.bias(*linear) as i32,
+                    ..Target::default()
                 });
                 bias_from += (4 * count.bias * WIDTH) as u64;
             }
@@ -115,11 +122,10 @@ impl Products {
     /// Computes the gradient of the weights.
     pub fn launch(&self, network: &CudaNetwork) -> Result<(), CudaError> {
         let device = &network.kernels.device;
-        let parameters = at(&network.parameters, device);
-        let products = at(&self.products, device);
-        network.kernels.products(products, self.known.len(), EDGE_BLOCKS, parameters)?;
-        let targets = at(&self.targets, device);
-        network.kernels.reduce(targets, self.target_count, at(&self.gradient, device))
+        network.kernels.products(at(&self.products, device), self.known.len(), EDGE_BLOCKS)?;
+        let (targets, parameters) = (at(&self.targets, device), at(&network.parameters, device));
+        let gradient = at(&self.gradient, device);
+        network.kernels.reduce(targets, self.target_count, parameters, gradient)
     }
 }
 
@@ -128,6 +134,7 @@ impl Products {
 struct Shares {
     weight: usize,
     bias: usize,
+    norm: i32,
 }
 
 struct Assigned {
@@ -144,6 +151,8 @@ fn assign(parts: &mut [Part], address: impl Fn(usize, usize) -> (Address, Addres
     for part in parts {
         let key = (part.mlp, part.linear, part.input);
         let shares = all.shares.entry(key).or_default();
+        debug_assert!(shares.weight == 0 || shares.norm == part.norm, "one LayerNorm for all");
+        shares.norm = part.norm;
         let blocks = part.product.blocks as usize;
         let (weight, bias) = address(all.weight, all.bias);
         part.product.weight = weight;
@@ -252,10 +261,9 @@ impl CudaNetwork {
                     dz: *dz,
                     rows: view.points as u32,
                     blocks: NODE_BLOCKS as i32,
-                    input_norm: -1,
                     ..Product::default()
                 };
-                parts.push(Part { mlp: mlps.message, linear: 0, input, product });
+                parts.push(Part { mlp: mlps.message, linear: 0, input, norm: -1, product });
             }
             let states = vec![state, room.received];
             let read = nodes(mlps.update, &room.update, states, None, &view);
@@ -276,8 +284,6 @@ impl CudaNetwork {
             count: read.count,
             rows: read.rows as u32,
             blocks: if read.count == 0 { NODE_BLOCKS } else { EDGE_BLOCKS } as i32,
-            input_norm: -1,
-            width: m.width as i32,
             ..Product::default()
         };
         // The nodes' parts of messages are apart.
@@ -289,12 +295,11 @@ impl CudaNetwork {
             let product = Product {
                 x: state.at,
                 index: if k == 0 { read.index } else { 0 },
-                input_norm: state.norm,
                 dz: read.saved.linear,
                 bias: bias(input),
                 ..common
             };
-            parts.push(Part { mlp: read.mlp, linear: 0, input, product });
+            parts.push(Part { mlp: read.mlp, linear: 0, input, norm: state.norm, product });
             input += 1;
         }
         if let Some(features) = read.features {
@@ -305,7 +310,7 @@ impl CudaNetwork {
                 bias: bias(input),
                 ..common
             };
-            parts.push(Part { mlp: read.mlp, linear: 0, input, product });
+            parts.push(Part { mlp: read.mlp, linear: 0, input, norm: -1, product });
         }
         for linear in 1..=m.layers {
             let product = Product {
@@ -314,7 +319,7 @@ impl CudaNetwork {
                 bias: 1,
                 ..common
             };
-            parts.push(Part { mlp: read.mlp, linear, input: 0, product });
+            parts.push(Part { mlp: read.mlp, linear, input: 0, norm: -1, product });
         }
     }
 
@@ -331,7 +336,9 @@ impl CudaNetwork {
                     first: (kind * WIDTH) as i32,
                     rows: 1,
                     columns: m.columns as i32,
+                    norm: -1,
                     to: (m.scale() + kind * m.columns) as i32,
+                    ..Target::default()
                 });
             }
         }

@@ -48,3 +48,21 @@ __device__ __forceinline__ void load_transposed(u32 (&d)[4], const void* row) {
                  : "r"(address)
                  : "memory");
 }
+
+// Copies 16 bytes to shared memory without waiting, or zeros.
+__device__ __forceinline__ void copy_async(void* to, const void* from, bool valid) {
+    u32 address = (u32)__cvta_generic_to_shared(to);
+    asm volatile("cp.async.cg.shared.global [%0], [%1], 16, %2;"
+                 :
+                 : "r"(address), "l"(from), "r"(valid ? 16 : 0)
+                 : "memory");
+}
+
+// Ends a group of copies.
+__device__ __forceinline__ void end_copies() { asm volatile("cp.async.commit_group;" ::: "memory"); }
+
+// Waits until at most `N` groups of this thread's copies are under way.
+template <int N>
+__device__ __forceinline__ void wait_for_copies() {
+    asm volatile("cp.async.wait_group %0;" : : "n"(N) : "memory");
+}

@@ -64,6 +64,12 @@ impl CudaNetwork {
         times
     }
 
+    /// What [`advance`](Self::advance) queues on the same frames is the same again after so many
+    /// calls: the encodings take turns.
+    pub fn period(&self) -> usize {
+        (self.layout.frames - 1).max(1)
+    }
+
     fn later_view(&self, place: usize, frame: &FrameInput) -> Result<View, CudaError> {
         let config = &self.config;
         match config.kind {

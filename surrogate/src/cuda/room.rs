@@ -57,7 +57,7 @@ pub struct LayerRoom {
     pub receiver_gradient: Address,
     /// The sum of messages.
     pub received: Address,
-    /// Node states, and (in a residual network) edge states.
+    /// Node states, and edge states if not left to be scaled and shifted by who reads them.
     pub node: Address,
     pub edge: Address,
 }
@@ -277,7 +277,10 @@ impl Maker<'_> {
                     None => self.memory.take(4 * edges)?,
                 };
             }
-            if layout.residual && k + 1 < layout.layers.len() {
+            // `edgemsg` reads the messages of several layers with one MLP, so that scale and shift
+            // cannot be left to the reader.
+            let explicit = layout.residual || layout.edge_fusion.is_some();
+            if explicit && k + 1 < layout.layers.len() {
                 layer.edge = self.states(edges)?;
             }
             layers.push(layer);

@@ -90,6 +90,8 @@ struct Place {
     u32 row[2];
     bool live[2];
 
+    Place() = default;
+
     __device__ Place(u32 tile, u32 rows) {
         int lane = threadIdx.x % 32;
         g = lane / 4, t = lane % 4;
@@ -98,6 +100,11 @@ struct Place {
     }
 
     __device__ int column(int q) const { return 32 * q + 8 * t; }
+
+    // The rows that exist.
+    __device__ void rows(u32 (&own)[2]) const {
+        own[0] = live[0] ? row[0] : NONE, own[1] = live[1] ? row[1] : NONE;
+    }
 };
 
 // Every row the same 128 numbers of shared memory.
@@ -237,8 +244,11 @@ __device__ __forceinline__ void scale_rows(Tile& z, float first, float second) {
     for (int j = 0; j < 16; j++) z[j][0] *= first, z[j][1] *= first, z[j][2] *= second, z[j][3] *= second;
 }
 
-// z += x W with packed weights in shared memory.
-__device__ __forceinline__ void multiply(Tile& z, const Operand& x, const uint4* weights) {
+// z += x W with packed weights in shared memory, for several tiles at a time: what is read from
+// shared memory, and not the tensor cores, bounds a single one.
+template <int GROUPS>
+__device__ __forceinline__ void multiply(Tile (&z)[GROUPS], const Operand (&x)[GROUPS],
+                                         const uint4* weights) {
     const uint4* mine = weights + threadIdx.x % 32;
 #if PARTS == 1
 #pragma unroll
@@ -246,24 +256,34 @@ __device__ __forceinline__ void multiply(Tile& z, const Operand& x, const uint4*
 #pragma unroll
         for (int j = 0; j < 8; j++) {
             uint4 w = mine[(k * 8 + j) * 32];
-            multiply_add(z[2 * j], x.part[0][k], w.x, w.y);
-            multiply_add(z[2 * j + 1], x.part[0][k], w.z, w.w);
+#pragma unroll
+            for (int g = 0; g < GROUPS; g++) {
+                multiply_add(z[g][2 * j], x[g].part[0][k], w.x, w.y);
+                multiply_add(z[g][2 * j + 1], x[g].part[0][k], w.z, w.w);
+            }
         }
 #else
-    scale_rows(z, WEIGHT_SCALE / x.scale[0], WEIGHT_SCALE / x.scale[1]);
+#pragma unroll
+    for (int g = 0; g < GROUPS; g++)
+        scale_rows(z[g], WEIGHT_SCALE / x[g].scale[0], WEIGHT_SCALE / x[g].scale[1]);
 #pragma unroll
     for (int k = 0; k < 8; k++)
 #pragma unroll
         for (int j = 0; j < 8; j++) {
             uint4 w = mine[(k * 8 + j) * 32], v = mine[UNIT + (k * 8 + j) * 32];
-            multiply_add_f16(z[2 * j], x.part[0][k], v.x, v.y);
-            multiply_add_f16(z[2 * j + 1], x.part[0][k], v.z, v.w);
-            multiply_add_f16(z[2 * j], x.part[1][k], w.x, w.y);
-            multiply_add_f16(z[2 * j + 1], x.part[1][k], w.z, w.w);
-            multiply_add_f16(z[2 * j], x.part[0][k], w.x, w.y);
-            multiply_add_f16(z[2 * j + 1], x.part[0][k], w.z, w.w);
+#pragma unroll
+            for (int g = 0; g < GROUPS; g++) {
+                multiply_add_f16(z[g][2 * j], x[g].part[0][k], v.x, v.y);
+                multiply_add_f16(z[g][2 * j + 1], x[g].part[0][k], v.z, v.w);
+                multiply_add_f16(z[g][2 * j], x[g].part[1][k], w.x, w.y);
+                multiply_add_f16(z[g][2 * j + 1], x[g].part[1][k], w.z, w.w);
+                multiply_add_f16(z[g][2 * j], x[g].part[0][k], w.x, w.y);
+                multiply_add_f16(z[g][2 * j + 1], x[g].part[0][k], w.z, w.w);
+            }
         }
-    scale_rows(z, x.scale[0] / WEIGHT_SCALE, x.scale[1] / WEIGHT_SCALE);
+#pragma unroll
+    for (int g = 0; g < GROUPS; g++)
+        scale_rows(z[g], x[g].scale[0] / WEIGHT_SCALE, x[g].scale[1] / WEIGHT_SCALE);
 #endif
 }
 
@@ -282,14 +302,21 @@ struct Weights {
     bool resident;
     int cursor;
 
+    // Begins to copy; `wait` before the first use.
     __device__ Weights(const uint4* source, uint4* buffer, int all, bool resident)
         : source(source), buffer(buffer), resident(resident), cursor(0) {
         if (resident) copy(0, all);
-        __syncthreads();
     }
 
     __device__ void copy(int from, int count) {
-        for (int k = threadIdx.x; k < count; k += blockDim.x) buffer[k] = source[from + k];
+        for (int k = threadIdx.x; k < count; k += blockDim.x)
+            copy_async(&buffer[k], &source[from + k], true);
+        end_copies();
+    }
+
+    __device__ void wait() {
+        wait_for_copies<0>();
+        __syncthreads();
     }
 
     // The next matrix, `size` words of 16 bytes long. All threads of the block have to ask unless
@@ -300,7 +327,7 @@ struct Weights {
         if (resident) return buffer + at;
         __syncthreads();
         copy(at, size);
-        __syncthreads();
+        wait();
         return buffer;
     }
 };

@@ -6,7 +6,7 @@ use std::thread;
 
 use super::{DataError, DataSet, Draft, Order, Recipe};
 
-/// Batches that wait at most, or are being made.
+/// Batches that wait or are being made, at least; as many as there are threads to make them.
 const AHEAD: usize = 3;
 
 /// Makes batches ahead of time, in order. The thread ends when this is dropped.
@@ -23,7 +23,7 @@ impl<T: Send + 'static> Prefetch<T> {
         step: u64,
         prepare: impl Fn(Draft) -> T + Send + Sync + 'static,
     ) -> Self {
-        let (send, batches) = sync_channel(AHEAD);
+        let (send, batches) = sync_channel(rayon::current_num_threads().max(AHEAD));
         let prepare = Arc::new(prepare);
         thread::spawn(move || {
             let mut order = Order::new(recipe.seed, data.len());
