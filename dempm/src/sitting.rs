@@ -293,8 +293,10 @@ impl Sitting {
             End::Failed(error) => {
                 let Some(writer) = self.writer else { return Err(error.into()) };
                 let frames = writer.frames();
-                writer.finish(&format!("failed: {error}"))?;
-                Err(miette::Report::new(error).wrap_err(format!(
+                let report = miette::Report::new(error);
+                let reasons: Vec<String> = report.chain().map(ToString::to_string).collect();
+                writer.finish(&format!("failed: {}", reasons.join(": ")))?;
+                Err(report.wrap_err(format!(
                     "{} holds the {frames} frames before",
                     self.output.display()
                 )))

@@ -29,7 +29,7 @@ impl Limits {
 }
 
 /// A GPU with the stream its work is queued on.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Device {
     context: Arc<CudaContext>,
     stream: Arc<CudaStream>,
@@ -81,6 +81,15 @@ impl Device {
             context,
             stream,
         }))
+    }
+
+    /// The same GPU with a stream of its own, for another thread: what one thread captures in a graph
+    /// must not mix with what another queues.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn with_own_stream(&self) -> Result<Arc<Self>, Error> {
+        Ok(Arc::new(Self { stream: self.context.new_stream()?, ..self.clone() }))
     }
 
     /// As the vendor names it.
@@ -162,7 +171,8 @@ impl Device {
     }
 }
 
-/// The first GPU, for a test that needs one; without one `None`, after saying why.
+/// The first GPU with a stream of its own, for a test that needs one; without one `None`, after
+/// saying why.
 ///
 /// # Panics
 /// Without a usable GPU if the environment has `DEMPM_REQUIRE_GPU=1`.
@@ -178,5 +188,5 @@ pub fn for_tests() -> Option<Arc<Device>> {
             None
         }
     });
-    device.clone()
+    device.as_ref().map(|device| device.with_own_stream().expect("a stream"))
 }

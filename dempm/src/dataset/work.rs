@@ -74,7 +74,8 @@ pub fn run(
         let mut pools = Vec::new();
         for worker in 0..workers {
             // Device by device, so that no GPU waits while another has two scenes.
-            let device = devices[worker % devices.len()].clone();
+            let device = devices[worker % devices.len()].as_ref();
+            let device = device.map(|gpu| gpu.with_own_stream()).transpose().into_diagnostic()?;
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pools.push((pool.into_diagnostic()?, device));
         }

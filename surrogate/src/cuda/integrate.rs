@@ -3,7 +3,9 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaSlice, DeviceRepr, PinnedHostSlice, PushKernelArg};
+use cudarc::driver::{
+    CudaEvent, CudaFunction, CudaSlice, DeviceRepr, PinnedHostSlice, PushKernelArg,
+};
 use gpu::{Device, Error};
 
 use super::constraints::{self, BoxRecord};
@@ -165,12 +167,14 @@ impl Integrator {
             Landing {
                 positions: context.alloc_pinned_with_flags(values, 0)?,
                 failed: context.alloc_pinned_with_flags(1, 0)?,
+                copied: context.new_event(None)?,
             }
         };
         Ok(landing)
     }
 
-    /// Queues the copy of block number `block` of [`BLOCK`] frames since the beginning.
+    /// Queues the copy of block number `block` of [`BLOCK`] frames since the beginning, which
+    /// [`Landing::wait`] waits for.
     ///
     /// # Errors
     /// The copy was refused.
@@ -181,6 +185,7 @@ impl Integrator {
         let rows = self.history.slice(row * values..(row + BLOCK) * values);
         stream.memcpy_dtoh(&rows, &mut landing.positions)?;
         stream.memcpy_dtoh(&self.failed, &mut landing.failed)?;
+        landing.copied.record(stream)?;
         Ok(())
     }
 
@@ -194,6 +199,7 @@ impl Integrator {
         landing: &Landing,
         first: usize,
     ) -> Result<(Frames, Option<RolloutError>), Error> {
+        landing.wait()?;
         let positions = landing.positions.as_slice()?;
         let failed = landing.failed.as_slice()?[0];
         let frames = positions.chunks_exact(2 * self.setup.points as usize);
@@ -221,6 +227,26 @@ impl Integrator {
 pub struct Landing {
     positions: PinnedHostSlice<f64>,
     failed: PinnedHostSlice<u64>,
+    /// After the copies: those that the arrays keep themselves are not recorded, since the tracking
+    /// of events is off.
+    copied: CudaEvent,
+}
+
+impl Landing {
+    /// Waits for the last copy to here and for all that was queued before it.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn wait(&self) -> Result<(), Error> {
+        Ok(self.copied.synchronize()?)
+    }
+}
+
+impl Drop for Landing {
+    fn drop(&mut self) {
+        // The memory must not go while a copy to it is under way.
+        let _ = self.wait();
+    }
 }
 
 /// Positions (m) of the points, frame by frame.

@@ -45,7 +45,7 @@ impl Precision {
     fn wide(self) -> (u32, u32) {
         match self {
             Self::F32 => (NARROW_THREADS, 1),
-            Self::Bf16 => (256, 2),
+            Self::Bf16 => (512, 1),
         }
     }
 }

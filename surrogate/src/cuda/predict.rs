@@ -241,8 +241,8 @@ impl<N: Network> CudaRollout<N> {
         let block = self.queued / BLOCK;
         (0..BLOCK).try_for_each(|_| self.step())?;
         let (landing, needed) = &mut self.landings[block % 2];
-        self.integrator.copy_block(block, landing)?;
-        Ok(self.builder.copy_needed(needed)?)
+        self.builder.copy_needed(needed)?;
+        Ok(self.integrator.copy_block(block, landing)?)
     }
 
     /// Predicts [`BLOCK`] frames; fewer if one makes no sense, and why. The device is left with the
@@ -255,7 +255,9 @@ impl<N: Network> CudaRollout<N> {
             while self.queued < (self.given + 2) * BLOCK {
                 self.queue_block()?;
             }
-            let needed = self.landings[self.given % 2].1.as_slice()?[0];
+            let (landing, needed) = &self.landings[self.given % 2];
+            landing.wait()?;
+            let needed = needed.as_slice()?[0];
             let needed = usize::try_from(needed).unwrap_or(usize::MAX);
             if needed <= self.room() {
                 break;
