@@ -1,5 +1,5 @@
 """The Baseline in PyTorch, as graph libraries compute it (gather, concatenate, MLP, index_add), on
-what examples/cuda_bench.rs left: compares output and gradient, and times a training step.
+what examples/network_bench.rs left: compares output and gradient, and times a training step.
 
 python torch_reference.py FOLDER [--quick]     (needs torch and safetensors, and a GPU)
 """

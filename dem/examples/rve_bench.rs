@@ -1,6 +1,6 @@
 //! Speed of the RVE kernel on a GPU in steady shear, and its difference from the CPU twin.
 //!
-//! `cuda_bench [RVES] [RATE...]`, by default 2304 RVEs at 0.5, 5 and 50 1/s.
+//! `rve_bench [RVES] [RATE...]`, by default 2304 RVEs at 0.5, 5 and 50 1/s.
 use std::sync::Arc;
 use std::time::Instant;
 

@@ -1,6 +1,6 @@
 //! Time of a training step and of a predicted frame at the size of the paper's Baseline, on a GPU.
 //!
-//! `cuda_bench [FOLDER]`; in FOLDER it leaves weights, input, output and gradient for
+//! `network_bench [FOLDER]`; in FOLDER it leaves weights, input, output and gradient for
 //! `benches/torch_reference.py`, which computes and times the same in PyTorch.
 
 use std::error::Error;
