@@ -4,7 +4,7 @@
 use super::DatasetError;
 use crate::trajectory::Trajectory;
 
-/// Welford's running mean and sum of squared differences from it.
+/// Running mean and variance in double precision, after Welford: no differences of large sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Welford {
     count: u64,
@@ -13,11 +13,17 @@ pub struct Welford {
 }
 
 impl Welford {
+    /// Takes a value into account.
     pub fn add(&mut self, value: f64) {
         self.count += 1;
         let before = value - self.mean;
         self.mean += before / self.count as f64;
         self.squares += before * (value - self.mean);
+    }
+
+    /// The number of values.
+    pub fn count(&self) -> u64 {
+        self.count
     }
 
     pub fn mean(&self) -> f64 {
@@ -27,6 +33,12 @@ impl Welford {
     /// Standard deviation of the population; zero without values.
     pub fn deviation(&self) -> f64 {
         (self.squares / self.count.max(1) as f64).sqrt()
+    }
+
+    /// As though every value had come with its negative.
+    pub fn symmetric(self) -> Self {
+        let count = self.count as f64;
+        Self { mean: 0.0, squares: self.squares + count * self.mean * self.mean, ..self }
     }
 }
 

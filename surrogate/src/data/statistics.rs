@@ -1,5 +1,7 @@
 //! Mean and standard deviation of velocities and accelerations, for the normalisation.
 
+pub use dempm::dataset::Welford;
+
 use super::{DataError, DataSet};
 use crate::config::ModelConfig;
 use crate::features::Normalisation;
@@ -7,45 +9,6 @@ use crate::node_features::{columns, overburden};
 
 /// Less than any motion of grains per frame, m: keeps a direction in which nothing moves finite.
 const NO_MOTION: f64 = 1e-9;
-
-/// Running mean and variance in double precision, after Welford: no differences of large sums.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Welford {
-    count: u64,
-    mean: f64,
-    squares: f64,
-}
-
-impl Welford {
-    /// Takes a value into account.
-    pub fn add(&mut self, value: f64) {
-        self.count += 1;
-        let before = value - self.mean;
-        self.mean += before / self.count as f64;
-        self.squares += before * (value - self.mean);
-    }
-
-    /// The number of values.
-    pub fn count(&self) -> u64 {
-        self.count
-    }
-
-    /// The mean.
-    pub fn mean(&self) -> f64 {
-        self.mean
-    }
-
-    /// The standard deviation.
-    pub fn deviation(&self) -> f64 {
-        if self.count == 0 { 0.0 } else { (self.squares / self.count as f64).sqrt() }
-    }
-
-    /// As though every value had come with its negative.
-    fn symmetric(self) -> Self {
-        let count = self.count as f64;
-        Self { mean: 0.0, squares: self.squares + count * self.mean * self.mean, ..self }
-    }
-}
 
 /// Statistics of the targets of a data set: per component, differences of positions per frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
