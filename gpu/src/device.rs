@@ -8,7 +8,7 @@ use cudarc::driver::{
 };
 use cudarc::nvrtc::Ptx;
 
-use crate::compiler::{compile_cached, nvrtc_version};
+use crate::compiler::{compile_cached, nvrtc_is_present, nvrtc_version};
 use crate::error::Error;
 
 /// What the GPU offers.
@@ -189,4 +189,18 @@ pub fn for_tests() -> Option<Arc<Device>> {
         }
     });
     device.as_ref().map(|device| device.with_own_stream().expect("a stream"))
+}
+
+/// Whether there is NVRTC for a test that compiles kernels, which takes no GPU; says so if not.
+///
+/// # Panics
+/// Without NVRTC if the environment has `DEMPM_REQUIRE_NVRTC`.
+pub fn nvrtc_for_tests() -> bool {
+    let present = nvrtc_is_present();
+    if !present {
+        let required = std::env::var_os("DEMPM_REQUIRE_NVRTC").is_some();
+        assert!(!required, "NVRTC was not found, but DEMPM_REQUIRE_NVRTC is set");
+        eprintln!("skipped: {}", Error::NvrtcMissing);
+    }
+    present
 }

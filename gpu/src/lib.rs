@@ -8,5 +8,5 @@ mod error;
 
 pub use cache::cache_directory;
 pub use compiler::{compile, nvrtc_is_present};
-pub use device::{Device, Limits, for_tests};
+pub use device::{Device, Limits, for_tests, nvrtc_for_tests};
 pub use error::Error;
