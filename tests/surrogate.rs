@@ -190,19 +190,23 @@ fn the_model_of_the_repository_follows_a_collapse() {
 
 /// Killed without warning, or with Ctrl-C, a resumed training ends with the weights, the log and
 /// the best model of one that was never interrupted.
-#[test]
 #[cfg(unix)]
-fn an_interrupted_training_resumes_bitwise() {
+fn resumes_bitwise(steps: u64, device: &str) {
     let directory = TempDir::new().unwrap();
     let here = directory.path();
     data(here);
-    let more = "ema = 0.99\n[data]\nmirror = true\n[pushforward]\nsteps = 2\nstart = 600";
-    let config = config(here, 900, more);
-    succeeds(&mut train(here, &config, "whole"));
+    let more = "ema = 0.99\n[data]\nmirror = true\n[pushforward]\nsteps = 2\nstart = ";
+    let config = config(here, steps, &format!("{more}{}", steps * 2 / 3));
+    let train = |output| {
+        let mut command = train(here, &config, output);
+        command.args(["--device", device]);
+        command
+    };
+    succeeds(&mut train("whole"));
 
     let cut = here.join("cut/checkpoint.bin");
     let resumable = |more: &[&str]| {
-        let mut command = train(here, &config, "cut");
+        let mut command = train("cut");
         command.args(["--checkpoint-interval", "0"]).args(more);
         command
     };
@@ -243,6 +247,20 @@ fn an_interrupted_training_resumes_bitwise() {
     for name in ["last.safetensors", "best.safetensors", "log.csv", "validation.csv"] {
         let [a, b] = ["whole", "cut"].map(|run| std::fs::read(here.join(run).join(name)).unwrap());
         assert!(a == b, "{name} differs after {interrupts} interrupts");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_training_resumes_bitwise() {
+    resumes_bitwise(900, "cpu");
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_training_on_a_gpu_resumes_bitwise() {
+    if gpu::for_tests().is_some() {
+        resumes_bitwise(300, "cuda");
     }
 }
 

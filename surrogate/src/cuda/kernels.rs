@@ -54,17 +54,18 @@ impl Precision {
 const NARROW_THREADS: u32 = 384;
 
 macro_rules! source {
-    ($file:literal) => {
-        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), include_str!($file))
+    ($($file:literal),*) => {
+        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), $(include_str!($file)),*)
     };
 }
 
 /// Names and texts of the kernels' sources.
-pub const SOURCES: [(&str, &str); 6] = [
+pub const SOURCES: [(&str, &str); 7] = [
     ("weights.cu", source!("weights.cu")),
     ("forward.cu", source!("forward.cu")),
-    ("backward.cu", source!("backward.cu")),
-    ("gradient.cu", source!("gradient.cu")),
+    ("backward.cu", source!("product.cuh", "backward.cuh", "backward.cu")),
+    ("edges_backward.cu", source!("product.cuh", "backward.cuh", "edges_backward.cu")),
+    ("gradient.cu", source!("product.cuh", "gradient.cu")),
     ("segment.cu", source!("segment.cu")),
     ("optimiser.cu", source!("optimiser.cu")),
 ];
@@ -95,6 +96,7 @@ pub struct Pack {
     pub steps: i32,
     pub features: i32,
     pub parts: i32,
+    pub plain: i32,
     pub to: i32,
 }
 
@@ -136,7 +138,7 @@ pub struct Forward {
     pub slope: f32,
 }
 
-/// `Backward` of backward.cu.
+/// `Backward` of backward.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Backward {
@@ -153,6 +155,7 @@ pub struct Backward {
     pub deviation: Address,
     pub weights: Address,
     pub parameters: Address,
+    pub products: Address,
     pub linear: Address,
     pub input32: [Address; 2],
     pub input: Address,
@@ -165,10 +168,12 @@ pub struct Backward {
     pub layers: i32,
     pub width: i32,
     pub accumulate: i32,
+    pub product_count: i32,
+    pub blocks: i32,
     pub slope: f32,
 }
 
-/// `Product` of gradient.cu.
+/// `Product` of product.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Product {
@@ -203,7 +208,7 @@ pub struct Target {
 
 /// MLPs of one forward launch, and of one backward launch.
 pub const FORWARD_BATCH: usize = 8;
-pub const BACKWARD_BATCH: usize = 4;
+pub const BACKWARD_BATCH: usize = 8;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
@@ -239,6 +244,8 @@ pub struct Kernels {
     forward_wide: CudaFunction,
     backward: CudaFunction,
     backward_wide: CudaFunction,
+    /// In bf16.
+    edges_backward: Option<CudaFunction>,
     product: CudaFunction,
     receive: CudaFunction,
     collect: CudaFunction,
@@ -256,8 +263,8 @@ impl Kernels {
             .iter()
             .map(|(name, source)| device.module(name, source, &defines))
             .collect::<Result<Vec<Arc<CudaModule>>, _>>()?;
-        let [weights, forward, backward, gradient, segment, optimiser] = &modules[..] else {
-            unreachable!("six sources")
+        let [weights, forward, backward, edges, gradient, segment, optimiser] = &modules[..] else {
+            unreachable!("seven sources")
         };
         // What the driver keeps of a block's shared memory is not in the limit.
         let shared = device.limits()?.shared_per_block;
@@ -278,6 +285,11 @@ impl Kernels {
             forward_wide: with_shared(forward, "mlp_forward_wide", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
             backward_wide: with_shared(backward, "mlp_backward_wide", shared)?,
+            edges_backward: if precision == Precision::Bf16 {
+                Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
+            } else {
+                None
+            },
             product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
             receive: segment.load_function("receive")?,
             collect: segment.load_function("collect")?,
@@ -324,10 +336,11 @@ impl Kernels {
         })
     }
 
-    /// Blocks of an MLP launch on at most `rows` rows. A multiprocessor has four tensor cores, so
-    /// four warps of 16 rows take no longer than one, and fewer blocks fetch fewer weights.
-    pub fn blocks(&self, rows: usize) -> u32 {
-        self.processors.min(rows.div_ceil(64) as u32).max(1)
+    /// Blocks of an MLP launch on at most `rows` rows, if so many MLPs are computed together. A
+    /// multiprocessor has four tensor cores, so four warps of 16 rows take no longer than one, and
+    /// fewer blocks fetch fewer weights.
+    pub fn blocks(&self, rows: usize, together: usize) -> usize {
+        (self.processors as usize / together).min(rows.div_ceil(64)).max(1)
     }
 
     /// Whether `units` (in words of 16 bytes) fit into shared memory with `vectors` of 128 f32;
@@ -357,20 +370,20 @@ impl Kernels {
             }
             let mut launch = self.device.stream().launch_builder(kernel);
             launch.arg(&batch);
-            let grid = [self.blocks(rows), part.len() as u32];
+            let grid = [self.blocks(rows, 1) as u32, part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
             unsafe { self.launch(name, launch, config(grid, threads, shared))? };
         }
         Ok(())
     }
 
-    /// As [`forward`](Self::forward).
-    pub fn backward(&self, items: &[Backward], rows: usize) -> Result<(), CudaError> {
+    /// MLPs with the same sizes of weights on up to `rows` rows each, which `blocks` share.
+    pub fn backward(&self, items: &[Backward]) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = if edges {
-            ("backward, edges", &self.backward_wide, self.precision.wide().0)
-        } else {
-            ("backward, nodes", &self.backward, NARROW_THREADS)
+        let (name, kernel, threads) = match (edges, &self.edges_backward) {
+            (true, Some(kernel)) => ("backward, edges", kernel, EDGES_THREADS),
+            (true, None) => ("backward, edges", &self.backward_wide, self.precision.wide().0),
+            _ => ("backward, nodes", &self.backward, NARROW_THREADS),
         };
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();
@@ -382,13 +395,21 @@ impl Kernels {
                 let sums = threads as usize / 32 * 256 * 4;
                 shared = shared.max(bytes).max(sums);
             }
+            if edges && self.edges_backward.is_some() {
+                shared = EDGES_SHARED;
+            }
             let mut launch = self.device.stream().launch_builder(kernel);
             launch.arg(&batch);
-            let grid = [self.blocks(rows), part.len() as u32];
-            // SAFETY: as above.
+            let grid = [part[0].blocks as u32, part.len() as u32];
+            // SAFETY: the addresses in the items are those of live buffers for their rows.
             unsafe { self.launch(name, launch, config(grid, threads, shared))? };
         }
         Ok(())
+    }
+
+    /// Whether the backward pass of edges gives the gradients of the weights on its way.
+    pub fn fused(&self) -> bool {
+        self.edges_backward.is_some()
     }
 
     pub fn products(
@@ -518,6 +539,12 @@ impl Kernels {
         Ok(())
     }
 }
+
+/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows and three
+/// stages of two tiles of 64, all of 17 words of 16 bytes, and one tile without padding; five
+/// vectors.
+const EDGES_THREADS: u32 = 512;
+const EDGES_SHARED: usize = (128 + 3 * 2 * 64) * 17 * 16 + 3 * 64 * 16 * 16 + 5 * WIDTH * 4;
 
 /// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
 fn product_shared(precision: Precision) -> usize {

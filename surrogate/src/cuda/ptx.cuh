@@ -49,12 +49,33 @@ __device__ __forceinline__ void load_transposed(u32 (&d)[4], const void* row) {
                  : "memory");
 }
 
+// The same without transposing: lane 8 m + k gets columns 2t and 2t + 1 of row g.
+__device__ __forceinline__ void load_matrices(u32 (&d)[4], const void* row) {
+    u32 address = (u32)__cvta_generic_to_shared(row);
+    asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
+                 : "=r"(d[0]), "=r"(d[1]), "=r"(d[2]), "=r"(d[3])
+                 : "r"(address)
+                 : "memory");
+}
+
+// Waits for all threads of the block, which may be at different places of the program.
+__device__ __forceinline__ void barrier() { asm volatile("bar.sync 0;" ::: "memory"); }
+
 // Copies 16 bytes to shared memory without waiting, or zeros.
 __device__ __forceinline__ void copy_async(void* to, const void* from, bool valid) {
     u32 address = (u32)__cvta_generic_to_shared(to);
     asm volatile("cp.async.cg.shared.global [%0], [%1], 16, %2;"
                  :
                  : "r"(address), "l"(from), "r"(valid ? 16 : 0)
+                 : "memory");
+}
+
+// Copies a number to shared memory without waiting, or zero.
+__device__ __forceinline__ void copy_async(float* to, const float* from, bool valid) {
+    u32 address = (u32)__cvta_generic_to_shared(to);
+    asm volatile("cp.async.ca.shared.global [%0], [%1], 4, %2;"
+                 :
+                 : "r"(address), "l"(from), "r"(valid ? 4 : 0)
                  : "memory");
 }
 

@@ -161,7 +161,7 @@ impl CudaTrainer {
             network.address(&self.counter),
             LOSSES,
         )?;
-        network.propagate(views, passed)?;
+        network.propagate(views, passed, &self.products)?;
         self.products.launch(network)
     }
 

@@ -13,6 +13,8 @@ struct Pack {
     int steps, features;
     // 1: bf16; 2: two f16 whose sum is the weight times WEIGHT_SCALE.
     int parts;
+    // bf16, row after row as they are.
+    int plain;
     // Place among the packed weights, in words of 16 bytes.
     int to;
 };
@@ -42,10 +44,22 @@ __device__ void registers(const float* all, const Pack& p, int part, int k, int 
     }
 }
 
+// Eight columns of a row.
+__device__ uint4 plain_columns(const float* all, const Pack& p, int row, int column) {
+    u32 word[4];
+    for (int k = 0; k < 4; k++)
+        word[k] = pack(element_of(all, p, row, column + 2 * k), element_of(all, p, row, column + 2 * k + 1));
+    return make_uint4(word[0], word[1], word[2], word[3]);
+}
+
 extern "C" __global__ void pack_weights(const Pack* packs, const float* all, uint4* packed) {
     const Pack p = packs[blockIdx.x];
     const int size = p.steps * 256;
     for (int n = threadIdx.x; n < p.parts * size; n += blockDim.x) {
+        if (p.plain) {
+            packed[p.to + n] = plain_columns(all, p, n / 16, n % 16 * 8);
+            continue;
+        }
         int part = n / size, k = n % size / 256, j = n % 256 / 32, lane = n % 32;
         u32 b[2], c[2];
         registers(all, p, part, k, 2 * j, lane, b);
