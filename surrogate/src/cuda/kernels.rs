@@ -40,18 +40,14 @@ impl Precision {
         2 * self.parts()
     }
 
-    /// Threads of a block of kernels on edges, and tiles of 16 rows of a warp: as many as there are
-    /// registers for.
-    fn wide(self) -> (u32, u32) {
+    /// Threads of a block that takes rows through MLPs: as many as there are registers for.
+    fn threads(self) -> u32 {
         match self {
-            Self::F32 => (NARROW_THREADS, 1),
-            Self::Bf16 => (512, 1),
+            Self::F32 => 256,
+            Self::Bf16 => 512,
         }
     }
 }
-
-/// Threads of a block of kernels on nodes, of which there are too few to fill the GPU.
-const NARROW_THREADS: u32 = 384;
 
 macro_rules! source {
     ($file:literal) => {
@@ -71,13 +67,7 @@ pub const SOURCES: [(&str, &str); 6] = [
 
 /// Definitions that the sources need.
 pub fn defines(precision: Precision) -> Vec<String> {
-    let (threads, groups) = precision.wide();
-    vec![
-        format!("PARTS={}", precision.parts()),
-        format!("NARROW_THREADS={NARROW_THREADS}"),
-        format!("WIDE_THREADS={threads}"),
-        format!("WIDE_GROUPS={groups}"),
-    ]
+    vec![format!("PARTS={}", precision.parts()), format!("THREADS={}", precision.threads())]
 }
 
 /// Address in device memory; 0 is none.
@@ -236,9 +226,7 @@ pub struct Kernels {
     shared: usize,
     pack: CudaFunction,
     forward: CudaFunction,
-    forward_wide: CudaFunction,
     backward: CudaFunction,
-    backward_wide: CudaFunction,
     product: CudaFunction,
     receive: CudaFunction,
     collect: CudaFunction,
@@ -275,9 +263,7 @@ impl Kernels {
         Ok(Self {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
-            forward_wide: with_shared(forward, "mlp_forward_wide", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            backward_wide: with_shared(backward, "mlp_backward_wide", shared)?,
             product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
             receive: segment.load_function("receive")?,
             collect: segment.load_function("collect")?,
@@ -342,11 +328,8 @@ impl Kernels {
     /// MLPs with the same sizes of weights on up to `rows` rows each.
     pub fn forward(&self, items: &[Forward], rows: usize) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = if edges {
-            ("forward, edges", &self.forward_wide, self.precision.wide().0)
-        } else {
-            ("forward, nodes", &self.forward, NARROW_THREADS)
-        };
+        let name = if edges { "forward, edges" } else { "forward, nodes" };
+        let threads = self.precision.threads();
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
             let mut shared = 0;
@@ -355,7 +338,7 @@ impl Kernels {
                 *to = Forward { resident: i32::from(resident), ..*from };
                 shared = shared.max(bytes);
             }
-            let mut launch = self.device.stream().launch_builder(kernel);
+            let mut launch = self.device.stream().launch_builder(&self.forward);
             launch.arg(&batch);
             let grid = [self.blocks(rows), part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
@@ -367,11 +350,8 @@ impl Kernels {
     /// As [`forward`](Self::forward).
     pub fn backward(&self, items: &[Backward], rows: usize) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = if edges {
-            ("backward, edges", &self.backward_wide, self.precision.wide().0)
-        } else {
-            ("backward, nodes", &self.backward, NARROW_THREADS)
-        };
+        let name = if edges { "backward, edges" } else { "backward, nodes" };
+        let threads = self.precision.threads();
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();
             let mut shared = 0;
@@ -382,7 +362,7 @@ impl Kernels {
                 let sums = threads as usize / 32 * 256 * 4;
                 shared = shared.max(bytes).max(sums);
             }
-            let mut launch = self.device.stream().launch_builder(kernel);
+            let mut launch = self.device.stream().launch_builder(&self.backward);
             launch.arg(&batch);
             let grid = [self.blocks(rows), part.len() as u32];
             // SAFETY: as above.
