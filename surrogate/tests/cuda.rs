@@ -421,7 +421,8 @@ fn kernels_compile() {
     if !gpu::nvrtc_for_tests() {
         return;
     }
-    for architecture in ["sm_80", "sm_90"] {
+    // With and without products of warp groups.
+    for architecture in ["sm_80", "sm_90a"] {
         for precision in [Precision::F32, Precision::Bf16] {
             for (name, source) in SOURCES {
                 compile(name, source, architecture, &defines(precision)).unwrap();

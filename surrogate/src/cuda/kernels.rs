@@ -40,18 +40,14 @@ impl Precision {
         2 * self.parts()
     }
 
-    /// Threads of a block of kernels on edges, and tiles of 16 rows of a warp: as many as there are
-    /// registers for.
-    fn wide(self) -> (u32, u32) {
+    /// Threads of a block that takes rows through MLPs: as many as there are registers for.
+    fn threads(self) -> u32 {
         match self {
-            Self::F32 => (NARROW_THREADS, 1),
-            Self::Bf16 => (512, 1),
+            Self::F32 => 256,
+            Self::Bf16 => 512,
         }
     }
 }
-
-/// Threads of a block of kernels on nodes, of which there are too few to fill the GPU.
-const NARROW_THREADS: u32 = 384;
 
 macro_rules! source {
     ($($file:literal),*) => {
@@ -72,13 +68,7 @@ pub const SOURCES: [(&str, &str); 7] = [
 
 /// Definitions that the sources need.
 pub fn defines(precision: Precision) -> Vec<String> {
-    let (threads, groups) = precision.wide();
-    vec![
-        format!("PARTS={}", precision.parts()),
-        format!("NARROW_THREADS={NARROW_THREADS}"),
-        format!("WIDE_THREADS={threads}"),
-        format!("WIDE_GROUPS={groups}"),
-    ]
+    vec![format!("PARTS={}", precision.parts()), format!("THREADS={}", precision.threads())]
 }
 
 /// Address in device memory; 0 is none.
@@ -241,9 +231,7 @@ pub struct Kernels {
     shared: usize,
     pack: CudaFunction,
     forward: CudaFunction,
-    forward_wide: CudaFunction,
     backward: CudaFunction,
-    backward_wide: CudaFunction,
     /// In bf16.
     edges_backward: Option<CudaFunction>,
     product: CudaFunction,
@@ -282,9 +270,7 @@ impl Kernels {
         Ok(Self {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
-            forward_wide: with_shared(forward, "mlp_forward_wide", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            backward_wide: with_shared(backward, "mlp_backward_wide", shared)?,
             edges_backward: if precision == Precision::Bf16 {
                 Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
             } else {
@@ -355,11 +341,8 @@ impl Kernels {
     /// MLPs with the same sizes of weights on up to `rows` rows each.
     pub fn forward(&self, items: &[Forward], rows: usize) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = if edges {
-            ("forward, edges", &self.forward_wide, self.precision.wide().0)
-        } else {
-            ("forward, nodes", &self.forward, NARROW_THREADS)
-        };
+        let name = if edges { "forward, edges" } else { "forward, nodes" };
+        let threads = self.precision.threads();
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
             let mut shared = 0;
@@ -368,7 +351,7 @@ impl Kernels {
                 *to = Forward { resident: i32::from(resident), ..*from };
                 shared = shared.max(bytes);
             }
-            let mut launch = self.device.stream().launch_builder(kernel);
+            let mut launch = self.device.stream().launch_builder(&self.forward);
             launch.arg(&batch);
             let grid = [self.blocks(rows, 1) as u32, part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
@@ -382,8 +365,8 @@ impl Kernels {
         let edges = items.first().is_some_and(|item| item.count != 0);
         let (name, kernel, threads) = match (edges, &self.edges_backward) {
             (true, Some(kernel)) => ("backward, edges", kernel, EDGES_THREADS),
-            (true, None) => ("backward, edges", &self.backward_wide, self.precision.wide().0),
-            _ => ("backward, nodes", &self.backward, NARROW_THREADS),
+            (true, None) => ("backward, edges", &self.backward, self.precision.threads()),
+            _ => ("backward, nodes", &self.backward, self.precision.threads()),
         };
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();

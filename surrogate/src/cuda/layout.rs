@@ -292,14 +292,7 @@ impl Packer {
         self.matrix(mlp.weight(layer), mlp.width, mlp.outputs(layer), order, false);
     }
 
-    fn matrix(
-        &mut self,
-        from: usize,
-        rows: usize,
-        columns: usize,
-        order: Order,
-        features: bool,
-    ) {
+    fn matrix(&mut self, from: usize, rows: usize, columns: usize, order: Order, features: bool) {
         let steps = if features { rows.div_ceil(16) } else { 8 };
         let parts = if features { 2 } else { self.parts };
         self.packs.push(Pack {
