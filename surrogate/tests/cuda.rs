@@ -124,35 +124,49 @@ fn list<const D: usize>(tensor: Tensor<CpuAutodiff, D>) -> Vec<f32> {
 }
 
 /// Output, loss and gradient in Burn.
-fn reference(case: &Case, input: &WindowInput<CpuAutodiff>) -> (Vec<f32>, f32, Vec<f32>) {
-    let model = case.model();
+fn reference(
+    case: &Case,
+    input: &WindowInput<CpuAutodiff>,
+    model: &Model<CpuAutodiff>,
+) -> (Vec<f32>, f32, Vec<f32>) {
     let shape = [case.points(), case.config.dimensions];
     let target =
         Tensor::<CpuAutodiff, 2>::from_data(TensorData::new(case.target(), shape), &device());
     let output = model.forward(input);
     let scale = target.clone().powi_scalar(2).sum().clamp_min(1e-12);
     let loss = (output.clone() - target).powi_scalar(2).sum() / scale;
-    let gradient = gradients(&model, &loss.backward());
+    let gradient = gradients(model, &loss.backward());
     (list(output), loss.into_scalar(), gradient)
 }
 
-/// Errors of values and of the gradient relative to their norms. Values suffer from rounding only:
-/// 2^-22 in sums of two f16, 2^-9 in bf16, in each of up to 60 linears in a row. In the gradient
-/// LeakyReLU has another slope wherever rounding changes the sign of its argument. In f32 that
-/// hardly happens, but with few points a single one is worth a thousandth; in bf16 it happens to
-/// one argument in some hundred.
-fn tolerance(precision: Precision, slope: f64) -> [f64; 2] {
+/// Errors of values and of the gradient relative to their norms, from rounding: 2^-22 in sums of two
+/// f16, 2^-9 in bf16, in each of up to 60 linears in a row. In bf16 rounding changes the sign of one
+/// argument of LeakyReLU in some hundred, and with it the gradient.
+fn tolerance(precision: Precision) -> [f64; 2] {
     match precision {
-        Precision::F32 if slope == 1.0 => [5e-6, 1e-5],
-        Precision::F32 => [5e-6, 2e-2],
+        Precision::F32 => [5e-6, 1e-5],
         Precision::Bf16 => [2e-2, 0.15],
     }
+}
+
+/// How far the gradient moves when rounding changes the sign of arguments of LeakyReLU: the most of
+/// several networks whose weights are off by up to 2e-6 of themselves, which moves outputs by as much
+/// as rounding may. Without such arguments the gradient moves no more than the outputs.
+fn kinks(case: &Case, input: &WindowInput<CpuAutodiff>, gradient: &[f32]) -> f64 {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut moved = || {
+        let mut list = weights(&case.model());
+        list.iter_mut().for_each(|w| *w *= 1.0 + rng.random_range(-2e-6..2e-6));
+        let model = with_weights(case.model(), &list);
+        distance(&reference(case, input, &model).2, gradient) / norm(gradient).max(1e-30)
+    };
+    (0..4).map(|_| moved()).fold(0.0, f64::max)
 }
 
 fn compare(case: &Case, precision: Precision) {
     let Some(device) = gpu::for_tests() else { return };
     let (input, frames) = case.input();
-    let (output, loss, gradient) = reference(case, &input);
+    let (output, loss, gradient) = reference(case, &input, &case.model());
     let room = capacity(&frames);
     let frames = uploaded(&device, &frames);
     let weights = weights(&case.model());
@@ -169,7 +183,10 @@ fn compare(case: &Case, precision: Precision) {
         let output = network.forward(&frames).unwrap();
         device.stream().clone_dtoh(output).unwrap()
     };
-    let [most, most_gradient] = tolerance(precision, case.config.leaky_slope);
+    let [most, mut most_gradient] = tolerance(precision);
+    if precision == Precision::F32 {
+        most_gradient += 2.0 * kinks(case, &input, &gradient);
+    }
     let count = output.len();
     let relative =
         |found: &[f32], expected: &[f32]| distance(found, expected) / norm(expected).max(1e-30);
@@ -181,7 +198,7 @@ fn compare(case: &Case, precision: Precision) {
     let name = (case.config.kind, case.config.frames, case.config.message_layers);
     println!(
         "{name:?} {precision:?} slope {} hidden {} edgemsg {} {}D {:?} points: output {:.1e} \
-         loss {:.1e} gradient {:.1e}",
+         loss {:.1e} gradient {:.1e} of {most_gradient:.1e}",
         case.config.leaky_slope,
         case.config.hidden_layers,
         case.config.edge_message,
@@ -214,6 +231,20 @@ fn without_kinks() {
     for name in ["baseline", "frame4-msg1-hidden1-edgemsg"] {
         let mut case = Case::new(name, &[70, 33]);
         case.config.leaky_slope = 1.0;
+        compare(&case, Precision::F32);
+    }
+}
+
+/// Few enough arguments of LeakyReLU that none is near its kink.
+#[test]
+fn away_from_kinks() {
+    for (name, width) in [("baseline", 8), ("frame4-msg1-hidden1-edgemsg", 16)] {
+        let mut case = Case::new(name, &[9]);
+        case.config.width = width;
+        let (input, _) = case.input();
+        let gradient = reference(&case, &input, &case.model()).2;
+        let moved = kinks(&case, &input, &gradient);
+        assert!(moved < 1e-5, "{name}: {moved:e}");
         compare(&case, Precision::F32);
     }
 }
@@ -390,7 +421,8 @@ fn kernels_compile() {
     if !gpu::nvrtc_for_tests() {
         return;
     }
-    for architecture in ["sm_80", "sm_90"] {
+    // With and without products of warp groups.
+    for architecture in ["sm_80", "sm_90a"] {
         for precision in [Precision::F32, Precision::Bf16] {
             for (name, source) in SOURCES {
                 compile(name, source, architecture, &defines(precision)).unwrap();

@@ -40,44 +40,35 @@ impl Precision {
         2 * self.parts()
     }
 
-    /// Threads of a block of kernels on edges, and tiles of 16 rows of a warp: as many as there are
-    /// registers for.
-    fn wide(self) -> (u32, u32) {
+    /// Threads of a block that takes rows through MLPs: as many as there are registers for.
+    fn threads(self) -> u32 {
         match self {
-            Self::F32 => (NARROW_THREADS, 1),
-            Self::Bf16 => (512, 1),
+            Self::F32 => 256,
+            Self::Bf16 => 512,
         }
     }
 }
 
-/// Threads of a block of kernels on nodes, of which there are too few to fill the GPU.
-const NARROW_THREADS: u32 = 384;
-
 macro_rules! source {
-    ($file:literal) => {
-        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), include_str!($file))
+    ($($file:literal),*) => {
+        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), $(include_str!($file)),*)
     };
 }
 
 /// Names and texts of the kernels' sources.
-pub const SOURCES: [(&str, &str); 6] = [
+pub const SOURCES: [(&str, &str); 7] = [
     ("weights.cu", source!("weights.cu")),
     ("forward.cu", source!("forward.cu")),
-    ("backward.cu", source!("backward.cu")),
-    ("gradient.cu", source!("gradient.cu")),
+    ("backward.cu", source!("product.cuh", "backward.cuh", "backward.cu")),
+    ("edges_backward.cu", source!("product.cuh", "backward.cuh", "edges_backward.cu")),
+    ("gradient.cu", source!("product.cuh", "gradient.cu")),
     ("segment.cu", source!("segment.cu")),
     ("optimiser.cu", source!("optimiser.cu")),
 ];
 
 /// Definitions that the sources need.
 pub fn defines(precision: Precision) -> Vec<String> {
-    let (threads, groups) = precision.wide();
-    vec![
-        format!("PARTS={}", precision.parts()),
-        format!("NARROW_THREADS={NARROW_THREADS}"),
-        format!("WIDE_THREADS={threads}"),
-        format!("WIDE_GROUPS={groups}"),
-    ]
+    vec![format!("PARTS={}", precision.parts()), format!("THREADS={}", precision.threads())]
 }
 
 /// Address in device memory; 0 is none.
@@ -95,6 +86,7 @@ pub struct Pack {
     pub steps: i32,
     pub features: i32,
     pub parts: i32,
+    pub plain: i32,
     pub to: i32,
 }
 
@@ -136,7 +128,7 @@ pub struct Forward {
     pub slope: f32,
 }
 
-/// `Backward` of backward.cu.
+/// `Backward` of backward.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Backward {
@@ -153,6 +145,7 @@ pub struct Backward {
     pub deviation: Address,
     pub weights: Address,
     pub parameters: Address,
+    pub products: Address,
     pub linear: Address,
     pub input32: [Address; 2],
     pub input: Address,
@@ -165,10 +158,12 @@ pub struct Backward {
     pub layers: i32,
     pub width: i32,
     pub accumulate: i32,
+    pub product_count: i32,
+    pub blocks: i32,
     pub slope: f32,
 }
 
-/// `Product` of gradient.cu.
+/// `Product` of product.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Product {
@@ -203,7 +198,7 @@ pub struct Target {
 
 /// MLPs of one forward launch, and of one backward launch.
 pub const FORWARD_BATCH: usize = 8;
-pub const BACKWARD_BATCH: usize = 4;
+pub const BACKWARD_BATCH: usize = 8;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
@@ -236,9 +231,9 @@ pub struct Kernels {
     shared: usize,
     pack: CudaFunction,
     forward: CudaFunction,
-    forward_wide: CudaFunction,
     backward: CudaFunction,
-    backward_wide: CudaFunction,
+    /// In bf16.
+    edges_backward: Option<CudaFunction>,
     product: CudaFunction,
     receive: CudaFunction,
     collect: CudaFunction,
@@ -256,8 +251,8 @@ impl Kernels {
             .iter()
             .map(|(name, source)| device.module(name, source, &defines))
             .collect::<Result<Vec<Arc<CudaModule>>, _>>()?;
-        let [weights, forward, backward, gradient, segment, optimiser] = &modules[..] else {
-            unreachable!("six sources")
+        let [weights, forward, backward, edges, gradient, segment, optimiser] = &modules[..] else {
+            unreachable!("seven sources")
         };
         // What the driver keeps of a block's shared memory is not in the limit.
         let shared = device.limits()?.shared_per_block;
@@ -275,9 +270,12 @@ impl Kernels {
         Ok(Self {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
-            forward_wide: with_shared(forward, "mlp_forward_wide", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            backward_wide: with_shared(backward, "mlp_backward_wide", shared)?,
+            edges_backward: if precision == Precision::Bf16 {
+                Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
+            } else {
+                None
+            },
             product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
             receive: segment.load_function("receive")?,
             collect: segment.load_function("collect")?,
@@ -324,10 +322,11 @@ impl Kernels {
         })
     }
 
-    /// Blocks of an MLP launch on at most `rows` rows. A multiprocessor has four tensor cores, so
-    /// four warps of 16 rows take no longer than one, and fewer blocks fetch fewer weights.
-    pub fn blocks(&self, rows: usize) -> u32 {
-        self.processors.min(rows.div_ceil(64) as u32).max(1)
+    /// Blocks of an MLP launch on at most `rows` rows, if so many MLPs are computed together. A
+    /// multiprocessor has four tensor cores, so four warps of 16 rows take no longer than one, and
+    /// fewer blocks fetch fewer weights.
+    pub fn blocks(&self, rows: usize, together: usize) -> usize {
+        (self.processors as usize / together).min(rows.div_ceil(64)).max(1)
     }
 
     /// Whether `units` (in words of 16 bytes) fit into shared memory with `vectors` of 128 f32;
@@ -342,11 +341,8 @@ impl Kernels {
     /// MLPs with the same sizes of weights on up to `rows` rows each.
     pub fn forward(&self, items: &[Forward], rows: usize) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = if edges {
-            ("forward, edges", &self.forward_wide, self.precision.wide().0)
-        } else {
-            ("forward, nodes", &self.forward, NARROW_THREADS)
-        };
+        let name = if edges { "forward, edges" } else { "forward, nodes" };
+        let threads = self.precision.threads();
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
             let mut shared = 0;
@@ -355,22 +351,22 @@ impl Kernels {
                 *to = Forward { resident: i32::from(resident), ..*from };
                 shared = shared.max(bytes);
             }
-            let mut launch = self.device.stream().launch_builder(kernel);
+            let mut launch = self.device.stream().launch_builder(&self.forward);
             launch.arg(&batch);
-            let grid = [self.blocks(rows), part.len() as u32];
+            let grid = [self.blocks(rows, 1) as u32, part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
             unsafe { self.launch(name, launch, config(grid, threads, shared))? };
         }
         Ok(())
     }
 
-    /// As [`forward`](Self::forward).
-    pub fn backward(&self, items: &[Backward], rows: usize) -> Result<(), CudaError> {
+    /// MLPs with the same sizes of weights on up to `rows` rows each, which `blocks` share.
+    pub fn backward(&self, items: &[Backward]) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = if edges {
-            ("backward, edges", &self.backward_wide, self.precision.wide().0)
-        } else {
-            ("backward, nodes", &self.backward, NARROW_THREADS)
+        let (name, kernel, threads) = match (edges, &self.edges_backward) {
+            (true, Some(kernel)) => ("backward, edges", kernel, EDGES_THREADS),
+            (true, None) => ("backward, edges", &self.backward, self.precision.threads()),
+            _ => ("backward, nodes", &self.backward, self.precision.threads()),
         };
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();
@@ -382,13 +378,21 @@ impl Kernels {
                 let sums = threads as usize / 32 * 256 * 4;
                 shared = shared.max(bytes).max(sums);
             }
+            if edges && self.edges_backward.is_some() {
+                shared = EDGES_SHARED;
+            }
             let mut launch = self.device.stream().launch_builder(kernel);
             launch.arg(&batch);
-            let grid = [self.blocks(rows), part.len() as u32];
-            // SAFETY: as above.
+            let grid = [part[0].blocks as u32, part.len() as u32];
+            // SAFETY: the addresses in the items are those of live buffers for their rows.
             unsafe { self.launch(name, launch, config(grid, threads, shared))? };
         }
         Ok(())
+    }
+
+    /// Whether the backward pass of edges gives the gradients of the weights on its way.
+    pub fn fused(&self) -> bool {
+        self.edges_backward.is_some()
     }
 
     pub fn products(
@@ -521,6 +525,12 @@ impl Kernels {
         Ok(())
     }
 }
+
+/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows and three
+/// stages of two tiles of 64, all of 17 words of 16 bytes, and one tile without padding; five
+/// vectors.
+const EDGES_THREADS: u32 = 512;
+const EDGES_SHARED: usize = (128 + 3 * 2 * 64) * 17 * 16 + 3 * 64 * 16 * 16 + 5 * WIDTH * 4;
 
 /// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
 fn product_shared(precision: Precision) -> usize {

@@ -14,9 +14,13 @@
 constexpr int WIDTH = 128;
 // u32 words of a packed bf16 matrix of 128 x 128, divided by 4.
 constexpr int UNIT = 2048;
+// The same of 16 of its rows.
+constexpr int STEP = UNIT / 8;
 constexpr u32 ALL = 0xffffffffu;
 // Index of a row that does not exist.
 constexpr u32 NONE = 0xffffffffu;
+// Warps that have to go through their tiles together: the GPU may multiply those of four at once.
+constexpr u32 TEAM = 4;
 
 #if PARTS == 1
 typedef unsigned short Stored;
@@ -83,6 +87,27 @@ __device__ __forceinline__ void add_chunk(Tile& z, int q, int half, const float 
 #pragma unroll
     for (int k = 0; k < 8; k++) z[4 * q + k / 2][2 * half + k % 2] += v[k];
 }
+
+// The tiles of a warp: teams of warps take TEAM tiles at a time, the teams of all blocks in turn. Those
+// beyond the last have no rows; with `resident` weights a team that has only such does not go on, while
+// without them the block stays together.
+struct Tiles {
+    u32 index, first, end;
+    bool resident;
+
+    __device__ Tiles(u32 rows, bool resident)
+        : first(0), end((rows + 16 * TEAM - 1) / (16 * TEAM)), resident(resident) {}
+
+    // Goes on to the next tile, if there is one.
+    __device__ bool next() {
+        const u32 warp = threadIdx.x / 32, teams = blockDim.x / (32 * TEAM);
+        const u32 team = first + warp / TEAM * gridDim.x + blockIdx.x;
+        index = TEAM * team + warp % TEAM;
+        const bool more = resident ? team < end : first < end;
+        first += teams * gridDim.x;
+        return more;
+    }
+};
 
 // Which lane, and which of its two rows exist.
 struct Place {
@@ -204,39 +229,45 @@ __device__ __forceinline__ void to_operand(const Tile& z, Operand& x) {
         }
 }
 
-// Rows of a matrix as an operand; with `scale` (and after it, 128 numbers on, the shift) each
-// column is scaled and shifted.
+// Eight columns of a row, scaled and shifted if `scale` (and after it, 128 numbers on, the shift) is
+// not null.
+__device__ __forceinline__ void load8_scaled(const Stored* from, const float* scale, float (&v)[8]) {
+    load8(from, v);
+    if (!scale) return;
+    float s[8], b[8];
+    load8(scale, s);
+    load8(scale + WIDTH, b);
+#pragma unroll
+    for (int k = 0; k < 8; k++) v[k] = s[k] * v[k] + b[k];
+}
+
+// Rows of a matrix as an operand, scaled and shifted column by column if `scale` is not null; `row` is
+// NONE for a row of zeros.
 __device__ __forceinline__ void load_operand(
     Operand& x, const Stored* from, const u32 (&row)[2], const float* scale, int t) {
-#if PARTS == 2
-    Tile z;
-#endif
 #pragma unroll
-    for (int half = 0; half < 2; half++)
+    for (int half = 0; half < 2; half++) {
+        const Stored* start = from + (size_t)row[half] * WIDTH + 8 * t;
+#if PARTS == 2
+        // In a pass of its own: there are no registers for the numbers of a tile besides.
+        float largest = 0.f;
+#pragma unroll 1
+        for (int q = 0; q < 4 && row[half] != NONE; q++) {
+            float v[8];
+            load8_scaled(start + 32 * q, scale ? scale + 32 * q + 8 * t : nullptr, v);
+#pragma unroll
+            for (int k = 0; k < 8; k++) largest = fmaxf(largest, fabsf(v[k]));
+        }
+        x.scale[half] = power_of_two(largest);
+#endif
 #pragma unroll
         for (int q = 0; q < 4; q++) {
             float v[8] = {};
-            if (row[half] != NONE) {
-                int column = 32 * q + 8 * t;
-                load8(from + (size_t)row[half] * WIDTH + column, v);
-                if (scale) {
-                    float s[8], b[8];
-                    load8(scale + column, s);
-                    load8(scale + WIDTH + column, b);
-#pragma unroll
-                    for (int k = 0; k < 8; k++) v[k] = s[k] * v[k] + b[k];
-                }
-            }
-#if PARTS == 1
+            if (row[half] != NONE)
+                load8_scaled(start + 32 * q, scale ? scale + 32 * q + 8 * t : nullptr, v);
             to_operand(v, x, q, half);
-#else
-#pragma unroll
-            for (int k = 0; k < 8; k++) z[4 * q + k / 2][2 * half + k % 2] = v[k];
-#endif
         }
-#if PARTS == 2
-    to_operand(z, x);
-#endif
+    }
 }
 
 __device__ __forceinline__ void scale_rows(Tile& z, float first, float second) {
@@ -244,46 +275,26 @@ __device__ __forceinline__ void scale_rows(Tile& z, float first, float second) {
     for (int j = 0; j < 16; j++) z[j][0] *= first, z[j][1] *= first, z[j][2] *= second, z[j][3] *= second;
 }
 
-// z += x W with packed weights in shared memory, for several tiles at a time: what is read from
-// shared memory, and not the tensor cores, bounds a single one.
-template <int GROUPS>
-__device__ __forceinline__ void multiply(Tile (&z)[GROUPS], const Operand (&x)[GROUPS],
-                                         const uint4* weights) {
-    const uint4* mine = weights + threadIdx.x % 32;
+// z += x W with packed weights in shared memory.
+__device__ __forceinline__ void multiply(Tile& z, const Operand& x, const uint4* weights) {
+#if PARTS == 2
+    scale_rows(z, WEIGHT_SCALE / x.scale[0], WEIGHT_SCALE / x.scale[1]);
+#endif
+    begin_products();
+#pragma unroll
+    for (int k = 0; k < 8; k++) {
+        const uint4* w = weights + k * STEP;
 #if PARTS == 1
-#pragma unroll
-    for (int k = 0; k < 8; k++)
-#pragma unroll
-        for (int j = 0; j < 8; j++) {
-            uint4 w = mine[(k * 8 + j) * 32];
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
-                multiply_add(z[g][2 * j], x[g].part[0][k], w.x, w.y);
-                multiply_add(z[g][2 * j + 1], x[g].part[0][k], w.z, w.w);
-            }
-        }
+        add_product<false>(z, x.part[0][k], w);
 #else
-#pragma unroll
-    for (int g = 0; g < GROUPS; g++)
-        scale_rows(z[g], WEIGHT_SCALE / x[g].scale[0], WEIGHT_SCALE / x[g].scale[1]);
-#pragma unroll
-    for (int k = 0; k < 8; k++)
-#pragma unroll
-        for (int j = 0; j < 8; j++) {
-            uint4 w = mine[(k * 8 + j) * 32], v = mine[UNIT + (k * 8 + j) * 32];
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
-                multiply_add_f16(z[g][2 * j], x[g].part[0][k], v.x, v.y);
-                multiply_add_f16(z[g][2 * j + 1], x[g].part[0][k], v.z, v.w);
-                multiply_add_f16(z[g][2 * j], x[g].part[1][k], w.x, w.y);
-                multiply_add_f16(z[g][2 * j + 1], x[g].part[1][k], w.z, w.w);
-                multiply_add_f16(z[g][2 * j], x[g].part[0][k], w.x, w.y);
-                multiply_add_f16(z[g][2 * j + 1], x[g].part[0][k], w.z, w.w);
-            }
-        }
-#pragma unroll
-    for (int g = 0; g < GROUPS; g++)
-        scale_rows(z[g], x[g].scale[0] / WEIGHT_SCALE, x[g].scale[1] / WEIGHT_SCALE);
+        add_product<true>(z, x.part[0][k], w + UNIT);
+        add_product<true>(z, x.part[1][k], w);
+        add_product<true>(z, x.part[0][k], w);
+#endif
+    }
+    end_products();
+#if PARTS == 2
+    scale_rows(z, x.scale[0] / WEIGHT_SCALE, x.scale[1] / WEIGHT_SCALE);
 #endif
 }
 
@@ -316,6 +327,7 @@ struct Weights {
 
     __device__ void wait() {
         wait_for_copies<0>();
+        show_to_products();
         __syncthreads();
     }
 

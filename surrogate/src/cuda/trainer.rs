@@ -181,7 +181,7 @@ impl CudaTrainer {
             passed.output,
             network.address(&self.products.gradient) + 4 * network.layout.parameters as u64,
         )?;
-        network.propagate(views, passed)?;
+        network.propagate(views, passed, &self.products)?;
         self.products.launch(network)
     }
 
