@@ -181,7 +181,7 @@ impl FrameBuilder {
     /// A launch was refused.
     ///
     /// # Panics
-    /// If there is no frame or more than [`FRAMES`].
+    /// If there is no frame, or more than the kernels know.
     pub fn features(
         &mut self,
         history: &[CudaView<f32>],
