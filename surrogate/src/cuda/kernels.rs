@@ -232,7 +232,7 @@ pub struct Kernels {
     pack: CudaFunction,
     forward: CudaFunction,
     backward: CudaFunction,
-    /// In bf16.
+    /// In bf16 on Hopper.
     edges_backward: Option<CudaFunction>,
     product: CudaFunction,
     receive: CudaFunction,
@@ -271,7 +271,7 @@ impl Kernels {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            edges_backward: if precision == Precision::Bf16 {
+            edges_backward: if precision == Precision::Bf16 && device.architecture() == "sm_90a" {
                 Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
             } else {
                 None
@@ -523,11 +523,10 @@ impl Kernels {
     }
 }
 
-/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows and three
-/// stages of two tiles of 64, all of 17 words of 16 bytes, and one tile without padding; five
-/// vectors.
+/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows, three stages
+/// of three tiles of 64, all of 256 bytes, and five vectors.
 const EDGES_THREADS: u32 = 512;
-const EDGES_SHARED: usize = (128 + 3 * 2 * 64) * 17 * 16 + 3 * 64 * 16 * 16 + 5 * WIDTH * 4;
+const EDGES_SHARED: usize = (128 + 3 * 3 * 64) * 256 + 5 * WIDTH * 4;
 
 /// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
 fn product_shared(precision: Precision) -> usize {

@@ -81,8 +81,8 @@ impl CudaNetwork {
         if config.kind == ModelKind::Gns {
             at_most("frames", config.gns_node_features(), MOST_FEATURES)?;
         }
-        let layout = Layout::new(config, precision);
         let kernels = Kernels::load(device, precision)?;
+        let layout = Layout::new(config, precision, kernels.fused());
         let room = Room::new(device, &layout, &kernels, capacity, training)?;
         Ok(Self {
             parameters: device.zeros(layout.parameters)?,

@@ -95,9 +95,17 @@ __device__ __forceinline__ void wait_for_copies() {
 // side by side). They are under way until `end_products`.
 __device__ __forceinline__ void begin_products() { asm volatile("wgmma.fence.sync.aligned;" ::: "memory"); }
 
+__device__ __forceinline__ void commit_products() {
+    asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+}
+
+__device__ __forceinline__ void wait_for_products() {
+    asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
+}
+
 __device__ __forceinline__ void end_products() {
-    asm volatile("wgmma.commit_group.sync.aligned;\n"
-                 "wgmma.wait_group.sync.aligned 0;" ::: "memory");
+    commit_products();
+    wait_for_products();
 }
 
 // Before the first products of what a thread has written to shared memory.
