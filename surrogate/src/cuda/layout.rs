@@ -189,6 +189,11 @@ impl Layout {
         layout
     }
 
+    /// Whether a layer (not the first) reads the messages of the one before.
+    pub fn reads_messages(&self, layer: usize) -> bool {
+        layer >= self.frames || self.edge_fusion.is_some()
+    }
+
     fn pack(&mut self, precision: Precision) {
         let mut packer = Packer { parts: precision.parts(), packs: Vec::new(), words: 0 };
         let messages: Vec<usize> = self.layers.iter().map(|l| l.message).collect();
