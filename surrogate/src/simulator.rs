@@ -90,7 +90,8 @@ impl Simulator {
     /// GPU is asked for.
     ///
     /// # Errors
-    /// If the GPU that is asked for cannot be used, or not for this network.
+    /// If the GPU that is asked for cannot be used, or not for this network, or there is none for
+    /// bf16.
     pub fn place(&mut self, choice: dempm::device::Device) -> Result<(), CudaError> {
         use dempm::device::Device;
         let mirror = CudaError::Unsupported { key: "mirror", value: 1, most: 0 };
@@ -103,6 +104,9 @@ impl Simulator {
             (Device::Cuda(_), Err(reason)) => return Err(reason),
             _ => choice.open()?,
         };
+        if self.gpu.is_none() && self.precision == Precision::Bf16 {
+            return Err(CudaError::Bf16OnCpu);
+        }
         Ok(())
     }
 
