@@ -15,7 +15,7 @@ use surrogate::data::{DataSet, Shape};
 use surrogate::features::Normalisation;
 use surrogate::model::Model;
 use surrogate::simulator::{Simulator, Training};
-use surrogate::train::{TrainConfig, with_weights};
+use surrogate::train::{Precision, TrainConfig, with_weights};
 use tempfile::TempDir;
 
 /// A collapse of 24 points with the continuum law: milliseconds to simulate.
@@ -466,6 +466,7 @@ fn a_broken_model_says_where_it_broke() {
             mirror: false,
             device: device(),
             gpu: None,
+            precision: Precision::F32,
         };
         simulator.save(&here.join("model.safetensors")).unwrap();
         let rollout = ["rollout", "model.safetensors", "--scene", "scene.toml", "-o", "out.h5"];

@@ -190,6 +190,11 @@ impl Layout {
         layout
     }
 
+    /// Whether a layer (not the first) reads the messages of the one before.
+    pub fn reads_messages(&self, layer: usize) -> bool {
+        layer >= self.frames || self.edge_fusion.is_some()
+    }
+
     fn pack(&mut self, precision: Precision, fused: bool) {
         let mut packer = Packer { parts: precision.parts(), packs: Vec::new(), words: 0 };
         let messages: Vec<usize> = self.layers.iter().map(|l| l.message).collect();
@@ -207,8 +212,7 @@ impl Layout {
                     p.linear(mlp, layer, Order::Forward);
                 }
             });
-            let order =
-                if fused && edges.contains(&k) { Order::Plain } else { Order::Transposed };
+            let order = if fused && edges.contains(&k) { Order::Plain } else { Order::Transposed };
             mlp.backward = packer.sequence(|p| {
                 for layer in (1..=mlp.layers).rev() {
                     p.linear(mlp, layer, order);

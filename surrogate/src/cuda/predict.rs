@@ -28,24 +28,21 @@ pub trait Network {
     /// Too little memory.
     fn make_room(&mut self, points: usize, edges: usize) -> Result<(), CudaError>;
 
-    /// Queues the computation of the normalised accelerations of the newest frame, points x
-    /// dimensions, on the device's stream, without waiting, so that it can be captured in a CUDA
-    /// graph.
+    /// Queues the computation of the normalised accelerations, points x dimensions, of the window
+    /// that ends with `frame`, on the device's stream, without waiting, so that it can be captured in
+    /// a CUDA graph.
     ///
-    /// The oldest frame comes first. All have the features of later frames, of which the first one's
-    /// velocities are to be ignored. `moved`: the window is that of the call before, moved on by a
-    /// frame.
+    /// Frames come one after the other, those of the first window too, for which there is nothing to
+    /// be had but for the last. All have the features of later frames, of which the first one's
+    /// velocities are to be ignored. `before` is the frame before.
     ///
     /// # Errors
     /// A launch was refused.
     fn accelerations(
         &mut self,
-        frames: &[&FrameInput],
-        moved: bool,
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError>;
-
-    /// What is queued is the same again after so many calls, for the same frames in the same places.
-    fn period(&self) -> usize;
 }
 
 impl Network for CudaNetwork {
@@ -55,15 +52,10 @@ impl Network for CudaNetwork {
 
     fn accelerations(
         &mut self,
-        frames: &[&FrameInput],
-        moved: bool,
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError> {
-        self.advance(frames, moved)
-    }
-
-    /// The encodings of all frames but the first take turns.
-    fn period(&self) -> usize {
-        self.config.frames - 1
+        self.advance(frame, before)
     }
 }
 
@@ -93,6 +85,7 @@ pub struct CudaRollout<N> {
     integrator: Integrator,
     /// The frames of the window take turns: the newest takes the place of the oldest.
     positions: Vec<CudaSlice<f32>>,
+    /// The newest frame and the one before, in turn.
     inputs: Vec<FrameInput>,
     /// The last frames that the host has seen, as many as the window has.
     window: VecDeque<Vec<[f64; 2]>>,
@@ -153,7 +146,7 @@ impl<N: Network> CudaRollout<N> {
         self.graphs.clear();
         self.inputs.clear();
         self.network.make_room(self.builder.points(), edges)?;
-        for _ in 0..self.window.len() {
+        for _ in 0..2 {
             self.inputs.push(self.builder.allocate(edges)?);
         }
         Ok(())
@@ -170,8 +163,8 @@ impl<N: Network> CudaRollout<N> {
             stream.memcpy_htod(&single, position)?;
         }
         loop {
-            for (position, input) in self.positions.iter().zip(&mut self.inputs) {
-                self.builder.graph(&position.as_view(), input)?;
+            for position in &self.positions {
+                self.builder.graph(&position.as_view(), &mut self.inputs[0])?;
             }
             let needed = self.builder.needed()?;
             if needed <= self.room() {
@@ -180,9 +173,14 @@ impl<N: Network> CudaRollout<N> {
             self.make_room(needed + needed / 4)?;
         }
         self.graphs.clear();
-        self.graphs.resize_with(least_common_multiple(frames, self.network.period()), || None);
-        // The first frame's velocities are unknown, and nobody reads them.
-        (0..frames).try_for_each(|k| self.features(k, k.saturating_sub(1)))
+        self.graphs
+            .resize_with(if frames.is_multiple_of(2) { frames } else { 2 * frames }, || None);
+        self.input(0)?;
+        for frame in 1..frames {
+            self.network.accelerations(&self.inputs[(frame - 1) % 2], &self.inputs[frame % 2])?;
+            self.input(frame)?;
+        }
+        Ok(())
     }
 
     /// Edges that a frame has room for.
@@ -190,22 +188,26 @@ impl<N: Network> CudaRollout<N> {
         self.inputs[0].graph.capacity
     }
 
-    fn features(&mut self, place: usize, before: usize) -> Result<(), CudaError> {
-        let [now, before] = [place, before].map(|k| self.positions[k].as_view());
-        Ok(self.builder.features(&now, Some(&before), &mut self.inputs[place])?)
+    /// Queues graph and features of a frame, counted from the first of the window that the host knew.
+    fn input(&mut self, frame: usize) -> Result<(), CudaError> {
+        let frames = self.positions.len();
+        // The first frame's velocities are unknown, and nobody reads them.
+        let [now, before] =
+            [frame, frame.saturating_sub(1)].map(|k| self.positions[k % frames].as_view());
+        let input = &mut self.inputs[frame % 2];
+        self.builder.graph(&now, input)?;
+        Ok(self.builder.features(&now, Some(&before), input)?)
     }
 
     /// Queues one frame: acceleration of the network, semi-implicit Euler, walls and boxes; then the
-    /// new frame's graph and features, in the place of the oldest frame.
+    /// new frame's graph and features.
     fn queue(&mut self) -> Result<(), CudaError> {
-        let frames = self.inputs.len();
-        let oldest = self.queued % frames;
-        let window: Vec<&FrameInput> =
-            (0..frames).map(|k| &self.inputs[(oldest + k) % frames]).collect();
-        let output = self.network.accelerations(&window, self.queued > 0)?;
-        self.integrator.step(output, &mut self.positions[oldest])?;
-        self.builder.graph(&self.positions[oldest].as_view(), &mut self.inputs[oldest])?;
-        self.features(oldest, (oldest + frames - 1) % frames)
+        let frames = self.positions.len();
+        let new = frames + self.queued;
+        let [newest, before] = [1, 2].map(|k| &self.inputs[(new - k) % 2]);
+        let output = self.network.accelerations(newest, before)?;
+        self.integrator.step(output, &mut self.positions[new % frames])?;
+        self.input(new)
     }
 
     /// Queues one frame, as a CUDA graph but for the first, which loads the kernels.
@@ -276,8 +278,4 @@ impl<N: Network> CudaRollout<N> {
         }
         Ok((frames, failure))
     }
-}
-
-fn least_common_multiple(a: usize, b: usize) -> usize {
-    (1..=b).map(|k| a * k).find(|multiple| multiple.is_multiple_of(b)).unwrap_or(a)
 }

@@ -62,6 +62,15 @@ __device__ __forceinline__ void load_transposed(u32 (&d)[4], const void* row) {
 // Waits for all threads of the block, which may be at different places of the program.
 __device__ __forceinline__ void barrier() { asm volatile("bar.sync 0;" ::: "memory"); }
 
+// Waits for the kernel before, if this one was launched to begin while that one ends, and lets the one
+// after it begin.
+__device__ __forceinline__ void wait_for_kernel_before() {
+#if __CUDA_ARCH__ >= 900
+    asm volatile("griddepcontrol.wait;\n"
+                 "griddepcontrol.launch_dependents;" ::: "memory");
+#endif
+}
+
 // Copies 16 bytes to shared memory without waiting, or zeros.
 __device__ __forceinline__ void copy_async(void* to, const void* from, bool valid) {
     u32 address = (u32)__cvta_generic_to_shared(to);

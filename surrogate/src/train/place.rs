@@ -11,7 +11,6 @@ use super::engine::{CpuEngine, Preparation, Prepared, State};
 use super::ranks::AllReduce;
 use crate::backend::Cpu;
 use crate::config::ModelConfig;
-use crate::cuda;
 use crate::data::Batch;
 use crate::model::Model;
 
@@ -60,11 +59,8 @@ impl Engine {
             return Ok(Self::Cpu(CpuEngine::new(model, config.seed, config.ema)));
         };
         eprintln!("on {}", device.name());
-        let precision = match config.precision {
-            Precision::F32 => cuda::Precision::F32,
-            Precision::Bf16 => cuda::Precision::Bf16,
-        };
-        let engine = CudaEngine::new(&device, model, config.seed, config.ema, precision);
+        let engine =
+            CudaEngine::new(&device, model, config.seed, config.ema, config.precision.into());
         Ok(Self::Cuda(engine.into_diagnostic()?))
     }
 

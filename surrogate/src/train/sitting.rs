@@ -9,7 +9,7 @@ use indicatif::ProgressBar;
 use miette::bail;
 
 use super::checkpoint::{Checkpoint, Identity};
-use super::config::TrainConfig;
+use super::config::{Precision, TrainConfig};
 use super::engine::Preparation;
 use super::log::Log;
 use super::place::{Engine, EngineBatch};
@@ -281,6 +281,7 @@ impl Sitting {
             mirror: false,
             device: device(),
             gpu: self.engine.gpu().filter(|_| supports(&self.preparation.config).is_ok()),
+            precision: Precision::F32,
         }
     }
 }
