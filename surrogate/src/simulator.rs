@@ -13,6 +13,7 @@ use crate::cuda::{self, CudaError};
 use crate::features::{Normalisation, Window, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
+use crate::train::Precision;
 use crate::weights::{self, WeightsError};
 
 /// What a model was trained for; kept with its weights.
@@ -37,6 +38,8 @@ pub struct Simulator {
     pub device: Device,
     /// The GPU that rollouts are made on; without one it is the processor.
     pub gpu: Option<Arc<gpu::Device>>,
+    /// Precision on that GPU; with `F32`, results are those of the processor but for rounding.
+    pub precision: Precision,
 }
 
 /// A file of weights that cannot be used.
@@ -66,7 +69,8 @@ impl Simulator {
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
-        Ok(Self { model, config, normalisation, training, mirror: false, device, gpu: None })
+        let (mirror, gpu, precision) = (false, None, Precision::F32);
+        Ok(Self { model, config, normalisation, training, mirror, device, gpu, precision })
     }
 
     /// Writes the weights and everything else, whole or not at all.
@@ -86,7 +90,8 @@ impl Simulator {
     /// unless a GPU is asked for.
     ///
     /// # Errors
-    /// If the GPU that is asked for cannot be used, or not for this network.
+    /// If the GPU that is asked for cannot be used, or not for this network, or there is none for
+    /// bf16.
     pub fn place(&mut self, choice: dempm::device::Device) -> Result<(), CudaError> {
         use dempm::device::Device;
         self.gpu = match (choice, cuda::supports(&self.config)) {
@@ -97,6 +102,9 @@ impl Simulator {
             (Device::Cuda(_), Err(reason)) => return Err(reason),
             _ => choice.open()?,
         };
+        if self.gpu.is_none() && self.precision == Precision::Bf16 {
+            return Err(CudaError::Bf16OnCpu);
+        }
         Ok(())
     }
 

@@ -8,7 +8,7 @@ use surrogate::config::ModelConfig;
 use surrogate::features::Normalisation;
 use surrogate::model::Model;
 use surrogate::simulator::{Simulator, Training};
-use surrogate::train::with_weights;
+use surrogate::train::{Precision, with_weights};
 use tempfile::TempDir;
 
 use crate::helpers::{config, data, fails, scene, simulate, succeeds, surrogate, train};
@@ -114,6 +114,7 @@ fn a_broken_model_says_where_it_broke() {
             mirror: false,
             device: device(),
             gpu: None,
+            precision: Precision::F32,
         };
         simulator.save(&here.join("model.safetensors")).unwrap();
         let rollout = ["rollout", "model.safetensors", "--scene", "scene.toml", "-o", "out.h5"];

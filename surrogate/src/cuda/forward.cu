@@ -30,6 +30,10 @@ struct Forward {
     float* output32;
     // The first `columns` (at most 8) of the output alone, rows x columns.
     float* narrow;
+    // Before LayerNorm's scale and shift, summed over the rows of a tile that have the same receiver
+    // (`added_index[1]`); receivers ascend from row to row. The sum of receiver v in tile k is row
+    // k + v.
+    float* sums;
 
     u32 rows;
     int units, resident, feature_count, feature_stride, feature_steps;
@@ -41,7 +45,7 @@ struct Forward {
 };
 
 struct ForwardBatch {
-    Forward item[8];
+    Forward item[FORWARD_BATCH];
 };
 
 // Biases of all linears, LayerNorm's scale and shift and those of x_0's, 128 numbers each with zeros
@@ -67,13 +71,17 @@ __device__ void multiply_features(Tile& z, const Forward& a, const Place& at, co
         u32 x[2][4];
 #pragma unroll
         for (int r = 0; r < 4; r++) {
-            int half = r % 2, first = 16 * s + 2 * at.t + 8 * (r / 2);
-            const float* row = a.features + (size_t)at.row[half] * a.feature_stride;
-            bool live = at.live[half];
-            float v0 = live && first < a.feature_count ? row[first] : 0.f;
-            float v1 = live && first + 1 < a.feature_count ? row[first + 1] : 0.f;
+            int half = r % 2;
+            float v[2];
+#pragma unroll
+            for (int i = 0; i < 2; i++) {
+                int column = 16 * s + 2 * at.t + 8 * (r / 2) + i;
+                bool real = at.live[half] && column < a.feature_count;
+                float x = a.features[real ? (size_t)at.row[half] * a.feature_stride + column : 0];
+                v[i] = real ? x : 0.f;
+            }
             u32 part[2];
-            split_f16(v0, v1, part);
+            split_f16(v[0], v[1], part);
             x[0][r] = part[0], x[1][r] = part[1];
         }
         const uint4* w = weights + s * STEP;
@@ -113,16 +121,49 @@ __device__ void normalise(Tile& z, int width, float (&deviation)[2]) {
     }
 }
 
+// Adds up the rows of each receiver. k + v differs between any two runs: either their tiles or their
+// receivers ascend.
+__device__ void sum_runs(const Tile& z, float* sums, const u32 (&receiver)[2], const Place& at) {
+    const u32 lane = threadIdx.x % 32;
+    u32 now = __shfl_sync(ALL, receiver[0], 0);
+    while (now != NONE) {
+        float* to = sums + (size_t)(at.row[0] / 16 + now) * WIDTH + 8 * at.t + lane / 16 * 4 + lane / 8 % 2 * 2 + lane / 4 % 2;
+#pragma unroll
+        for (int q = 0; q < 4; q++) {
+            float v[8];
+#pragma unroll
+            for (int k = 0; k < 8; k++)
+                v[k] = (receiver[0] == now ? z[4 * q + k / 2][k % 2] : 0.f)
+                       + (receiver[1] == now ? z[4 * q + k / 2][2 + k % 2] : 0.f);
+            // Each lane hands on half of its columns and keeps the other half.
+#pragma unroll
+            for (int size = 4, bit = 16; size >= 1; size /= 2, bit /= 2)
+#pragma unroll
+                for (int k = 0; k < size; k++) {
+                    const bool upper = lane & bit;
+                    const float give = upper ? v[k] : v[k + size];
+                    v[k] = (upper ? v[k + size] : v[k]) + __shfl_xor_sync(ALL, give, bit);
+                }
+            to[32 * q] = v[0];
+        }
+        // Those of the next receiver.
+        const u32 after[2] = {receiver[0] > now ? receiver[0] : NONE,
+                              receiver[1] > now ? receiver[1] : NONE};
+        now = __reduce_min_sync(ALL, min(after[0], after[1]));
+    }
+}
+
 // Scale and shift, and what is done with the output.
 __device__ void finish(Tile& z, const Forward& a, const Place& at, const u32 (&source)[2],
-                       const float* scales) {
+                       const u32 (&receiver)[2], const float* scales) {
     u32 own[2];
     at.rows(own);
     if (a.norm >= 0) {
         float deviation[2];
         normalise(z, a.width, deviation);
-        if (a.normal) {
-            store_rows(z, a.normal, at);
+        if (a.sums) sum_runs(z, a.sums, receiver, at);
+        if (a.normal) store_rows(z, a.normal, at);
+        if (a.deviation) {
             if (at.t == 0)
 #pragma unroll
                 for (int half = 0; half < 2; half++)
@@ -170,6 +211,7 @@ __device__ __forceinline__ void forward(const Forward& a) {
     const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * STEP;
     Weights weights(a.weights, (uint4*)(input_scales + 2 * WIDTH), a.units, a.resident);
     load_vectors(biases, a);
+    wait_for_kernel_before();
     weights.wait();
 
     const u32 rows = a.count ? *a.count : a.rows;
@@ -178,11 +220,21 @@ __device__ __forceinline__ void forward(const Forward& a) {
         const Place at(tile.index, rows);
         Tile z;
         fill(z, biases, at.t);
-        u32 own[2], source[2];
+        // Rows of x_0 and those that are added.
+        u32 own[2], source[2], added[2][2];
         at.rows(own);
 #pragma unroll
-        for (int half = 0; half < 2; half++)
-            source[half] = a.index && own[half] != NONE ? a.index[own[half]] : own[half];
+        for (int half = 0; half < 2; half++) {
+            const u32 row = own[half] != NONE ? own[half] : 0;
+            const u32 from[3] = {a.index ? a.index[row] : row, a.added[0] ? a.added_index[0][row] : 0,
+                                 a.added[1] ? a.added_index[1][row] : 0};
+            source[half] = own[half] != NONE ? from[0] : NONE;
+#pragma unroll
+            for (int k = 0; k < 2; k++) added[k][half] = own[half] != NONE ? from[1 + k] : NONE;
+        }
+#pragma unroll
+        for (int k = 0; k < 2; k++)
+            if (a.added[k]) add_rows(z, a.added[k], added[k], at.t);
 #pragma unroll 1
         for (int k = 0; k < 2; k++) {
             if (!a.x[k]) continue;
@@ -192,15 +244,6 @@ __device__ __forceinline__ void forward(const Forward& a) {
             multiply(z, x, weights.next(matrix));
         }
         if (a.features) multiply_features(z, a, at, weights.next(feature_matrix));
-#pragma unroll 1
-        for (int k = 0; k < 2; k++) {
-            if (!a.added[k]) continue;
-            u32 from[2];
-#pragma unroll
-            for (int half = 0; half < 2; half++)
-                from[half] = own[half] != NONE ? a.added_index[k][own[half]] : NONE;
-            add_rows(z, a.added[k], from, at.t);
-        }
 #pragma unroll 1
         for (int l = 0; l < a.layers; l++) {
             Operand x;
@@ -213,7 +256,7 @@ __device__ __forceinline__ void forward(const Forward& a) {
             fill(z, biases + (l + 1) * WIDTH, at.t);
             multiply(z, x, weights.next(matrix));
         }
-        finish(z, a, at, source, scales);
+        finish(z, a, at, source, added[1], scales);
     }
 }
 

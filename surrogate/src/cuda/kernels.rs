@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::sys::CUfunction_attribute;
+use cudarc::driver::sys::{
+    CUfunction_attribute, CUlaunchAttribute, CUlaunchAttributeID, CUlaunchAttributeValue,
+    CUlaunchConfig, cuLaunchKernelEx,
+};
 use cudarc::driver::{
     CudaFunction, CudaModule, DeviceRepr, LaunchArgs, LaunchConfig, PushKernelArg,
 };
@@ -110,6 +113,7 @@ pub struct Forward {
     pub residual: Address,
     pub output32: Address,
     pub narrow: Address,
+    pub sums: Address,
     pub rows: u32,
     pub units: i32,
     pub resident: i32,
@@ -163,6 +167,19 @@ pub struct Backward {
     pub slope: f32,
 }
 
+/// `Receive` of segment.cu.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Receive {
+    pub start: Address,
+    pub sums: Address,
+    pub parameters: Address,
+    pub received: Address,
+    pub points: i32,
+    pub norm: i32,
+    pub width: i32,
+}
+
 /// `Product` of product.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -196,9 +213,10 @@ pub struct Target {
     pub to: i32,
 }
 
-/// MLPs of one forward launch, and of one backward launch.
-pub const FORWARD_BATCH: usize = 8;
+/// MLPs of one forward launch, and of one backward launch; sums of one launch.
+pub const FORWARD_BATCH: usize = 16;
 pub const BACKWARD_BATCH: usize = 8;
+pub const RECEIVE_BATCH: usize = 8;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
@@ -208,8 +226,14 @@ struct ForwardBatch([Forward; FORWARD_BATCH]);
 #[derive(Clone, Copy, Debug, Default)]
 struct BackwardBatch([Backward; BACKWARD_BATCH]);
 
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+struct ReceiveBatch([Receive; RECEIVE_BATCH]);
+
 // SAFETY: plain numbers, laid out as in the sources.
 unsafe impl DeviceRepr for Pack {}
+// SAFETY: as above.
+unsafe impl DeviceRepr for ReceiveBatch {}
 // SAFETY: as above.
 unsafe impl DeviceRepr for Product {}
 // SAFETY: as above.
@@ -229,10 +253,13 @@ pub struct Kernels {
     /// Times of launches, if they are wanted.
     pub profile: Profile,
     shared: usize,
+    /// Whether kernels may begin while those before them end: the GPU can do it, and the weights stay
+    /// the same.
+    early: bool,
     pack: CudaFunction,
     forward: CudaFunction,
     backward: CudaFunction,
-    /// In bf16.
+    /// In bf16 on Hopper.
     edges_backward: Option<CudaFunction>,
     product: CudaFunction,
     receive: CudaFunction,
@@ -245,7 +272,11 @@ pub struct Kernels {
 
 impl Kernels {
     /// Compiles what is not in the cache.
-    pub fn load(device: &Arc<Device>, precision: Precision) -> Result<Self, CudaError> {
+    pub fn load(
+        device: &Arc<Device>,
+        precision: Precision,
+        training: bool,
+    ) -> Result<Self, CudaError> {
         let defines = defines(precision);
         let modules = SOURCES
             .iter()
@@ -271,7 +302,7 @@ impl Kernels {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            edges_backward: if precision == Precision::Bf16 {
+            edges_backward: if precision == Precision::Bf16 && device.architecture() == "sm_90a" {
                 Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
             } else {
                 None
@@ -288,6 +319,7 @@ impl Kernels {
             precision,
             profile: Profile::default(),
             shared,
+            early: !training && device.context().compute_capability()?.0 >= 9,
         })
     }
 
@@ -322,6 +354,48 @@ impl Kernels {
         })
     }
 
+    /// Launches a kernel that waits itself for the one before (`wait_for_kernel_before` of ptx.cuh),
+    /// and until then reads weights only. If these do not change it can begin while that one ends.
+    ///
+    /// # Safety
+    /// As for [`LaunchArgs::launch`]; `argument` is the kernel's only one.
+    unsafe fn launch_early<T: DeviceRepr>(
+        &self,
+        name: &'static str,
+        kernel: &CudaFunction,
+        mut argument: T,
+        config: LaunchConfig,
+    ) -> Result<(), CudaError> {
+        let stream = self.device.stream();
+        let mut early = CUlaunchAttribute {
+            id: CUlaunchAttributeID::CU_LAUNCH_ATTRIBUTE_PROGRAMMATIC_STREAM_SERIALIZATION,
+            pad: [0; 4],
+            value: CUlaunchAttributeValue { programmaticStreamSerializationAllowed: 1 },
+        };
+        let launch = CUlaunchConfig {
+            gridDimX: config.grid_dim.0,
+            gridDimY: config.grid_dim.1,
+            gridDimZ: config.grid_dim.2,
+            blockDimX: config.block_dim.0,
+            blockDimY: config.block_dim.1,
+            blockDimZ: config.block_dim.2,
+            sharedMemBytes: config.shared_mem_bytes,
+            hStream: stream.cu_stream(),
+            attrs: &raw mut early,
+            numAttrs: u32::from(self.early),
+        };
+        let mut arguments = [(&raw mut argument).cast::<std::ffi::c_void>()];
+        self.profile.around(name, stream, || {
+            // SAFETY: the caller's; the pointers are to what is alive here.
+            unsafe {
+                let (kernel, none) = (kernel.cu_function(), std::ptr::null_mut());
+                cuLaunchKernelEx(&raw const launch, kernel, arguments.as_mut_ptr(), none)
+            }
+            .result()?;
+            Ok(())
+        })
+    }
+
     /// Blocks of an MLP launch on at most `rows` rows, if so many MLPs are computed together. A
     /// multiprocessor has four tensor cores, so four warps of 16 rows take no longer than one, and
     /// fewer blocks fetch fewer weights.
@@ -351,11 +425,12 @@ impl Kernels {
                 *to = Forward { resident: i32::from(resident), ..*from };
                 shared = shared.max(bytes);
             }
-            let mut launch = self.device.stream().launch_builder(&self.forward);
-            launch.arg(&batch);
-            let grid = [self.blocks(rows, 1) as u32, part.len() as u32];
+            // Of the multiprocessors, each MLP has its share.
+            let grid = [self.blocks(rows, part.len()) as u32, part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
-            unsafe { self.launch(name, launch, config(grid, threads, shared))? };
+            unsafe {
+                self.launch_early(name, &self.forward, batch, config(grid, threads, shared))?;
+            }
         }
         Ok(())
     }
@@ -411,26 +486,15 @@ impl Kernels {
         Ok(())
     }
 
-    /// Messages (normalised; LayerNorm at `norm` of the parameters) of each node's edges, added.
-    #[allow(clippy::too_many_arguments)]
-    pub fn receive(
-        &self,
-        start: Address,
-        points: usize,
-        normal: Address,
-        parameters: Address,
-        norm: i32,
-        width: usize,
-        sum: Address,
-    ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.receive);
-        let (points, width) = (points as i32, width as i32);
-        launch.arg(&start).arg(&points).arg(&normal).arg(&parameters).arg(&norm).arg(&width);
-        launch.arg(&sum);
-        // SAFETY: live buffers for the graph's points and edges.
-        unsafe {
-            self.launch("receive", launch, config([(points as u32).div_ceil(4), 1], 128, 0))?
-        };
+    /// Messages of each node's edges, added, of up to `points` nodes.
+    pub fn receive(&self, items: &[Receive], points: usize) -> Result<(), CudaError> {
+        for part in items.chunks(RECEIVE_BATCH) {
+            let mut batch = ReceiveBatch::default();
+            batch.0[..part.len()].copy_from_slice(part);
+            let grid = [(points as u32).div_ceil(4), part.len() as u32];
+            // SAFETY: live buffers for the graphs' points and edges.
+            unsafe { self.launch_early("receive", &self.receive, batch, config(grid, 128, 0))? };
+        }
         Ok(())
     }
 
@@ -526,11 +590,10 @@ impl Kernels {
     }
 }
 
-/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows and three
-/// stages of two tiles of 64, all of 17 words of 16 bytes, and one tile without padding; five
-/// vectors.
+/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows, three stages
+/// of three tiles of 64, all of 256 bytes, and five vectors.
 const EDGES_THREADS: u32 = 512;
-const EDGES_SHARED: usize = (128 + 3 * 2 * 64) * 17 * 16 + 3 * 64 * 16 * 16 + 5 * WIDTH * 4;
+const EDGES_SHARED: usize = (128 + 3 * 3 * 64) * 256 + 5 * WIDTH * 4;
 
 /// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
 fn product_shared(precision: Precision) -> usize {

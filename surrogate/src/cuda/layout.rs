@@ -128,7 +128,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    pub fn new(config: &ModelConfig, precision: Precision) -> Self {
+    /// `fused`: with the weights of edges' MLPs as `edges_backward.cu` takes them.
+    pub fn new(config: &ModelConfig, precision: Precision, fused: bool) -> Self {
         let mut list = List { config, mlps: Vec::new(), parameters: 0 };
         let features = |n| vec![Input::Features(n)];
         let states = |n| vec![Input::State; n];
@@ -185,11 +186,16 @@ impl Layout {
             words: 0,
             mlps: list.mlps,
         };
-        layout.pack(precision);
+        layout.pack(precision, fused);
         layout
     }
 
-    fn pack(&mut self, precision: Precision) {
+    /// Whether a layer (not the first) reads the messages of the one before.
+    pub fn reads_messages(&self, layer: usize) -> bool {
+        layer >= self.frames || self.edge_fusion.is_some()
+    }
+
+    fn pack(&mut self, precision: Precision, fused: bool) {
         let mut packer = Packer { parts: precision.parts(), packs: Vec::new(), words: 0 };
         let messages: Vec<usize> = self.layers.iter().map(|l| l.message).collect();
         let mut edges = vec![self.edge_first, self.edge_later];
@@ -206,11 +212,7 @@ impl Layout {
                     p.linear(mlp, layer, Order::Forward);
                 }
             });
-            let order = if precision == Precision::Bf16 && edges.contains(&k) {
-                Order::Plain
-            } else {
-                Order::Transposed
-            };
+            let order = if fused && edges.contains(&k) { Order::Plain } else { Order::Transposed };
             mlp.backward = packer.sequence(|p| {
                 for layer in (1..=mlp.layers).rev() {
                     p.linear(mlp, layer, order);
@@ -321,7 +323,7 @@ mod tests {
         for name in PAPER_NETWORKS.into_iter().chain(["gns"]) {
             for dimensions in [2, 3] {
                 let config = ModelConfig { dimensions, ..ModelConfig::named(name).unwrap() };
-                let layout = Layout::new(&config, Precision::Bf16);
+                let layout = Layout::new(&config, Precision::Bf16, true);
                 assert_eq!(layout.parameters, config.parameter_count(), "{name}");
             }
         }

@@ -92,8 +92,8 @@ impl CudaNetwork {
         training: bool,
     ) -> Result<Self, CudaError> {
         supports(config)?;
-        let layout = Layout::new(config, precision);
-        let kernels = Kernels::load(device, precision)?;
+        let kernels = Kernels::load(device, precision, training)?;
+        let layout = Layout::new(config, precision, kernels.fused());
         let room = Room::new(device, &layout, &kernels, capacity, training)?;
         Ok(Self {
             parameters: device.zeros(layout.parameters)?,
@@ -117,7 +117,9 @@ impl CudaNetwork {
             return Err(CudaError::Weights { found: weights.len(), expected });
         }
         self.kernels.device.stream().memcpy_htod(weights, &mut self.parameters)?;
-        self.pack()
+        self.pack()?;
+        // Kernels that begin early read them.
+        Ok(self.kernels.device.stream().synchronize()?)
     }
 
     /// Makes room for larger batches, if need be.
@@ -174,8 +176,7 @@ impl CudaNetwork {
     /// If there are more points or edges than there is room for.
     pub fn forward(&mut self, frames: &[FrameInput]) -> Result<&CudaSlice<f32>, CudaError> {
         let views = self.views(frames)?;
-        self.encode(&views)?;
-        self.pass_messages(&views)?;
+        self.pass(&views)?;
         Ok(&self.output)
     }
 

@@ -26,24 +26,21 @@ pub trait Network {
     /// Too little memory.
     fn make_room(&mut self, points: usize, edges: usize) -> Result<(), CudaError>;
 
-    /// Queues the computation of the normalised accelerations of the newest frame, points x
-    /// dimensions, on the device's stream, without waiting, so that it can be captured in a CUDA
-    /// graph.
+    /// Queues the computation of the normalised accelerations, points x dimensions, of the window
+    /// that ends with `frame`, on the device's stream, without waiting, so that it can be captured in
+    /// a CUDA graph.
     ///
-    /// The oldest frame comes first. All have the features of later frames, of which the first one's
-    /// velocities are to be ignored. `moved`: the window is that of the call before, moved on by a
-    /// frame.
+    /// Frames come one after the other, those of the first window too, for which there is nothing to
+    /// be had but for the last. All have the features of later frames, of which the first one's
+    /// velocities are to be ignored. `before` is the frame before.
     ///
     /// # Errors
     /// A launch was refused.
     fn accelerations(
         &mut self,
-        frames: &[&FrameInput],
-        moved: bool,
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError>;
-
-    /// What is queued is the same again after so many calls, for the same frames in the same places.
-    fn period(&self) -> usize;
 }
 
 impl Network for CudaNetwork {
@@ -53,15 +50,10 @@ impl Network for CudaNetwork {
 
     fn accelerations(
         &mut self,
-        frames: &[&FrameInput],
-        moved: bool,
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError> {
-        self.advance(frames, moved)
-    }
-
-    /// The encodings of all frames but the first take turns.
-    fn period(&self) -> usize {
-        (self.config.graphs() - 1).max(1)
+        self.advance(frame, before)
     }
 }
 
@@ -85,7 +77,7 @@ pub struct CudaRollout<N> {
     mirror: Option<f64>,
     /// The frames of the window take turns: the newest takes the place of the oldest.
     positions: Vec<CudaSlice<f32>>,
-    /// What the network reads of those that it has graphs of: all, or (GNS) the newest.
+    /// The newest frame and the one before, in turn.
     inputs: Vec<FrameInput>,
     /// The last frames that the host has seen, as many as the window has.
     window: VecDeque<Vec<[f64; 2]>>,
@@ -155,7 +147,7 @@ impl<N: Network> CudaRollout<N> {
         self.graphs.clear();
         self.inputs.clear();
         self.network.make_room(self.builder.points(), edges)?;
-        for _ in 0..self.config.graphs() {
+        for _ in 0..2 {
             self.inputs.push(self.builder.allocate(edges)?);
         }
         Ok(())
@@ -174,10 +166,9 @@ impl<N: Network> CudaRollout<N> {
             }
             stream.memcpy_htod(&single, position)?;
         }
-        let read = frames - self.inputs.len()..frames;
         loop {
-            for place in read.clone() {
-                self.graph(place)?;
+            for position in &self.positions {
+                self.builder.graph(&position.as_view(), &mut self.inputs[0])?;
             }
             let needed = self.builder.needed()?;
             if needed <= self.room() {
@@ -186,9 +177,12 @@ impl<N: Network> CudaRollout<N> {
             self.make_room(needed + needed / 4)?;
         }
         self.graphs.clear();
-        self.graphs.resize_with(least_common_multiple(frames, self.network.period()), || None);
-        for place in read {
-            self.features(place)?;
+        self.graphs
+            .resize_with(if frames.is_multiple_of(2) { frames } else { 2 * frames }, || None);
+        self.input(0)?;
+        for frame in 1..frames {
+            self.network.accelerations(&self.inputs[(frame - 1) % 2], &self.inputs[frame % 2])?;
+            self.input(frame)?;
         }
         Ok(())
     }
@@ -198,38 +192,32 @@ impl<N: Network> CudaRollout<N> {
         self.inputs[0].graph.capacity
     }
 
-    /// Queues the building of the graph of the frame at a place.
-    fn graph(&mut self, place: usize) -> Result<(), CudaError> {
-        let input = place % self.inputs.len();
-        Ok(self.builder.graph(&self.positions[place].as_view(), &mut self.inputs[input])?)
-    }
-
-    /// Queues the computation of the features of the frame at a place. The first frame of a window
-    /// comes after the last one then; its velocities are unknown, and nobody reads them.
-    fn features(&mut self, place: usize) -> Result<(), CudaError> {
+    /// Queues graph and features of a frame, counted from the first of the window that the host knew.
+    /// That one's velocities are unknown: they are made with the last of the window, and nobody reads
+    /// them.
+    fn input(&mut self, frame: usize) -> Result<(), CudaError> {
         let frames = self.positions.len();
         let known = match self.config.kind {
             ModelKind::Tgnns => 2,
             ModelKind::Gns => frames,
         };
-        let history: Vec<_> = (place + frames + 1 - known..=place + frames)
-            .map(|place| self.positions[place % frames].as_view())
+        let history: Vec<_> = (frame + frames + 1 - known..=frame + frames)
+            .map(|frame| self.positions[frame % frames].as_view())
             .collect();
-        let input = place % self.inputs.len();
-        Ok(self.builder.features(&history, &mut self.inputs[input])?)
+        let input = &mut self.inputs[frame % 2];
+        self.builder.graph(&history[known - 1], input)?;
+        Ok(self.builder.features(&history, input)?)
     }
 
     /// Queues one frame: acceleration of the network, semi-implicit Euler, walls and boxes; then the
-    /// new frame's graph and features, in the place of the oldest frame.
+    /// new frame's graph and features.
     fn queue(&mut self) -> Result<(), CudaError> {
-        let (frames, read) = (self.positions.len(), self.inputs.len());
-        let oldest = self.queued % frames;
-        let window: Vec<&FrameInput> =
-            (0..read).map(|k| &self.inputs[(oldest + k) % read]).collect();
-        let output = self.network.accelerations(&window, self.queued > 0)?;
-        self.integrator.step(output, &mut self.positions[oldest])?;
-        self.graph(oldest)?;
-        self.features(oldest)
+        let frames = self.positions.len();
+        let new = frames + self.queued;
+        let [newest, before] = [1, 2].map(|k| &self.inputs[(new - k) % 2]);
+        let output = self.network.accelerations(newest, before)?;
+        self.integrator.step(output, &mut self.positions[new % frames])?;
+        self.input(new)
     }
 
     /// Queues one frame, as a CUDA graph but for the first, which loads the kernels.
@@ -300,8 +288,4 @@ impl<N: Network> CudaRollout<N> {
         }
         Ok((frames, failure))
     }
-}
-
-fn least_common_multiple(a: usize, b: usize) -> usize {
-    (1..=b).map(|k| a * k).find(|multiple| multiple.is_multiple_of(b)).unwrap_or(a)
 }

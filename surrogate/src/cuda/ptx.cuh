@@ -62,6 +62,15 @@ __device__ __forceinline__ void load_transposed(u32 (&d)[4], const void* row) {
 // Waits for all threads of the block, which may be at different places of the program.
 __device__ __forceinline__ void barrier() { asm volatile("bar.sync 0;" ::: "memory"); }
 
+// Waits for the kernel before, if this one was launched to begin while that one ends, and lets the one
+// after it begin.
+__device__ __forceinline__ void wait_for_kernel_before() {
+#if __CUDA_ARCH__ >= 900
+    asm volatile("griddepcontrol.wait;\n"
+                 "griddepcontrol.launch_dependents;" ::: "memory");
+#endif
+}
+
 // Copies 16 bytes to shared memory without waiting, or zeros.
 __device__ __forceinline__ void copy_async(void* to, const void* from, bool valid) {
     u32 address = (u32)__cvta_generic_to_shared(to);
@@ -95,9 +104,17 @@ __device__ __forceinline__ void wait_for_copies() {
 // side by side). They are under way until `end_products`.
 __device__ __forceinline__ void begin_products() { asm volatile("wgmma.fence.sync.aligned;" ::: "memory"); }
 
+__device__ __forceinline__ void commit_products() {
+    asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+}
+
+__device__ __forceinline__ void wait_for_products() {
+    asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
+}
+
 __device__ __forceinline__ void end_products() {
-    asm volatile("wgmma.commit_group.sync.aligned;\n"
-                 "wgmma.wait_group.sync.aligned 0;" ::: "memory");
+    commit_products();
+    wait_for_products();
 }
 
 // Before the first products of what a thread has written to shared memory.

@@ -58,7 +58,9 @@ pub struct LayerRoom {
     pub receiver: Address,
     pub sender_gradient: Address,
     pub receiver_gradient: Address,
-    /// The sum of messages.
+    /// The messages before LayerNorm's scale and shift, added up for each node and tile of 16 edges,
+    /// and the sum of messages.
+    pub sums: Address,
     pub received: Address,
     /// Node states, and edge states if not left to be scaled and shifted by who reads them.
     pub node: Address,
@@ -229,14 +231,22 @@ impl Maker<'_> {
 
     fn frames(&mut self) -> Result<Vec<FrameRoom>, CudaError> {
         let (layout, Capacity { points, edges }) = (self.layout, self.capacity);
-        let mut frames = Vec::new();
+        let mut frames = Vec::<FrameRoom>::new();
         for k in 0..layout.frames {
             let (node, edge) = match k {
                 0 => (layout.node_first, layout.edge_first),
                 _ => (layout.node_later, layout.edge_later),
             };
+            let fusion = layout.edge_fusion.filter(|_| k > 0);
+            // Without training later frames share what does not depend on their place in the window;
+            // `edgemsg` writes joined states over the encoded ones.
+            let shared = if self.training { None } else { frames.get(1).copied() };
+            let encoded = shared.filter(|_| fusion.is_none());
             let mut frame = FrameRoom {
-                node: self.states(points)?,
+                node: match encoded {
+                    Some(encoded) => encoded.node,
+                    None => self.states(points)?,
+                },
                 node_encoder: self.saved(node, points, 1)?,
                 edge_encoder: self.saved(edge, edges, layout.frames)?,
                 ..FrameRoom::default()
@@ -249,13 +259,19 @@ impl Maker<'_> {
                 frame.fused = self.states(points)?;
                 frame.node_fusion = self.saved(layout.node_fusion, points, 1)?;
             }
-            let fusion = layout.edge_fusion.filter(|_| k > 0);
             if let Some(fusion) = fusion {
                 frame.edge_fusion = self.saved(fusion, edges, 1)?;
-                frame.previous = self.memory.take(4 * edges)?;
-                frame.next = self.memory.take(4 * edges)?;
+                frame.previous = match shared {
+                    Some(shared) => shared.previous,
+                    None => self.memory.take(4 * edges)?,
+                };
+                if self.training {
+                    frame.next = self.memory.take(4 * edges)?;
+                }
             }
-            if layout.residual || fusion.is_some() || !self.training {
+            if let Some(encoded) = encoded {
+                frame.edge = encoded.edge;
+            } else if layout.residual || fusion.is_some() || !self.training {
                 frame.edge = self.states(edges)?;
             }
             frames.push(frame);
@@ -272,6 +288,8 @@ impl Maker<'_> {
                 update: self.saved(l.update, points, 1)?,
                 sender: self.states(points)?,
                 receiver: self.states(points)?,
+                // A sum for each tile, and one more for each node that begins in the middle of one.
+                sums: self.states32(edges.div_ceil(16) + points)?,
                 received: self.states(points)?,
                 node: self.states(points)?,
                 ..LayerRoom::default()
@@ -279,22 +297,15 @@ impl Maker<'_> {
             if self.training {
                 layer.sender_gradient = self.states(points)?;
                 layer.receiver_gradient = self.states(points)?;
-            } else {
-                // A layer reads the messages of the one before at most.
-                layer.message.normal = match layers.get(k.wrapping_sub(2)) {
-                    Some(before) => before.message.normal,
-                    None => self.states(edges)?,
-                };
-                layer.message.deviation = match layers.first() {
-                    Some(first) => first.message.deviation,
-                    None => self.memory.take(4 * edges)?,
-                };
             }
             // `edgemsg` reads the messages of several layers with one MLP, so that scale and shift
             // cannot be left to the reader.
-            let explicit = layout.residual || layout.edge_fusion.is_some();
-            if explicit && k + 1 < layout.layers.len() {
-                layer.edge = self.states(edges)?;
+            if k + 1 < layout.layers.len() && layout.reads_messages(k + 1) {
+                if layout.residual || layout.edge_fusion.is_some() {
+                    layer.edge = self.states(edges)?;
+                } else if !self.training {
+                    layer.message.normal = self.states(edges)?;
+                }
             }
             layers.push(layer);
         }

@@ -51,10 +51,9 @@ __device__ __forceinline__ void split_f16(float a, float b, u32 (&part)[2]) {
     part[1] = pack_f16(a - x, b - y);
 }
 
-// Eight consecutive numbers.
-__device__ __forceinline__ void load8(const unsigned short* from, float (&v)[8]) {
-    uint4 u = *(const uint4*)from;
-    u32 word[4] = {u.x, u.y, u.z, u.w};
+// Eight numbers, as they are stored.
+__device__ __forceinline__ void unpack8(const uint4 (&u)[1], float (&v)[8]) {
+    u32 word[4] = {u[0].x, u[0].y, u[0].z, u[0].w};
 #pragma unroll
     for (int k = 0; k < 4; k++) {
         v[2 * k] = low(word[k]);
@@ -62,10 +61,19 @@ __device__ __forceinline__ void load8(const unsigned short* from, float (&v)[8])
     }
 }
 
-__device__ __forceinline__ void load8(const float* from, float (&v)[8]) {
-    float4 a = *(const float4*)from, b = *(const float4*)(from + 4);
-    v[0] = a.x, v[1] = a.y, v[2] = a.z, v[3] = a.w;
-    v[4] = b.x, v[5] = b.y, v[6] = b.z, v[7] = b.w;
+__device__ __forceinline__ void unpack8(const uint4 (&u)[2], float (&v)[8]) {
+    u32 word[8] = {u[0].x, u[0].y, u[0].z, u[0].w, u[1].x, u[1].y, u[1].z, u[1].w};
+#pragma unroll
+    for (int k = 0; k < 8; k++) v[k] = __uint_as_float(word[k]);
+}
+
+// Eight consecutive numbers.
+template <class Number>
+__device__ __forceinline__ void load8(const Number* from, float (&v)[8]) {
+    uint4 u[sizeof(Number) / 2];
+#pragma unroll
+    for (int k = 0; k < sizeof(Number) / 2; k++) u[k] = ((const uint4*)from)[k];
+    unpack8(u, v);
 }
 
 __device__ __forceinline__ void store8(unsigned short* to, const float (&v)[8]) {
@@ -150,20 +158,44 @@ __device__ __forceinline__ void clear(Tile& z) {
         for (int k = 0; k < 4; k++) z[j][k] = 0.f;
 }
 
-// Rows of a matrix; `row` is NONE for a row of zeros.
+// What a lane has of two rows of a matrix, as it is stored; zeros for a row that is NONE. There are no
+// branches, so that all of it is on its way before the first is needed.
+template <class Number>
+struct Rows {
+    uint4 word[2][4][sizeof(Number) / 2];
+
+    __device__ __forceinline__ Rows(const Number* from, const u32 (&row)[2], int t) {
+#pragma unroll
+        for (int half = 0; half < 2; half++) {
+            const bool live = row[half] != NONE;
+            const uint4* start = (const uint4*)(from + (size_t)(live ? row[half] : 0) * WIDTH + 8 * t);
+#pragma unroll
+            for (int q = 0; q < 4; q++)
+#pragma unroll
+                for (int k = 0; k < sizeof(Number) / 2; k++) {
+                    uint4 u = start[q * 4 * (sizeof(Number) / 2) + k];
+                    word[half][q][k] = live ? u : make_uint4(0, 0, 0, 0);
+                }
+        }
+    }
+
+    // Chunk q of a row.
+    __device__ __forceinline__ void numbers(int half, int q, float (&v)[8]) const {
+        unpack8(word[half][q], v);
+    }
+};
+
 template <class Number>
 __device__ __forceinline__ void add_rows(Tile& z, const Number* from, const u32 (&row)[2], int t) {
+    const Rows<Number> rows(from, row, t);
 #pragma unroll
-    for (int half = 0; half < 2; half++) {
-        if (row[half] == NONE) continue;
-        const Number* start = from + (size_t)row[half] * WIDTH + 8 * t;
+    for (int half = 0; half < 2; half++)
 #pragma unroll
         for (int q = 0; q < 4; q++) {
             float v[8];
-            load8(start + 32 * q, v);
+            rows.numbers(half, q, v);
             add_chunk(z, q, half, v);
         }
-    }
 }
 
 template <class Number>
@@ -229,45 +261,50 @@ __device__ __forceinline__ void to_operand(const Tile& z, Operand& x) {
         }
 }
 
-// Eight columns of a row, scaled and shifted if `scale` (and after it, 128 numbers on, the shift) is
-// not null.
-__device__ __forceinline__ void load8_scaled(const Stored* from, const float* scale, float (&v)[8]) {
-    load8(from, v);
-    if (!scale) return;
-    float s[8], b[8];
-    load8(scale, s);
-    load8(scale + WIDTH, b);
-#pragma unroll
-    for (int k = 0; k < 8; k++) v[k] = s[k] * v[k] + b[k];
-}
-
-// Rows of a matrix as an operand, scaled and shifted column by column if `scale` is not null; `row` is
-// NONE for a row of zeros.
+// Rows of a matrix as an operand, scaled and shifted column by column if `scale` (and after it, 128
+// numbers on, the shift) is not null.
 __device__ __forceinline__ void load_operand(
     Operand& x, const Stored* from, const u32 (&row)[2], const float* scale, int t) {
+    const Rows<Stored> rows(from, row, t);
+#if PARTS == 1
+    // As it is stored it can be multiplied.
+    if (!scale) {
 #pragma unroll
-    for (int half = 0; half < 2; half++) {
-        const Stored* start = from + (size_t)row[half] * WIDTH + 8 * t;
-#if PARTS == 2
-        // In a pass of its own: there are no registers for the numbers of a tile besides.
-        float largest = 0.f;
-#pragma unroll 1
-        for (int q = 0; q < 4 && row[half] != NONE; q++) {
-            float v[8];
-            load8_scaled(start + 32 * q, scale ? scale + 32 * q + 8 * t : nullptr, v);
+        for (int half = 0; half < 2; half++)
 #pragma unroll
-            for (int k = 0; k < 8; k++) largest = fmaxf(largest, fabsf(v[k]));
-        }
-        x.scale[half] = power_of_two(largest);
+            for (int q = 0; q < 4; q++) {
+                const uint4 u = rows.word[half][q][0];
+                element(x, 0, q, 0, half) = u.x, element(x, 0, q, 1, half) = u.y;
+                element(x, 0, q, 2, half) = u.z, element(x, 0, q, 3, half) = u.w;
+            }
+        return;
+    }
+#else
+    Tile z;
 #endif
 #pragma unroll
+    for (int half = 0; half < 2; half++)
+#pragma unroll
         for (int q = 0; q < 4; q++) {
-            float v[8] = {};
-            if (row[half] != NONE)
-                load8_scaled(start + 32 * q, scale ? scale + 32 * q + 8 * t : nullptr, v);
+            float v[8];
+            rows.numbers(half, q, v);
+            if (scale) {
+                float s[8], b[8];
+                load8(scale + 32 * q + 8 * t, s);
+                load8(scale + WIDTH + 32 * q + 8 * t, b);
+#pragma unroll
+                for (int k = 0; k < 8; k++) v[k] = s[k] * v[k] + b[k];
+            }
+#if PARTS == 1
             to_operand(v, x, q, half);
+#else
+#pragma unroll
+            for (int k = 0; k < 8; k++) z[4 * q + k / 2][2 * half + k % 2] = v[k];
+#endif
         }
-    }
+#if PARTS == 2
+    to_operand(z, x);
+#endif
 }
 
 __device__ __forceinline__ void scale_rows(Tile& z, float first, float second) {
@@ -298,7 +335,8 @@ __device__ __forceinline__ void multiply(Tile& z, const Operand& x, const uint4*
 #endif
 }
 
-__device__ __forceinline__ float leaky(float x, float slope) { return x > 0.f ? x : slope * x; }
+// LeakyReLU, with a slope of at most 1.
+__device__ __forceinline__ float leaky(float x, float slope) { return fmaxf(x, slope * x); }
 
 // Sum over the four lanes that share rows.
 __device__ __forceinline__ float row_sum(float x) {

@@ -171,8 +171,7 @@ impl CudaTrainer {
 
     fn queue_gradient(&self, views: &[View], target: Address) -> Result<(), CudaError> {
         let network = &self.network;
-        network.encode(views)?;
-        network.pass_messages(views)?;
+        network.pass(views)?;
         let Some(passed) = &network.room.training else { return Ok(()) };
         network.kernels.loss(
             [network.address(&network.output), target],

@@ -15,6 +15,7 @@ use crate::metrics::{Errors, FrameError};
 use crate::rollout::Rollout;
 use crate::simulator::Simulator;
 use crate::start::{Start, StartError, stride};
+use crate::train::Precision;
 
 /// Arguments of `surrogate eval`.
 #[derive(clap::Args)]
@@ -37,6 +38,9 @@ pub struct EvalArgs {
     /// Where to compute: auto, cpu, cuda or cuda:N
     #[arg(long, default_value = "auto")]
     device: Device,
+    /// Precision of products on a GPU; bf16 is faster and less exact
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    precision: Precision,
     /// Average each prediction with the mirrored one of the mirrored window
     #[arg(long)]
     mirror: bool,
@@ -137,7 +141,8 @@ enum FloorError {
 /// # Errors
 /// If a file is wrong or the results cannot be written.
 pub fn eval(args: &EvalArgs) -> miette::Result<()> {
-    let mut simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
+    let (mirror, precision) = (args.mirror, args.precision);
+    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     simulator.place(args.device).into_diagnostic().wrap_err("--device")?;
     let mut cases = Vec::new();
     for path in trajectories_in(&args.data)? {

@@ -6,14 +6,13 @@ use gpu::Device;
 use gpu::ranks::Ranks;
 
 use super::adam::Adam;
-use super::config::{self, TrainConfig};
+use super::config::TrainConfig;
 use super::engine::{Preparation, State, average_decay};
 use super::parameters::{weights, with_weights};
 use crate::backend::{Cpu, device as cpu};
 use crate::config::ModelConfig;
 use crate::cuda::{
-    BatchBuilder, Capacity, CudaError, CudaTrainer, EDGES_PER_POINT, HostWindows, LOSSES,
-    Precision, Rates,
+    BatchBuilder, Capacity, CudaError, CudaTrainer, EDGES_PER_POINT, HostWindows, LOSSES, Rates,
 };
 use crate::data::Batch;
 use crate::model::Model;
@@ -61,10 +60,7 @@ impl CudaEngine {
         points: usize,
         ranks: Option<Arc<Ranks>>,
     ) -> Result<Self, CudaError> {
-        let precision = match config.precision {
-            config::Precision::F32 => Precision::F32,
-            config::Precision::Bf16 => Precision::Bf16,
-        };
+        let precision = config.precision.into();
         // Room decides which sums are made together: it has to be the same after a resume.
         let room = Capacity { points, edges: EDGES_PER_POINT * points };
         let averaging = config.ema > 0.0;

@@ -326,6 +326,7 @@ impl Sitting {
             mirror: false,
             device: device(),
             gpu: self.engine.gpu(),
+            precision: Precision::F32,
         }
     }
 }
