@@ -71,7 +71,12 @@ pub const SOURCES: [(&str, &str); 7] = [
 
 /// Definitions that the sources need.
 pub fn defines(precision: Precision) -> Vec<String> {
-    vec![format!("PARTS={}", precision.parts()), format!("THREADS={}", precision.threads())]
+    vec![
+        format!("PARTS={}", precision.parts()),
+        format!("THREADS={}", precision.threads()),
+        format!("FORWARD_BATCH={FORWARD_BATCH}"),
+        format!("RECEIVE_BATCH={RECEIVE_BATCH}"),
+    ]
 }
 
 /// Address in device memory; 0 is none.
