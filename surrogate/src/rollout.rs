@@ -14,7 +14,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::constraints::Constraints;
-use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion};
+use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
 use crate::features::Window;
 use crate::inference::Inference;
 use crate::simulator::Simulator;
@@ -182,15 +182,18 @@ fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahe
         fall: start.scene.gravity.map(|g| relative * (g * interval * interval)),
         start: start.time,
         interval,
+        mirror: simulator.mirror,
     };
     let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
     let (weights, window) = (weights(&simulator.model), start.positions.clone());
+    let statics = start.statics.clone();
     let (device, precision) = (device.clone(), simulator.precision);
     Ahead::start(move || {
         let room = Capacity { points: window[0].len(), edges: 1 };
         let mut network = CudaNetwork::new(&device, &config, precision.into(), room, false)?;
         network.set_weights(&weights)?;
-        CudaRollout::new(&device, &config, &norm, &motion, &window, network)
+        let past = Past { window: &window, statics: &statics };
+        CudaRollout::new(&device, &config, &norm, &motion, past, network)
     })
 }
 

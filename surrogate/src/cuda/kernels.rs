@@ -555,37 +555,40 @@ impl Kernels {
         Ok(())
     }
 
-    /// Loss of points x columns numbers, and its gradient in rows of 128.
-    #[allow(clippy::too_many_arguments)]
+    /// Sums of squared errors and of squared targets over points x columns numbers, and the
+    /// gradient of the first in rows of 128.
     pub fn loss(
         &self,
-        output: Address,
-        target: Address,
+        [output, target]: [Address; 2],
         points: usize,
         columns: usize,
         gradient: Address,
-        losses: Address,
-        counter: Address,
-        room: usize,
+        sums: Address,
     ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.loss);
-        let (points, columns, room) = (points as i32, columns as i32, room as u32);
-        launch.arg(&output).arg(&target).arg(&points).arg(&columns);
-        launch.arg(&gradient).arg(&losses).arg(&counter).arg(&room);
+        let (points, columns) = (points as i32, columns as i32);
+        launch.arg(&output).arg(&target).arg(&points).arg(&columns).arg(&gradient).arg(&sums);
         // SAFETY: live buffers of these sizes.
         unsafe { self.launch("loss", launch, config([1, 1], 1024, 0))? };
         Ok(())
     }
 
     /// Adam on `count` weights: weights, averages of gradients and of their squares, average of
-    /// the weights (or 0), gradient, rates.
-    pub fn adam(&self, lists: [Address; 6], count: usize) -> Result<(), CudaError> {
+    /// the weights (or 0), gradient and the sums of the loss behind it, rates. The loss goes into
+    /// the ring of `room` losses where the counter says.
+    pub fn adam(
+        &self,
+        lists: [Address; 6],
+        count: usize,
+        [losses, counter]: [Address; 2],
+        room: usize,
+    ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.adam);
         for list in &lists {
             launch.arg(list);
         }
-        let number = count as i32;
-        launch.arg(&number);
+        let (number, room) = (count as i32, room as u32);
+        launch.arg(&number).arg(&losses).arg(&counter).arg(&room);
         // SAFETY: live buffers of this size.
         unsafe { self.launch("adam", launch, config([(count as u32).div_ceil(256), 1], 256, 0))? };
         Ok(())

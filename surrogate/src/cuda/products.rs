@@ -13,6 +13,7 @@ use super::kernels::{Address, Product, Target, WIDTH};
 use super::layout::Input;
 use super::network::{CudaNetwork, Features, View};
 use super::room::Saved;
+use super::trainer::SUMS;
 
 /// Blocks that share the rows of a product over edges, and over nodes.
 const EDGE_BLOCKS: usize = 44;
@@ -24,7 +25,7 @@ type Range = (usize, usize);
 /// Gradients of all weights, and what it takes to compute them.
 #[derive(Debug)]
 pub struct Products {
-    /// In the order of the weights.
+    /// In the order of the weights, then the sums of the loss ([`SUMS`]).
     pub gradient: CudaSlice<f32>,
     products: CudaSlice<Product>,
     targets: CudaSlice<Target>,
@@ -98,7 +99,7 @@ impl Products {
             }
         }
         Ok(Self {
-            gradient: device.zeros(layout.parameters)?,
+            gradient: device.zeros(layout.parameters + SUMS)?,
             products: device.upload(&vec![Product::default(); parts.len()])?,
             targets: device.upload(&targets)?,
             known: Vec::new(),
