@@ -173,7 +173,7 @@ impl Context {
     }
 
     /// What times depend on.
-    fn hardware(&self) -> String {
+    pub fn hardware(&self) -> String {
         match self.device.as_str() {
             "cpu" => format!("cpu, {} threads", rayon::current_num_threads()),
             _ => self.gpu_name.clone(),

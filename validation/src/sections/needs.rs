@@ -33,7 +33,12 @@ impl Section for Needs {
              program was built.",
         );
         let mut lines = Vec::new();
+        let mut absent = Vec::new();
         for case in Case::of(context.suite) {
+            if !case.missing(context).is_empty() {
+                absent.push(case.name);
+                continue;
+            }
             let sweep = case.measure(context)?;
             let reference = &sweep.measured[0];
             for (goal, relative) in GOALS {
@@ -71,7 +76,7 @@ impl Section for Needs {
                 }
             }
         }
-        Ok(vec![
+        let mut blocks = vec![
             Block::text(
                 "The cheapest of all measured settings that stays within a tolerance of the \
                  reference. Shape: front and height profile at the end, as parts of the runout and \
@@ -80,7 +85,15 @@ impl Section for Needs {
             ),
             Block::Findings(lines),
             Block::Table(table),
-        ])
+        ];
+        if !absent.is_empty() {
+            blocks.push(Block::missing(
+                absent.join(", "),
+                "not all settings have been measured.",
+                "`--only` with the scene's name does it.",
+            ));
+        }
+        Ok(blocks)
     }
 }
 

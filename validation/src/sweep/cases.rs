@@ -118,8 +118,8 @@ impl Case {
         let column = include_str!("../../../scenes/column.toml");
         if suite == Suite::Quick {
             // Half of the collapse of the demo column: the whole would take twice as long.
-            let scene = merged(column, "duration = 0.6");
-            let description = "the first 0.6 s of the collapse of a column of 1 m x 1 m (256 \
+            let scene = merged(column, "duration = 0.5");
+            let description = "the first 0.5 s of the collapse of a column of 1 m x 1 m (256 \
                                points, `scenes/column.toml`)";
             return vec![Self::new("Column of 1 m", description, &scene, &QUICK, [1.0, 1.0])];
         }
