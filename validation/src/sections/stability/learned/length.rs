@@ -14,7 +14,7 @@ const TRAINED: f64 = 1.2;
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let interval = simulator.training.frame_interval;
     let frames = (4.0 * TRAINED / interval) as usize + 1;
-    let scene = text([4.0, 2.0], &column([0.5, 0.0], [1.0, pick(suite, 0.75, 1.0)], [0.0, 0.0]));
+    let scene = text([4.0, 2.0], &column([0.5, 0.0], [1.0, 1.0], [0.0, 0.0]));
     let direct = Direct::run("collapse", &scene, interval, frames)?;
     let truth = &direct.positions;
     let rolled = roll(simulator, &direct.start(simulator)?, frames);
