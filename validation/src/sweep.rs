@@ -174,7 +174,7 @@ impl Case {
         for model in context.models.clone() {
             for (precision, addition) in [(Precision::F32, ""), (Precision::Bf16, ", bf16")] {
                 let place = measured.last().map_or("", |m: &Measured| &m.device);
-                if precision == Precision::Bf16 && place != context.gpu_name {
+                if precision == Precision::Bf16 && place != context.device_name {
                     // Only a GPU has it, and not every network runs there.
                     continue;
                 }
