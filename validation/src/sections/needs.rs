@@ -35,7 +35,12 @@ impl Section for Needs {
              as it was when the program was built.",
         );
         let mut lines = Vec::new();
+        let mut absent = Vec::new();
         for case in Case::of(context.suite) {
+            if !case.missing(context).is_empty() {
+                absent.push(case.name);
+                continue;
+            }
             let sweep = case.measure(context)?;
             let cost = cost(&sweep);
             let reference = cost(&sweep.measured[0]);
@@ -74,7 +79,7 @@ impl Section for Needs {
                 }
             }
         }
-        Ok(vec![
+        let mut blocks = vec![
             Block::text(
                 "The cheapest of all measured settings that stays within a tolerance of the \
                  reference. Shape: front and height profile at the end, as parts of the runout and \
@@ -83,7 +88,15 @@ impl Section for Needs {
             ),
             Block::Findings(lines),
             Block::Table(table),
-        ])
+        ];
+        if !absent.is_empty() {
+            blocks.push(Block::missing(
+                absent.join(", "),
+                "not all settings have been measured.",
+                "`--only` with the scene's name does it.",
+            ));
+        }
+        Ok(blocks)
     }
 }
 
