@@ -11,7 +11,6 @@ pub mod info;
 mod output;
 pub mod packings;
 pub mod plot;
-pub mod ranks;
 pub mod rate;
 pub mod record;
 pub mod run;

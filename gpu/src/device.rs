@@ -75,7 +75,7 @@ impl Device {
         }
         Ok(Arc::new(Self {
             name: context.name()?,
-            architecture: format!("sm_{major}{minor}"),
+            architecture: architecture(major, minor),
             driver,
             context,
             stream,
@@ -96,7 +96,7 @@ impl Device {
         &self.name
     }
 
-    /// Such as `sm_90`.
+    /// Such as `sm_80`.
     pub fn architecture(&self) -> &str {
         &self.architecture
     }
@@ -173,6 +173,12 @@ impl Device {
 /// A driver runs what an NVRTC of its own major version compiles, and of older ones.
 fn check_versions(driver: (i32, i32), nvrtc: (i32, i32)) -> Result<(), Error> {
     if driver.0 < nvrtc.0 { Err(Error::DriverTooOld { driver, nvrtc }) } else { Ok(()) }
+}
+
+/// The name of what is compiled for. Hopper's products of warp groups are in no other GPU, which its
+/// name says by an `a`.
+fn architecture(major: i32, minor: i32) -> String {
+    format!("sm_{major}{minor}{}", if (major, minor) == (9, 0) { "a" } else { "" })
 }
 
 /// The first GPU with a stream of its own, for a test that needs one; without one `None`, after

@@ -159,6 +159,7 @@ mod tests {
             time: 0.0,
             statics: Vec::new(),
             frames: 2,
+            simulated_in: 0.0,
         }
     }
 
