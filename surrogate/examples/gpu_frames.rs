@@ -15,8 +15,9 @@ use surrogate::config::ModelConfig;
 use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
-    HostWindows, Integrator, Motion, Network, Precision,
+    HostWindows, Integrator, Motion, Network, Past, Precision,
 };
+use surrogate::data::Batch;
 use surrogate::features::Normalisation;
 use surrogate::model::Model;
 use surrogate::train::weights;
@@ -111,6 +112,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         fall: [0.0; 2],
         start: 0.0,
         interval: 0.01,
+        mirror: false,
     };
     let positions = column(points);
     let window = vec![positions.clone(); config.frames];
@@ -123,8 +125,8 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let graph = time(device, || builder.graph(&position.as_view(), &mut frame))?;
     let edges = builder.needed()?;
     let before = position.as_view();
-    let features =
-        time(device, || builder.features(&position.as_view(), Some(&before), &mut frame))?;
+    let history = [before, position.as_view()];
+    let features = time(device, || builder.features(&history, &mut frame))?;
 
     let mut integrator = Integrator::new(device, &config, &norm, &motion, points)?;
     integrator.begin([&positions, &positions], 6)?;
@@ -147,7 +149,12 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
 
     let mut batches = BatchBuilder::new(device, &config, &norm, &bounds);
     let twice = vec![single.repeat(config.frames); 2];
-    let members = HostWindows::new(&twice, vec![points; 2], single.repeat(2));
+    let members = HostWindows::new(Batch {
+        windows: twice,
+        points: vec![points; 2],
+        statics: vec![Vec::new(); 2],
+        targets: single.repeat(2),
+    });
     batches.make(&members)?;
     let began = Instant::now();
     for _ in 0..BLOCKS {
@@ -170,7 +177,8 @@ fn rollout<N: Network>(
 ) -> Result<(f64, f64), Failure> {
     device.stream().synchronize()?;
     let (free, _) = device.context().mem_get_info()?;
-    let mut rollout = CudaRollout::new(device, &config, norm, motion, window, network)?;
+    let past = Past { window, statics: &[] };
+    let mut rollout = CudaRollout::new(device, &config, norm, motion, past, network)?;
     // All of its CUDA graphs are made in the first blocks.
     let warm_up = 2 * config.frames / BLOCK + 2;
     (0..warm_up).try_for_each(|_| rollout.block().map(|_| ()))?;

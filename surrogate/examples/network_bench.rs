@@ -113,9 +113,10 @@ fn train(
     let frames = scene.uploaded(device)?;
     let target = device.upload(&scene.target)?;
     let zeros = vec![0.0; scene.weights.len()];
-    let mut trainer = CudaTrainer::new(device, &scene.config, precision, scene.capacity(), false)?;
+    let mut trainer =
+        CudaTrainer::new(device, &scene.config, precision, scene.capacity(), false, None)?;
     trainer.restore(&scene.weights, [&zeros, &zeros], None)?;
-    let gradient = trainer.gradient(&frames, &target)?;
+    let (_, gradient) = trainer.gradient(&frames, &target)?;
     let output = trainer.network().forward(&frames)?;
     let output = stream.clone_dtoh(output)?;
     let rates = Rates { rate: 1e-4, corrections: [1.0; 2], decay: 0.0 };

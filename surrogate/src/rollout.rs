@@ -14,13 +14,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::constraints::Constraints;
-use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion};
+use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
+use crate::doubts::doubts;
 use crate::features::Window;
 use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
 use crate::train::{Precision, weights};
-use crate::watch::{self, Watch};
+use crate::watch::Watch;
 
 /// A prediction that makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, miette::Diagnostic)]
@@ -182,15 +183,18 @@ fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahe
         fall: start.scene.gravity.map(|g| relative * (g * interval * interval)),
         start: start.time,
         interval,
+        mirror: simulator.mirror,
     };
     let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
     let (weights, window) = (weights(&simulator.model), start.positions.clone());
+    let statics = start.statics.clone();
     let (device, precision) = (device.clone(), simulator.precision);
     Ahead::start(move || {
         let room = Capacity { points: window[0].len(), edges: 1 };
         let mut network = CudaNetwork::new(&device, &config, precision.into(), room, false)?;
         network.set_weights(&weights)?;
-        CudaRollout::new(&device, &config, &norm, &motion, &window, network)
+        let past = Past { window: &window, statics: &statics };
+        CudaRollout::new(&device, &config, &norm, &motion, past, network)
     })
 }
 
@@ -259,7 +263,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
 
-    for doubt in watch::doubts(&simulator, &start) {
+    for doubt in doubts(&simulator, &start) {
         eprintln!("{doubt}");
     }
     let mut writer = begin(&args.output, &args.model, &simulator, &start)?;
@@ -274,7 +278,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     );
     let began = Instant::now();
     let mut failure = None;
-    let mut watch = Watch::new(&start, simulator.training.frame_interval);
+    let mut watch = Watch::new(&start, simulator.training.frame_interval, frames);
     while writer.frames() < frames && !interrupted.load(Ordering::Relaxed) && failure.is_none() {
         match rollout.advance() {
             Ok(_) => {

@@ -13,6 +13,7 @@ use crate::cuda::{self, CudaError};
 use crate::features::{Normalisation, Window, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
+use crate::range::Range;
 use crate::train::Precision;
 use crate::weights::{self, WeightsError};
 
@@ -25,9 +26,13 @@ pub struct Training {
     pub without_gravity: bool,
     /// Training steps made.
     pub steps: u64,
+    /// What the training data held; older files do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<Range>,
 }
 
 /// A network that predicts accelerations.
+#[derive(Clone)]
 pub struct Simulator {
     pub model: Model<Cpu>,
     pub config: ModelConfig,
@@ -50,8 +55,8 @@ pub enum SimulatorError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
-    #[error("{path}: the weights lack `{KEY}`, or it is damaged")]
-    #[diagnostic(help("weights have to come from `surrogate train`"))]
+    #[error("{path}: the weights lack `extra.{KEY}` in their metadata, or it is damaged")]
+    #[diagnostic(help("`surrogate train` writes it; docs/weights.md says what is in it"))]
     Training { path: String },
 }
 
@@ -86,17 +91,15 @@ impl Simulator {
         })
     }
 
-    /// Chooses where rollouts are made. Those that no GPU can make stay on the processor, unless a
-    /// GPU is asked for.
+    /// Chooses where rollouts are made. Networks that no GPU can compute stay on the processor,
+    /// unless a GPU is asked for.
     ///
     /// # Errors
     /// If the GPU that is asked for cannot be used, or not for this network, or there is none for
     /// bf16.
     pub fn place(&mut self, choice: dempm::device::Device) -> Result<(), CudaError> {
         use dempm::device::Device;
-        let mirror = CudaError::Unsupported { key: "mirror", value: 1, most: 0 };
-        let fits = if self.mirror { Err(mirror) } else { cuda::supports(&self.config) };
-        self.gpu = match (choice, fits) {
+        self.gpu = match (choice, cuda::supports(&self.config)) {
             (Device::Auto, Err(reason)) => {
                 eprintln!("running on the CPU: {reason}");
                 None
@@ -132,9 +135,7 @@ impl Simulator {
         if !self.mirror {
             return straight;
         }
-        let width = domain[0] as f32;
-        let rows = window.positions.as_chunks::<2>().0.iter();
-        let image: Vec<f32> = rows.flat_map(|[x, y]| [width - x, *y]).collect();
+        let image = mirrored(window.positions, domain[0]);
         let image = Window { positions: &image, ..*window };
         let mirrored = self.predict(network, &image, domain, [-gravity[0], gravity[1]]);
         let pairs = straight.as_chunks::<2>().0.iter().zip(mirrored.as_chunks::<2>().0);
@@ -166,4 +167,10 @@ impl Simulator {
         };
         output.into_iter().enumerate().map(scale).collect()
     }
+}
+
+/// Positions (m, x and y in turn) in a mirror of left and right, in a domain of this width.
+pub fn mirrored(positions: &[f32], width: f64) -> Vec<f32> {
+    let rows = positions.as_chunks::<2>().0.iter();
+    rows.flat_map(|[x, y]| [width as f32 - x, *y]).collect()
 }

@@ -2,45 +2,6 @@
 // gradient.cu turns into the weights') and of the inputs. A warp takes 16 rows through all
 // of it.
 
-struct Backward {
-    const u32* count;
-    // Gradient of the output, the sum of up to three: rows x 128, row `index[k]` of it, ...
-    const Stored* output;
-    const u32* output_index;
-    // ... in f32, ...
-    const float* output32;
-    // ... row `gathered_index[k]` of a matrix.
-    const float* gathered;
-    const u32* gathered_index;
-    // If there is a selection, rows count where it is NONE (`select_none` = 1) or is not.
-    const u32* selection;
-    // What the forward pass left.
-    const Stored* hidden;
-    size_t stride;
-    const Stored* normal;
-    const float* deviation;
-    // Packed and transposed: hidden layers, the last first, then x_0, x_1.
-    const uint4* weights;
-    const float* parameters;
-    // Gradients of the linears' outputs, `stride` apart, the first linear's first.
-    Stored* linear;
-    // Gradients of x_0 and x_1 if not null, added to what is there if bit 0 or 1 of `accumulate` is
-    // set.
-    float* input32[2];
-    Stored* input;
-    // For each block, gradients of LayerNorm's scale and shift, 128 each.
-    float* norm_sums;
-
-    u32 rows;
-    int units, resident, select_none;
-    int norm, layers, width, accumulate;
-    float slope;
-};
-
-struct BackwardBatch {
-    Backward item[4];
-};
-
 // Sums 16 numbers over the eight lanes of equal t; a lane gets the sums number
 // 2 (lane / 4 % 2 + 2 (lane / 8 % 2) + 4 (lane / 16)) and the next.
 __device__ __forceinline__ void sum_rows(float (&v)[16], float (&sum)[2]) {

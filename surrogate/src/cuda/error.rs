@@ -7,6 +7,8 @@ use cudarc::driver::DriverError;
 pub enum CudaError {
     #[error(transparent)]
     Gpu(#[from] gpu::Error),
+    #[error(transparent)]
+    Ranks(#[from] gpu::ranks::RanksError),
     #[error(
         "`{key}` is {value}, but networks on a GPU have at most {most}; run it on the CPU instead"
     )]

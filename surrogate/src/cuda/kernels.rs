@@ -53,17 +53,18 @@ impl Precision {
 }
 
 macro_rules! source {
-    ($file:literal) => {
-        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), include_str!($file))
+    ($($file:literal),*) => {
+        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), $(include_str!($file)),*)
     };
 }
 
 /// Names and texts of the kernels' sources.
-pub const SOURCES: [(&str, &str); 6] = [
+pub const SOURCES: [(&str, &str); 7] = [
     ("weights.cu", source!("weights.cu")),
     ("forward.cu", source!("forward.cu")),
-    ("backward.cu", source!("backward.cu")),
-    ("gradient.cu", source!("gradient.cu")),
+    ("backward.cu", source!("product.cuh", "backward.cuh", "backward.cu")),
+    ("edges_backward.cu", source!("product.cuh", "backward.cuh", "edges_backward.cu")),
+    ("gradient.cu", source!("product.cuh", "gradient.cu")),
     ("segment.cu", source!("segment.cu")),
     ("optimiser.cu", source!("optimiser.cu")),
 ];
@@ -93,6 +94,7 @@ pub struct Pack {
     pub steps: i32,
     pub features: i32,
     pub parts: i32,
+    pub plain: i32,
     pub to: i32,
 }
 
@@ -135,7 +137,7 @@ pub struct Forward {
     pub slope: f32,
 }
 
-/// `Backward` of backward.cu.
+/// `Backward` of backward.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Backward {
@@ -152,6 +154,7 @@ pub struct Backward {
     pub deviation: Address,
     pub weights: Address,
     pub parameters: Address,
+    pub products: Address,
     pub linear: Address,
     pub input32: [Address; 2],
     pub input: Address,
@@ -164,6 +167,8 @@ pub struct Backward {
     pub layers: i32,
     pub width: i32,
     pub accumulate: i32,
+    pub product_count: i32,
+    pub blocks: i32,
     pub slope: f32,
 }
 
@@ -180,7 +185,7 @@ pub struct Receive {
     pub width: i32,
 }
 
-/// `Product` of gradient.cu.
+/// `Product` of product.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Product {
@@ -215,7 +220,7 @@ pub struct Target {
 
 /// MLPs of one forward launch, and of one backward launch; sums of one launch.
 pub const FORWARD_BATCH: usize = 16;
-pub const BACKWARD_BATCH: usize = 4;
+pub const BACKWARD_BATCH: usize = 8;
 pub const RECEIVE_BATCH: usize = 8;
 
 #[repr(C)]
@@ -259,6 +264,8 @@ pub struct Kernels {
     pack: CudaFunction,
     forward: CudaFunction,
     backward: CudaFunction,
+    /// In bf16 on Hopper.
+    edges_backward: Option<CudaFunction>,
     product: CudaFunction,
     receive: CudaFunction,
     collect: CudaFunction,
@@ -280,8 +287,8 @@ impl Kernels {
             .iter()
             .map(|(name, source)| device.module(name, source, &defines))
             .collect::<Result<Vec<Arc<CudaModule>>, _>>()?;
-        let [weights, forward, backward, gradient, segment, optimiser] = &modules[..] else {
-            unreachable!("six sources")
+        let [weights, forward, backward, edges, gradient, segment, optimiser] = &modules[..] else {
+            unreachable!("seven sources")
         };
         // What the driver keeps of a block's shared memory is not in the limit.
         let shared = device.limits()?.shared_per_block;
@@ -300,6 +307,11 @@ impl Kernels {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
+            edges_backward: if precision == Precision::Bf16 && device.architecture() == "sm_90a" {
+                Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
+            } else {
+                None
+            },
             product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
             receive: segment.load_function("receive")?,
             collect: segment.load_function("collect")?,
@@ -389,10 +401,11 @@ impl Kernels {
         })
     }
 
-    /// Blocks of an MLP launch on at most `rows` rows. A multiprocessor has four tensor cores, so
-    /// four warps of 16 rows take no longer than one, and fewer blocks fetch fewer weights.
-    pub fn blocks(&self, rows: usize) -> u32 {
-        self.processors.min(rows.div_ceil(64) as u32).max(1)
+    /// Blocks of an MLP launch on at most `rows` rows, if so many MLPs are computed together. A
+    /// multiprocessor has four tensor cores, so four warps of 16 rows take no longer than one, and
+    /// fewer blocks fetch fewer weights.
+    pub fn blocks(&self, rows: usize, together: usize) -> usize {
+        (self.processors as usize / together).min(rows.div_ceil(64)).max(1)
     }
 
     /// Whether `units` (in words of 16 bytes) fit into shared memory with `vectors` of 128 f32;
@@ -418,8 +431,7 @@ impl Kernels {
                 shared = shared.max(bytes);
             }
             // Of the multiprocessors, each MLP has its share.
-            let share = (self.processors / part.len() as u32).max(1);
-            let grid = [self.blocks(rows).min(share), part.len() as u32];
+            let grid = [self.blocks(rows, part.len()) as u32, part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
             unsafe {
                 self.launch_early(name, &self.forward, batch, config(grid, threads, shared))?;
@@ -428,11 +440,14 @@ impl Kernels {
         Ok(())
     }
 
-    /// As [`forward`](Self::forward).
-    pub fn backward(&self, items: &[Backward], rows: usize) -> Result<(), CudaError> {
+    /// MLPs with the same sizes of weights on up to `rows` rows each, which `blocks` share.
+    pub fn backward(&self, items: &[Backward]) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let name = if edges { "backward, edges" } else { "backward, nodes" };
-        let threads = self.precision.threads();
+        let (name, kernel, threads) = match (edges, &self.edges_backward) {
+            (true, Some(kernel)) => ("backward, edges", kernel, EDGES_THREADS),
+            (true, None) => ("backward, edges", &self.backward, self.precision.threads()),
+            _ => ("backward, nodes", &self.backward, self.precision.threads()),
+        };
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();
             let mut shared = 0;
@@ -443,13 +458,21 @@ impl Kernels {
                 let sums = threads as usize / 32 * 256 * 4;
                 shared = shared.max(bytes).max(sums);
             }
-            let mut launch = self.device.stream().launch_builder(&self.backward);
+            if edges && self.edges_backward.is_some() {
+                shared = EDGES_SHARED;
+            }
+            let mut launch = self.device.stream().launch_builder(kernel);
             launch.arg(&batch);
-            let grid = [self.blocks(rows), part.len() as u32];
-            // SAFETY: as above.
+            let grid = [part[0].blocks as u32, part.len() as u32];
+            // SAFETY: the addresses in the items are those of live buffers for their rows.
             unsafe { self.launch(name, launch, config(grid, threads, shared))? };
         }
         Ok(())
+    }
+
+    /// Whether the backward pass of edges gives the gradients of the weights on its way.
+    pub fn fused(&self) -> bool {
+        self.edges_backward.is_some()
     }
 
     pub fn products(
@@ -532,42 +555,50 @@ impl Kernels {
         Ok(())
     }
 
-    /// Loss of points x columns numbers, and its gradient in rows of 128.
-    #[allow(clippy::too_many_arguments)]
+    /// Sums of squared errors and of squared targets over points x columns numbers, and the
+    /// gradient of the first in rows of 128.
     pub fn loss(
         &self,
-        output: Address,
-        target: Address,
+        [output, target]: [Address; 2],
         points: usize,
         columns: usize,
         gradient: Address,
-        losses: Address,
-        counter: Address,
-        room: usize,
+        sums: Address,
     ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.loss);
-        let (points, columns, room) = (points as i32, columns as i32, room as u32);
-        launch.arg(&output).arg(&target).arg(&points).arg(&columns);
-        launch.arg(&gradient).arg(&losses).arg(&counter).arg(&room);
+        let (points, columns) = (points as i32, columns as i32);
+        launch.arg(&output).arg(&target).arg(&points).arg(&columns).arg(&gradient).arg(&sums);
         // SAFETY: live buffers of these sizes.
         unsafe { self.launch("loss", launch, config([1, 1], 1024, 0))? };
         Ok(())
     }
 
     /// Adam on `count` weights: weights, averages of gradients and of their squares, average of
-    /// the weights (or 0), gradient, rates.
-    pub fn adam(&self, lists: [Address; 6], count: usize) -> Result<(), CudaError> {
+    /// the weights (or 0), gradient and the sums of the loss behind it, rates. The loss goes into
+    /// the ring of `room` losses where the counter says.
+    pub fn adam(
+        &self,
+        lists: [Address; 6],
+        count: usize,
+        [losses, counter]: [Address; 2],
+        room: usize,
+    ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.adam);
         for list in &lists {
             launch.arg(list);
         }
-        let number = count as i32;
-        launch.arg(&number);
+        let (number, room) = (count as i32, room as u32);
+        launch.arg(&number).arg(&losses).arg(&counter).arg(&room);
         // SAFETY: live buffers of this size.
         unsafe { self.launch("adam", launch, config([(count as u32).div_ceil(256), 1], 256, 0))? };
         Ok(())
     }
 }
+
+/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows, three stages
+/// of three tiles of 64, all of 256 bytes, and five vectors.
+const EDGES_THREADS: u32 = 512;
+const EDGES_SHARED: usize = (128 + 3 * 3 * 64) * 256 + 5 * WIDTH * 4;
 
 /// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
 fn product_shared(precision: Precision) -> usize {

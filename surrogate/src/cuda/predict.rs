@@ -7,18 +7,16 @@ use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaGraph, CudaSlice, PinnedHostSlice};
 use gpu::Device;
 
+use super::batch::EDGES_PER_POINT;
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::features::FrameBuilder;
 use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
-use super::kernels::WIDTH;
 use super::network::{Capacity, CudaNetwork};
 use crate::config::{ModelConfig, ModelKind};
 use crate::features::Normalisation;
 use crate::rollout::RolloutError;
-
-/// Room for edges of each point at first; it grows as needed.
-const EDGES_PER_POINT: usize = 48;
+use crate::simulator::mirrored;
 
 /// What computes accelerations in a rollout.
 pub trait Network {
@@ -59,22 +57,13 @@ impl Network for CudaNetwork {
     }
 }
 
-/// Whether networks like this can be rolled out on a GPU.
-///
-/// # Errors
-/// If not: why.
-pub fn supports(config: &ModelConfig) -> Result<(), CudaError> {
-    let layers = if config.kind == ModelKind::Gns { config.gns_layers } else { 0 };
-    for (key, value, most) in [
-        ("width", config.width, WIDTH),
-        ("node_features", config.node_features.len(), 0),
-        ("gns_layers", layers, 0),
-    ] {
-        if value > most {
-            return Err(CudaError::Unsupported { key, value, most });
-        }
-    }
-    Ok(())
+/// What a rollout begins with.
+#[derive(Clone, Copy, Debug)]
+pub struct Past<'a> {
+    /// Positions (m) in a window of frames, the first of which has number 0.
+    pub window: &'a [Vec<[f64; 2]>],
+    /// Features that never change, of each point.
+    pub statics: &'a [f32],
 }
 
 /// A rollout on the device.
@@ -83,6 +72,9 @@ pub struct CudaRollout<N> {
     network: N,
     builder: FrameBuilder,
     integrator: Integrator,
+    config: ModelConfig,
+    /// Width of the domain, if each frame is followed by its mirror image.
+    mirror: Option<f64>,
     /// The frames of the window take turns: the newest takes the place of the oldest.
     positions: Vec<CudaSlice<f32>>,
     /// The newest frame and the one before, in turn.
@@ -101,7 +93,7 @@ pub struct CudaRollout<N> {
 }
 
 impl<N: Network> CudaRollout<N> {
-    /// Begins after a window of frames (positions in m), the first of which has number 0.
+    /// Begins after a window of frames.
     ///
     /// # Errors
     /// Too little memory, or no compiler.
@@ -110,12 +102,16 @@ impl<N: Network> CudaRollout<N> {
         config: &ModelConfig,
         norm: &Normalisation,
         motion: &Motion,
-        window: &[Vec<[f64; 2]>],
+        past: Past,
         network: N,
     ) -> Result<Self, CudaError> {
+        let Past { window, statics } = past;
         let points = window[0].len();
         let bounds = motion.constraints.domain().map(|length| [0.0, length]);
-        let builder = FrameBuilder::new(device, config, norm, &bounds, &[points])?;
+        // The images are a second window beside the first.
+        let windows = if motion.mirror { 2 } else { 1 };
+        let mut builder = FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows])?;
+        builder.set_statics(&statics.repeat(windows))?;
         let integrator = Integrator::new(device, config, norm, motion, points)?;
         let landing = || -> Result<_, CudaError> {
             // SAFETY: read after a copy has filled it only.
@@ -126,8 +122,13 @@ impl<N: Network> CudaRollout<N> {
             network,
             landings: [landing()?, landing()?],
             integrator,
-            positions: window.iter().map(|_| device.zeros(2 * points)).collect::<Result<_, _>>()?,
+            positions: window
+                .iter()
+                .map(|_| device.zeros(2 * windows * points))
+                .collect::<Result<_, _>>()?,
             inputs: Vec::new(),
+            config: config.clone(),
+            mirror: motion.mirror.then(|| motion.constraints.domain()[0]),
             builder,
             window: window.iter().cloned().collect(),
             frame: window.len(),
@@ -136,7 +137,7 @@ impl<N: Network> CudaRollout<N> {
             graphs: Vec::new(),
             device: device.clone(),
         };
-        rollout.make_room(EDGES_PER_POINT * points)?;
+        rollout.make_room(EDGES_PER_POINT * rollout.builder.points())?;
         rollout.begin()?;
         Ok(rollout)
     }
@@ -159,7 +160,10 @@ impl<N: Network> CudaRollout<N> {
         (self.queued, self.given) = (0, 0);
         self.integrator.begin([&self.window[frames - 2], &self.window[frames - 1]], self.frame)?;
         for (position, frame) in self.positions.iter_mut().zip(&self.window) {
-            let single: Vec<f32> = frame.as_flattened().iter().map(|&x| x as f32).collect();
+            let mut single: Vec<f32> = frame.as_flattened().iter().map(|&x| x as f32).collect();
+            if let Some(width) = self.mirror {
+                single.extend(mirrored(&single, width));
+            }
             stream.memcpy_htod(&single, position)?;
         }
         loop {
@@ -189,14 +193,20 @@ impl<N: Network> CudaRollout<N> {
     }
 
     /// Queues graph and features of a frame, counted from the first of the window that the host knew.
+    /// That one's velocities are unknown: they are made with the last of the window, and nobody reads
+    /// them.
     fn input(&mut self, frame: usize) -> Result<(), CudaError> {
         let frames = self.positions.len();
-        // The first frame's velocities are unknown, and nobody reads them.
-        let [now, before] =
-            [frame, frame.saturating_sub(1)].map(|k| self.positions[k % frames].as_view());
+        let known = match self.config.kind {
+            ModelKind::Tgnns => 2,
+            ModelKind::Gns => frames,
+        };
+        let history: Vec<_> = (frame + frames + 1 - known..=frame + frames)
+            .map(|frame| self.positions[frame % frames].as_view())
+            .collect();
         let input = &mut self.inputs[frame % 2];
-        self.builder.graph(&now, input)?;
-        Ok(self.builder.features(&now, Some(&before), input)?)
+        self.builder.graph(&history[known - 1], input)?;
+        Ok(self.builder.features(&history, input)?)
     }
 
     /// Queues one frame: acceleration of the network, semi-implicit Euler, walls and boxes; then the

@@ -59,6 +59,9 @@ __device__ __forceinline__ void load_transposed(u32 (&d)[4], const void* row) {
                  : "memory");
 }
 
+// Waits for all threads of the block, which may be at different places of the program.
+__device__ __forceinline__ void barrier() { asm volatile("bar.sync 0;" ::: "memory"); }
+
 // Waits for the kernel before, if this one was launched to begin while that one ends, and lets the one
 // after it begin.
 __device__ __forceinline__ void wait_for_kernel_before() {
@@ -77,6 +80,15 @@ __device__ __forceinline__ void copy_async(void* to, const void* from, bool vali
                  : "memory");
 }
 
+// Copies a number to shared memory without waiting, or zero.
+__device__ __forceinline__ void copy_async(float* to, const float* from, bool valid) {
+    u32 address = (u32)__cvta_generic_to_shared(to);
+    asm volatile("cp.async.ca.shared.global [%0], [%1], 4, %2;"
+                 :
+                 : "r"(address), "l"(from), "r"(valid ? 4 : 0)
+                 : "memory");
+}
+
 // Ends a group of copies.
 __device__ __forceinline__ void end_copies() { asm volatile("cp.async.commit_group;" ::: "memory"); }
 
@@ -92,9 +104,17 @@ __device__ __forceinline__ void wait_for_copies() {
 // side by side). They are under way until `end_products`.
 __device__ __forceinline__ void begin_products() { asm volatile("wgmma.fence.sync.aligned;" ::: "memory"); }
 
+__device__ __forceinline__ void commit_products() {
+    asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+}
+
+__device__ __forceinline__ void wait_for_products() {
+    asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
+}
+
 __device__ __forceinline__ void end_products() {
-    asm volatile("wgmma.commit_group.sync.aligned;\n"
-                 "wgmma.wait_group.sync.aligned 0;" ::: "memory");
+    commit_products();
+    wait_for_products();
 }
 
 // Before the first products of what a thread has written to shared memory.

@@ -13,6 +13,8 @@ struct Pack {
     int steps, features;
     // 1: bf16; 2: two f16 whose sum is the weight times WEIGHT_SCALE.
     int parts;
+    // bf16, row after row as they are.
+    int plain;
     // Place among the packed weights, in words of 16 bytes.
     int to;
 };
@@ -46,9 +48,18 @@ __device__ uint4 word(const float* all, const Pack& p, int part, int n) {
     return make_uint4(pairs[0], pairs[1], pairs[2], pairs[3]);
 }
 
+// Eight columns of a row.
+__device__ uint4 plain_columns(const float* all, const Pack& p, int row, int column) {
+    u32 word[4];
+    for (int k = 0; k < 4; k++)
+        word[k] = pack(element_of(all, p, row, column + 2 * k), element_of(all, p, row, column + 2 * k + 1));
+    return make_uint4(word[0], word[1], word[2], word[3]);
+}
+
 extern "C" __global__ void pack_weights(const Pack* packs, const float* all, uint4* packed) {
     const Pack p = packs[blockIdx.x];
     const int size = p.steps * STEP;
     for (int n = threadIdx.x; n < p.parts * size; n += blockDim.x)
-        packed[p.to + n] = word(all, p, n / size, n % size);
+        packed[p.to + n] = p.plain ? plain_columns(all, p, n / 16, n % 16 * 8)
+                                   : word(all, p, n / size, n % size);
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::trajectory::{Trajectory, TrajectoryError, WriteError, write_atomically};
+use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError, WriteError, write_atomically};
 use miette::{Context, IntoDiagnostic, bail};
 
 use self::tables::{chart, frames_table, report, summary_table};
@@ -82,13 +82,7 @@ pub fn errors(
         };
         let truth = truth.frame(frame * stride)?;
         errors.frames.push(frame);
-        errors.errors.push(FrameError::between(
-            predicted,
-            &truth.position,
-            truth.time,
-            header.domain[0],
-            header.point_spacing,
-        ));
+        errors.errors.push(error_of(predicted, &truth, header));
     }
     Ok(errors)
 }
@@ -118,15 +112,15 @@ fn noise_floor(
     for frame in simulator.config.frames..frames.unwrap_or(made).min(made) {
         let (one, another) = (truth.frame(frame * stride)?, other.frame(frame * stride)?);
         errors.frames.push(frame);
-        errors.errors.push(FrameError::between(
-            &another.position,
-            &one.position,
-            one.time,
-            header.domain[0],
-            header.point_spacing,
-        ));
+        errors.errors.push(error_of(&another.position, &one, header));
     }
     Ok(errors)
+}
+
+/// The error of positions that should be those of a frame.
+fn error_of(positions: &[[f64; 2]], truth: &Frame, header: &Header) -> FrameError {
+    let (width, spacing) = (header.domain[0], header.point_spacing);
+    FrameError::between(positions, &truth.position, truth.time, width, spacing)
 }
 
 /// Why two runs have no noise floor.
