@@ -7,11 +7,12 @@ use cudarc::driver::sys::CUstreamCaptureStatus;
 use cudarc::driver::{CudaEvent, CudaFunction, CudaSlice, DeviceRepr, PushKernelArg};
 use dem::cuda::{CudaError as RveError, DeviceState};
 use gpu::Device;
+use gpu::ranks::Ranks;
 use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
 use mpm::{Basis, MaterialError};
 
+use super::ranked_batch::RankedRveBatch;
 use super::{elapsed, timer};
-use crate::ranks::{RankedRveBatch, Ranks};
 use crate::rve_material::{Batch, RveMaterial, Tally};
 
 /// The source of the kernel.
@@ -82,7 +83,7 @@ impl CudaRveMaterial {
         rve: &RveMaterial,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<Self, RveError> {
-        let batch = match &rve.batch {
+        let batch = match rve.batch.as_ref() {
             Batch::F32(batch) => DeviceBatch::F32(RankedRveBatch::upload(device, batch, ranks)?),
             Batch::F64(batch) => DeviceBatch::F64(RankedRveBatch::upload(device, batch, ranks)?),
         };
@@ -135,7 +136,7 @@ impl CudaRveMaterial {
             DeviceBatch::F64(batch) => batch.download().map_err(device_error)?.map(Batch::F64),
         };
         if let Some(batch) = fetched {
-            rve.batch = batch;
+            rve.batch = Arc::new(batch);
         }
         Ok(())
     }

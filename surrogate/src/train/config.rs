@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::schedule::Schedule;
 use crate::config::{ModelConfig, PAPER_NETWORKS};
+use crate::cuda;
 
 /// A training. The defaults are those of the paper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,14 +53,23 @@ pub struct Data {
     pub memory: usize,
 }
 
-/// Precision of products in training; weights and sums are single precision in any case.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Precision of products; weights and sums are single precision in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
     #[default]
     F32,
     /// Tensor cores of a GPU.
     Bf16,
+}
+
+impl From<Precision> for cuda::Precision {
+    fn from(precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32,
+            Precision::Bf16 => Self::Bf16,
+        }
+    }
 }
 
 /// Windows that the model itself has moved on, so that it learns to go on from its own errors.

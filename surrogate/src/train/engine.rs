@@ -2,11 +2,12 @@
 
 use burn::module::AutodiffModule;
 use burn::tensor::{Tensor, TensorData};
+use gpu::ranks::RanksError;
 use serde::{Deserialize, Serialize};
 
 use super::adam::Adam;
 use super::parameters::{gradients, weights, with_weights};
-use super::ranks::{AllReduce, RankError};
+use super::ranks::AllReduce;
 use crate::backend::{Cpu, CpuAutodiff, Device, device};
 use crate::config::ModelConfig;
 use crate::data::Batch;
@@ -115,7 +116,7 @@ impl CpuEngine {
         batch: Prepared,
         rate: f64,
         ranks: &mut dyn AllReduce,
-    ) -> Result<(), RankError> {
+    ) -> Result<(), RanksError> {
         let targets = batch.targets.clone().powi_scalar(2).sum().into_scalar();
         let error = self.model.forward(&batch.input) - batch.targets;
         let errors = error.powi_scalar(2).sum();

@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use dempm::device::Device;
-use miette::{IntoDiagnostic, bail};
+use gpu::ranks::{Launch, Ranks};
+use miette::IntoDiagnostic;
 
-use super::config::{Precision, TrainConfig};
+use super::config::TrainConfig;
 use super::cuda::{CudaEngine, HostBatch};
 use super::engine::{CpuEngine, Preparation, Prepared, State};
 use super::ranks::AllReduce;
 use crate::backend::Cpu;
 use crate::config::ModelConfig;
-use crate::cuda;
 use crate::data::Batch;
 use crate::model::Model;
 
@@ -28,43 +28,37 @@ pub enum EngineBatch {
     Cuda(HostBatch),
 }
 
+/// The GPU to compute on, `None` for the processor. Of several processes each takes one of its own.
+///
+/// # Errors
+/// When a GPU that was asked for cannot be used.
+pub fn open(device: Device, launch: &Launch) -> miette::Result<Option<Arc<gpu::Device>>> {
+    let opened = match device {
+        _ if !launch.is_shared() => device.open(),
+        Device::Cpu => Ok(None),
+        Device::Auto if gpu::Device::count() == 0 => Ok(None),
+        _ => device.open_for_rank(launch.local_rank).map(Some),
+    };
+    opened.into_diagnostic()
+}
+
 impl Engine {
-    /// A network with random weights, the same in all places, for one of `ranks` processes.
+    /// A network with random weights, the same in all places, for batches of at most so many
+    /// points; `ranks` are other GPUs that train it too.
     ///
     /// # Errors
-    /// If the place cannot compute the network.
+    /// If the GPU cannot compute the network.
     pub fn new(
-        place: Device,
-        ranks: usize,
+        device: Option<&Arc<gpu::Device>>,
+        ranks: Option<Arc<Ranks>>,
         model: &ModelConfig,
         config: &TrainConfig,
+        points: usize,
     ) -> miette::Result<Self> {
-        let device = match place {
-            Device::Cuda(_) if ranks > 1 => {
-                bail!(
-                    help = "--device cpu trains with all of them",
-                    "several processes train on processors, not on GPUs"
-                )
-            }
-            Device::Auto if ranks > 1 => None,
-            _ => place.open().into_diagnostic()?,
-        };
         let Some(device) = device else {
-            if config.precision == Precision::Bf16 {
-                bail!(
-                    help = "leave `precision` out, or say \"f32\"",
-                    "`precision` is \"bf16\", which only tensor cores of a GPU have; this training \
-                     computes on the CPU"
-                );
-            }
             return Ok(Self::Cpu(CpuEngine::new(model, config.seed, config.ema)));
         };
-        eprintln!("on {}", device.name());
-        let precision = match config.precision {
-            Precision::F32 => cuda::Precision::F32,
-            Precision::Bf16 => cuda::Precision::Bf16,
-        };
-        let engine = CudaEngine::new(&device, model, config.seed, config.ema, precision);
+        let engine = CudaEngine::new(device, model, config, points, ranks);
         Ok(Self::Cuda(engine.into_diagnostic()?))
     }
 
@@ -122,7 +116,8 @@ impl Engine {
         }
     }
 
-    /// One step on a batch of [`prepare`](Self::prepare).
+    /// One step on a batch of [`prepare`](Self::prepare), together with other processes; those on
+    /// GPUs have been known from the start.
     ///
     /// # Errors
     /// If the GPU failed, or another rank is gone.

@@ -3,6 +3,7 @@
 use rstest::rstest;
 use surrogate::features::Window;
 use surrogate::simulator::{Simulator, Training};
+use surrogate::train::Precision;
 
 use super::{Cpu, cloud, model, normalisation, small};
 
@@ -16,10 +17,11 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
         model: model::<Cpu>(&config),
         config,
         normalisation: normalisation(2),
-        training: Training { frame_interval: 0.01, without_gravity: true, steps: 0 },
+        training: Training { frame_interval: 0.01, without_gravity: true, steps: 0, range: None },
         mirror,
         device: Default::default(),
         gpu: None,
+        precision: Precision::F32,
     };
     let points = 40;
     let run = |positions: &[f32], gravity| {
