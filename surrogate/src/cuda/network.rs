@@ -145,6 +145,11 @@ impl CudaNetwork {
         times
     }
 
+    /// Dimensions of space.
+    pub fn dimensions(&self) -> usize {
+        self.layout.dimensions
+    }
+
     /// What there is room for.
     pub fn capacity(&self) -> Capacity {
         self.room.capacity

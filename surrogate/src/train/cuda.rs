@@ -11,8 +11,8 @@ use super::parameters::{weights, with_weights};
 use crate::backend::{Cpu, device as cpu};
 use crate::config::ModelConfig;
 use crate::cuda::{
-    BatchBuilder, Capacity, CudaError, CudaTrainer, FrameInput, HostInput, HostWindows, LOSSES,
-    Precision, Rates, supports,
+    BatchBuilder, Capacity, CudaError, CudaTrainer, DeviceBatch, FrameInput, HostInput,
+    HostWindows, LOSSES, Precision, Rates, supports,
 };
 use crate::data::Batch;
 use crate::features::{Window, host_frames};
@@ -36,6 +36,13 @@ pub struct CudaEngine {
     /// Losses read, and number of those that wait on the device.
     losses: Vec<f64>,
     unread: usize,
+}
+
+/// A batch on the GPU, and the network that has room for it.
+struct Loaded<'a> {
+    trainer: &'a mut CudaTrainer,
+    frames: &'a [FrameInput],
+    targets: &'a CudaSlice<f32>,
 }
 
 /// A batch for a GPU.
@@ -150,6 +157,29 @@ impl CudaEngine {
             corrections: [mean, square],
             decay: average_decay(self.decay, self.step),
         };
+        let Loaded { trainer, frames, targets } = self.load(batch)?;
+        trainer.step(frames, targets, rates)?;
+        self.unread += 1;
+        if self.unread == LOSSES {
+            self.read_losses()?;
+        }
+        Ok(())
+    }
+
+    /// Normalised accelerations that the network as it learns gives for a batch. Waits.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn predict(&mut self, batch: &HostBatch) -> Result<Vec<f32>, CudaError> {
+        let stream = self.device.stream().clone();
+        let Loaded { trainer, frames, .. } = self.load(batch)?;
+        let values = frames[0].graph.points * trainer.network().dimensions();
+        let output = trainer.network().forward(frames)?;
+        Ok(stream.clone_dtoh(&output.slice(..values))?)
+    }
+
+    /// Brings a batch to the GPU and makes room for it in the network.
+    fn load(&mut self, batch: &HostBatch) -> Result<Loaded<'_>, CudaError> {
         match batch {
             HostBatch::Windows(windows, preparation) => {
                 let Preparation { config, normalisation, bounds } = preparation.as_ref();
@@ -157,10 +187,10 @@ impl CudaEngine {
                 let builder = self.builder.get_or_insert_with(|| {
                     BatchBuilder::new(device, config, normalisation, bounds)
                 });
-                let batch = builder.make(windows)?;
-                let graph = &batch.frames[0].graph;
+                let DeviceBatch { frames, targets } = builder.make(windows)?;
+                let graph = &frames[0].graph;
                 self.trainer.grow(Capacity { points: graph.points, edges: graph.capacity })?;
-                self.trainer.step(&batch.frames, &batch.targets, rates)?;
+                Ok(Loaded { trainer: &mut self.trainer, frames, targets })
             }
             HostBatch::Graphs { frames, targets } => {
                 self.make_room(frames, targets)?;
@@ -169,14 +199,10 @@ impl CudaEngine {
                 }
                 let mut target = self.target.slice_mut(..targets.len());
                 self.device.stream().memcpy_htod(targets, &mut target)?;
-                self.trainer.step(&self.frames, &self.target, rates)?;
+                let Self { trainer, frames, target, .. } = self;
+                Ok(Loaded { trainer, frames, targets: target })
             }
         }
-        self.unread += 1;
-        if self.unread == LOSSES {
-            self.read_losses()?;
-        }
-        Ok(())
     }
 
     fn make_room(&mut self, batch: &[HostInput], targets: &[f32]) -> Result<(), CudaError> {
@@ -215,15 +241,6 @@ impl CudaEngine {
     pub fn take_losses(&mut self) -> Result<Vec<f64>, CudaError> {
         self.read_losses()?;
         Ok(std::mem::take(&mut self.losses))
-    }
-
-    /// The network as it learns.
-    ///
-    /// # Errors
-    /// If the GPU failed.
-    pub fn network(&self) -> Result<Model<Cpu>, CudaError> {
-        let [weights, ..] = self.trainer.download()?;
-        Ok(with_weights(self.model.clone(), &weights))
     }
 
     /// The GPU.

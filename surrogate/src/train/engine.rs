@@ -138,19 +138,19 @@ impl CpuEngine {
         Ok(())
     }
 
+    /// Normalised accelerations that the network as it learns gives for a batch.
+    pub fn predict(&self, batch: &Prepared) -> Vec<f32> {
+        self.model.forward(&batch.input).into_data().iter::<f32>().collect()
+    }
+
     /// The losses since this was last asked for.
     pub fn take_losses(&mut self) -> Vec<f64> {
         std::mem::take(&mut self.losses)
     }
 
-    /// The network as it learns.
-    pub fn network(&self) -> Model<Cpu> {
-        self.model.valid()
-    }
-
     /// The network to use: with averaged weights if there are any.
     pub fn model(&self) -> Model<Cpu> {
         let weights = self.state.average.as_ref().unwrap_or(&self.state.weights);
-        with_weights(self.network(), weights)
+        with_weights(self.model.valid(), weights)
     }
 }

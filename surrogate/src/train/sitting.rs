@@ -20,7 +20,6 @@ use crate::backend::{Cpu, device};
 use crate::cuda::supports;
 use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
-use crate::features::Window;
 use crate::model::Model;
 use crate::simulator::{Simulator, Training};
 
@@ -213,15 +212,12 @@ impl Sitting {
         Ok(())
     }
 
-    fn push_forward(&self, draft: Draft) -> miette::Result<Draft> {
-        let simulator = self.simulator(self.engine.network()?);
-        let mut network = simulator.inference();
-        let domain = self.preparation.bounds.map(|[_, length]| length);
-        Ok(draft.push_forward(|example| {
-            let (positions, statics) = (&example.window(), &example.statics);
-            let window = Window { positions, points: example.points, statics };
-            simulator.accelerations(&mut network, &window, domain, example.gravity)
-        }))
+    fn push_forward(&mut self, draft: Draft) -> miette::Result<Draft> {
+        let (recipe, prepare) = (&self.recipe, self.engine.prepare(&self.preparation));
+        draft.push_forward(|draft| {
+            let normalised = self.engine.predict(&prepare(recipe.batch(draft)))?;
+            Ok(recipe.accelerations(draft, &normalised))
+        })
     }
 
     fn read_losses(&mut self) -> miette::Result<()> {
