@@ -43,6 +43,23 @@ impl<B: Backend> Model<B> {
         }
     }
 
+    /// Multiplies LayerNorm's scale of all messages, which a node adds up.
+    pub fn scale_messages(mut self, factor: f64) -> Self {
+        let layers: Vec<&mut MessageLayer<B>> = match &mut self {
+            Self::Tgnns(network) => {
+                network.frame_layers.iter_mut().chain(&mut network.message_layers).collect()
+            }
+            Self::Gns(network) => network.layers.iter_mut().collect(),
+        };
+        for norm in layers.into_iter().filter_map(|layer| layer.message.norm.as_mut()) {
+            norm.gamma = norm.gamma.clone().map(|gamma| {
+                let learns = gamma.is_require_grad();
+                gamma.mul_scalar(factor).detach().set_require_grad(learns)
+            });
+        }
+        self
+    }
+
     /// Normalised acceleration of the last frame, points x dimensions.
     pub fn forward(&self, input: &WindowInput<B>) -> Tensor<B, 2> {
         match self {

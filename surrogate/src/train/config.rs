@@ -23,6 +23,8 @@ pub struct TrainConfig {
     pub steps: u64,
     /// Windows in a step.
     pub batch: usize,
+    /// LayerNorm's scale of messages at the start.
+    pub message_scale: f64,
     /// Decay of a moving average of the weights, which then is what is validated and saved; 0
     /// for none.
     pub ema: f64,
@@ -90,6 +92,7 @@ impl Default for TrainConfig {
             model: None,
             steps: 1_000_000,
             batch: 2,
+            message_scale: 1.0,
             ema: 0.0,
             precision: Precision::default(),
             data: Data::default(),
@@ -191,6 +194,7 @@ impl TrainConfig {
         let limits = [
             ("steps", self.steps as f64, 1.0, 1e12),
             ("batch", self.batch as f64, 1.0, 4096.0),
+            ("message_scale", self.message_scale, 1e-6, 1e6),
             ("ema", self.ema, 0.0, 0.999_999_9),
             ("log_every", self.log_every as f64, 1.0, 1e9),
             ("data.stride", self.data.stride as f64, 1.0, 1e4),

@@ -6,9 +6,9 @@ use cudarc::driver::CudaSlice;
 use gpu::Device;
 
 use super::adam::Adam;
-use super::engine::{Preparation, State, average_decay};
+use super::engine::{Preparation, Random, State, average_decay};
 use super::parameters::{weights, with_weights};
-use crate::backend::{Cpu, device as cpu};
+use crate::backend::Cpu;
 use crate::config::ModelConfig;
 use crate::cuda::{
     BatchBuilder, Capacity, CudaError, CudaTrainer, DeviceBatch, FrameInput, HostInput,
@@ -79,11 +79,11 @@ impl CudaEngine {
     pub fn new(
         device: &Arc<Device>,
         config: &ModelConfig,
-        seed: u64,
+        random: Random,
         decay: f64,
         precision: Precision,
     ) -> Result<Self, CudaError> {
-        let model = Model::new(config, seed, &cpu());
+        let model = random.model(config);
         let start = weights(&model);
         let averaging = decay > 0.0;
         let room = Capacity { points: 1, edges: 1 };

@@ -1,6 +1,7 @@
 //! What computes a training step on the processor: network, gradients and optimiser.
 
 use burn::module::AutodiffModule;
+use burn::tensor::backend::Backend;
 use burn::tensor::{Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +26,21 @@ pub struct State {
     pub average: Option<Vec<f32>>,
     /// Steps made.
     pub step: u64,
+}
+
+/// The weights that a training starts from.
+#[derive(Clone, Copy, Debug)]
+pub struct Random {
+    pub seed: u64,
+    /// LayerNorm's scale of messages.
+    pub message_scale: f64,
+}
+
+impl Random {
+    /// A network with such weights, the same on every device.
+    pub fn model<B: Backend>(self, config: &ModelConfig) -> Model<B> {
+        Model::new(config, self.seed, &B::Device::default()).scale_messages(self.message_scale)
+    }
 }
 
 /// Network and optimiser in training.
@@ -76,8 +92,8 @@ pub fn average_decay(decay: f64, step: u64) -> f32 {
 
 impl CpuEngine {
     /// A network with random weights. `decay` is that of the moving average, 0 for none.
-    pub fn new(config: &ModelConfig, seed: u64, decay: f64) -> Self {
-        let model = Model::new(config, seed, &device());
+    pub fn new(config: &ModelConfig, random: Random, decay: f64) -> Self {
+        let model = random.model(config);
         let weights = weights(&model);
         let adam = Adam::new(weights.len());
         let average = (decay > 0.0).then(|| weights.clone());

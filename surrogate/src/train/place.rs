@@ -7,7 +7,7 @@ use miette::{IntoDiagnostic, bail};
 
 use super::config::{Precision, TrainConfig};
 use super::cuda::{CudaEngine, HostBatch};
-use super::engine::{CpuEngine, Preparation, Prepared, State};
+use super::engine::{CpuEngine, Preparation, Prepared, Random, State};
 use super::ranks::AllReduce;
 use crate::backend::Cpu;
 use crate::config::ModelConfig;
@@ -49,6 +49,7 @@ impl Engine {
             Device::Auto if ranks > 1 => None,
             _ => place.open().into_diagnostic()?,
         };
+        let random = Random { seed: config.seed, message_scale: config.message_scale };
         let Some(device) = device else {
             if config.precision == Precision::Bf16 {
                 bail!(
@@ -57,14 +58,14 @@ impl Engine {
                      computes on the CPU"
                 );
             }
-            return Ok(Self::Cpu(CpuEngine::new(model, config.seed, config.ema)));
+            return Ok(Self::Cpu(CpuEngine::new(model, random, config.ema)));
         };
         eprintln!("on {}", device.name());
         let precision = match config.precision {
             Precision::F32 => cuda::Precision::F32,
             Precision::Bf16 => cuda::Precision::Bf16,
         };
-        let engine = CudaEngine::new(&device, model, config.seed, config.ema, precision);
+        let engine = CudaEngine::new(&device, model, random, config.ema, precision);
         Ok(Self::Cuda(engine.into_diagnostic()?))
     }
 
@@ -191,6 +192,7 @@ mod tests {
     #[test]
     fn engines_predict_alike_and_are_judged_by_it() {
         let model = ModelConfig { width: 16, frames: 3, ..Default::default() };
+        let random = Random { seed: 3, message_scale: 0.5 };
         let normalisation = Normalisation {
             velocity_mean: vec![0.0; 2],
             velocity_std: vec![0.01; 2],
@@ -216,9 +218,9 @@ mod tests {
             let errors: f64 = said.iter().zip(&batch.targets).map(|(a, b)| square(a - b)).sum();
             errors / batch.targets.iter().map(|&b| square(b)).sum::<f64>()
         };
-        let mut engines = vec![Engine::Cpu(CpuEngine::new(&model, 3, 0.0))];
+        let mut engines = vec![Engine::Cpu(CpuEngine::new(&model, random, 0.0))];
         if let Some(device) = gpu::for_tests() {
-            let engine = CudaEngine::new(&device, &model, 3, 0.0, cuda::Precision::F32);
+            let engine = CudaEngine::new(&device, &model, random, 0.0, cuda::Precision::F32);
             engines.push(Engine::Cuda(engine.unwrap()));
         }
         let mut first: Option<Vec<f32>> = None;

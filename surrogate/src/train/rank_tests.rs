@@ -3,7 +3,7 @@
 use std::net::TcpListener;
 use std::thread;
 
-use super::engine::{CpuEngine, Preparation, State};
+use super::engine::{CpuEngine, Preparation, Random, State};
 use super::ranks::{AllReduce, Alone, Place};
 use super::tcp::Tcp;
 use crate::config::ModelConfig;
@@ -11,6 +11,7 @@ use crate::data::Batch;
 use crate::features::Normalisation;
 
 const STEPS: u64 = 20;
+const RANDOM: Random = Random { seed: 3, message_scale: 1.0 };
 
 fn preparation() -> Preparation {
     let config = ModelConfig { width: 8, frames: 3, connection_radius: 0.3, ..Default::default() };
@@ -44,7 +45,7 @@ fn batch(step: u64, windows: std::ops::Range<u64>) -> Batch {
 /// Trains on some of the four windows of each step.
 fn train(windows: std::ops::Range<u64>, ranks: &mut dyn AllReduce) -> (State, Vec<f64>) {
     let preparation = preparation();
-    let mut engine = CpuEngine::new(&preparation.config, 3, 0.9);
+    let mut engine = CpuEngine::new(&preparation.config, RANDOM, 0.9);
     for step in 0..STEPS {
         let graph = preparation.prepare(&batch(step, windows.clone()));
         engine.step(graph, 1e-3, ranks).unwrap();
@@ -68,7 +69,7 @@ fn ranks_hold_equal_weights_and_learn_like_one() {
         ranks.into_iter().map(|rank| rank.join().unwrap()).collect::<Vec<_>>().try_into().unwrap();
     assert_eq!(first, second);
 
-    let start = CpuEngine::new(&preparation().config, 3, 0.9).state().clone();
+    let start = CpuEngine::new(&preparation().config, RANDOM, 0.9).state().clone();
     let (one, losses) = train(0..4, &mut Alone);
     let distance =
         |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

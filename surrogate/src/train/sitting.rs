@@ -186,7 +186,8 @@ impl Sitting {
         let batch = match self.batches.next()? {
             Some(Work::Graph(batch)) => batch,
             Some(Work::Draft(draft)) => {
-                let batch = self.recipe.batch(&self.push_forward(draft)?);
+                let draft = self.push_forward(draft)?;
+                let batch = self.recipe.batch(&draft);
                 self.engine.prepare(&self.preparation)(batch)
             }
             None => bail!("the thread that prepares the data has died"),
