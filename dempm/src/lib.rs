@@ -10,7 +10,6 @@ pub mod export;
 pub mod info;
 pub mod packings;
 pub mod plot;
-pub mod ranks;
 pub mod rate;
 pub mod record;
 pub mod run;

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use gpu::ranks::{Launch, Ranks};
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::device::Device;
-use crate::ranks::{Launch, Ranks};
 use crate::scene::{Material, Scene};
 use crate::sitting::{Options, Outcome, sit};
 
@@ -104,12 +104,8 @@ fn place(scene: &Scene, device: Device, launch: &Launch) -> miette::Result<Place
         );
     }
     let device = device.open_for_rank(local_rank).into_diagnostic()?;
-    let ranks = Ranks::join(launch, &device)?;
-    let hash = blake3::hash(scene.text.as_bytes());
-    let number = u64::from_le_bytes(hash.as_bytes()[..8].try_into().into_diagnostic()?);
-    if ranks.numbers(number)?.iter().any(|other| *other != number) {
-        bail!("rank {rank} of {size}: the ranks were given different scenes");
-    }
+    let scene = blake3::hash(scene.text.as_bytes());
+    let ranks = Ranks::join(launch, &device, scene.as_bytes())?;
     Ok(Place { device: Some(device), ranks: Some(Arc::new(ranks)) })
 }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::Packing;
+use gpu::ranks::{Ranks, RanksError};
 use mpm::{Ledger, Mat2, Material, MaterialError, Points, Solver, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,7 +13,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::cuda::CudaSimulation;
 use crate::packings::{self, Ladder};
-use crate::ranks::{Ranks, RanksError};
 use crate::rve_material::RveMaterial;
 use crate::scene::{self, InitialStress, Scene};
 

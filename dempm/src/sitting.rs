@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use gpu::ranks::{Ranks, RanksError};
 use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 use miette::{IntoDiagnostic, bail};
 
 use crate::checkpoint;
-use crate::ranks::{Ranks, RanksError};
 use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;

@@ -76,7 +76,7 @@ impl Device {
         let (major, minor) = context.compute_capability()?;
         Ok(Arc::new(Self {
             name: context.name()?,
-            architecture: format!("sm_{major}{minor}"),
+            architecture: architecture(major, minor),
             driver,
             context,
             stream,
@@ -97,7 +97,7 @@ impl Device {
         &self.name
     }
 
-    /// Such as `sm_90`.
+    /// Such as `sm_80`.
     pub fn architecture(&self) -> &str {
         &self.architecture
     }
@@ -169,6 +169,12 @@ impl Device {
         let available = self.context.mem_get_info().map_or(0, |(free, _)| free);
         Error::OutOfMemory { needed, available }
     }
+}
+
+/// The name of what is compiled for. Hopper's products of warp groups are in no other GPU, which its
+/// name says by an `a`.
+fn architecture(major: i32, minor: i32) -> String {
+    format!("sm_{major}{minor}{}", if (major, minor) == (9, 0) { "a" } else { "" })
 }
 
 /// The first GPU with a stream of its own, for a test that needs one; without one `None`, after

@@ -1,10 +1,12 @@
-//! An NVIDIA GPU, found at run time, and CUDA C++ compiled for it at first use.
+//! An NVIDIA GPU, found at run time, CUDA C++ compiled for it at first use, and several processes
+//! with a GPU each.
 //!
 //! The same binary works on machines without a GPU, where [`Device::new`] says what is missing.
 mod cache;
 mod compiler;
 mod device;
 mod error;
+pub mod ranks;
 
 pub use cache::cache_directory;
 pub use compiler::{compile, nvrtc_is_present};

@@ -15,8 +15,9 @@ use surrogate::config::ModelConfig;
 use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
-    HostWindows, Integrator, Motion, Network, Precision,
+    HostWindows, Integrator, Motion, Network, Past, Precision,
 };
+use surrogate::data::Batch;
 use surrogate::features::Normalisation;
 use surrogate::model::Model;
 use surrogate::train::weights;
@@ -37,12 +38,12 @@ impl Network for Rest {
         Ok(())
     }
 
-    fn accelerations(&mut self, _: &[&FrameInput], _: bool) -> Result<&CudaSlice<f32>, CudaError> {
+    fn accelerations(
+        &mut self,
+        _: &FrameInput,
+        _: &FrameInput,
+    ) -> Result<&CudaSlice<f32>, CudaError> {
         Ok(&self.0)
-    }
-
-    fn period(&self) -> usize {
-        1
     }
 }
 
@@ -73,9 +74,9 @@ fn column(points: usize) -> Vec<[f64; 2]> {
 
 fn main() -> Result<(), Failure> {
     let device = Device::new(0)?;
-    println!("{}; microseconds", device.name());
+    println!("{}; microseconds, memory in MiB", device.name());
     println!(
-        "{:>7} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9} {:>9} {:>9} {:>12}",
+        "{:>7} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9} {:>9} {:>9} {:>9} {:>9}",
         "points",
         "edges",
         "graph",
@@ -84,10 +85,11 @@ fn main() -> Result<(), Failure> {
         "no network",
         "f32",
         "bf16",
-        "batch 2",
-        "graph on CPU"
+        "memory",
+        "memory",
+        "batch 2"
     );
-    for points in [1000, 2304, 5120, 10_000, 30_000, 100_000] {
+    for points in [1000, 2304, 5000, 10_000, 25_000, 50_000, 100_000] {
         measure(&device, points)?;
     }
     Ok(())
@@ -110,6 +112,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         fall: [0.0; 2],
         start: 0.0,
         interval: 0.01,
+        mirror: false,
     };
     let positions = column(points);
     let window = vec![positions.clone(); config.frames];
@@ -122,8 +125,8 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let graph = time(device, || builder.graph(&position.as_view(), &mut frame))?;
     let edges = builder.needed()?;
     let before = position.as_view();
-    let features =
-        time(device, || builder.features(&position.as_view(), Some(&before), &mut frame))?;
+    let history = [before, position.as_view()];
+    let features = time(device, || builder.features(&history, &mut frame))?;
 
     let mut integrator = Integrator::new(device, &config, &norm, &motion, points)?;
     integrator.begin([&positions, &positions], 6)?;
@@ -133,19 +136,25 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
 
     let still = &Normalisation { acceleration_std: vec![1e-15; 2], ..norm.clone() };
     let start = || (config.clone(), still, &motion, &window[..]);
-    let frame = rollout(device, start(), Rest(device.zeros(2 * points)?))?;
+    let (frame, _) = rollout(device, start(), Rest(device.zeros(2 * points)?))?;
     let weights = weights(&Model::<Cpu>::new(&config, 1, &cpu()));
-    let mut whole = Vec::new();
-    for precision in [Precision::F32, Precision::Bf16] {
+    let whole = |precision| {
         let room = Capacity { points, edges: 1 };
         let mut network = CudaNetwork::new(device, &config, precision, room, false)?;
         network.set_weights(&weights)?;
-        whole.push(rollout(device, start(), network)?);
-    }
+        rollout(device, start(), network)
+    };
+    let [(f32, f32_memory), (bf16, bf16_memory)] =
+        [whole(Precision::F32)?, whole(Precision::Bf16)?];
 
     let mut batches = BatchBuilder::new(device, &config, &norm, &bounds);
     let twice = vec![single.repeat(config.frames); 2];
-    let members = HostWindows::new(&twice, vec![points; 2], single.repeat(2));
+    let members = HostWindows::new(Batch {
+        windows: twice,
+        points: vec![points; 2],
+        statics: vec![Vec::new(); 2],
+        targets: single.repeat(2),
+    });
     batches.make(&members)?;
     let began = Instant::now();
     for _ in 0..BLOCKS {
@@ -153,28 +162,29 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     }
     let batch = began.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64;
 
-    let began = Instant::now();
-    surrogate::graph::radius_graph(&single, 2, config.connection_radius as f32);
-    let cpu = began.elapsed().as_secs_f64() * 1e6;
     println!(
         "{points:>7} {edges:>9} {graph:>8.1} {features:>9.1} {integrate:>9.1} {frame:>10.1} \
-         {:>9.0} {:>9.0} {batch:>9.0} {cpu:>12.0}",
-        whole[0], whole[1]
+         {f32:>9.0} {bf16:>9.0} {f32_memory:>9.0} {bf16_memory:>9.0} {batch:>9.0}"
     );
     Ok(())
 }
 
-/// Microseconds of a frame of a rollout, copies to the host included.
+/// Microseconds of a frame of a rollout, copies to the host included, and MiB of the GPU's memory.
 fn rollout<N: Network>(
     device: &Arc<Device>,
     (config, norm, motion, window): (ModelConfig, &Normalisation, &Motion, &[Vec<[f64; 2]>]),
     network: N,
-) -> Result<f64, Failure> {
-    let mut rollout = CudaRollout::new(device, &config, norm, motion, window, network)?;
+) -> Result<(f64, f64), Failure> {
+    device.stream().synchronize()?;
+    let (free, _) = device.context().mem_get_info()?;
+    let past = Past { window, statics: &[] };
+    let mut rollout = CudaRollout::new(device, &config, norm, motion, past, network)?;
     // All of its CUDA graphs are made in the first blocks.
-    let warm_up = config.frames * (config.frames - 1) / BLOCK + 2;
+    let warm_up = 2 * config.frames / BLOCK + 2;
     (0..warm_up).try_for_each(|_| rollout.block().map(|_| ()))?;
     let began = Instant::now();
     (0..BLOCKS).try_for_each(|_| rollout.block().map(|_| ()))?;
-    Ok(began.elapsed().as_secs_f64() * 1e6 / (BLOCKS * BLOCK) as f64)
+    let time = began.elapsed().as_secs_f64() * 1e6 / (BLOCKS * BLOCK) as f64;
+    let (left, _) = device.context().mem_get_info()?;
+    Ok((time, free.saturating_sub(left) as f64 / f64::from(1 << 20)))
 }

@@ -113,9 +113,10 @@ fn train(
     let frames = scene.uploaded(device)?;
     let target = device.upload(&scene.target)?;
     let zeros = vec![0.0; scene.weights.len()];
-    let mut trainer = CudaTrainer::new(device, &scene.config, precision, scene.capacity(), false)?;
+    let mut trainer =
+        CudaTrainer::new(device, &scene.config, precision, scene.capacity(), false, None)?;
     trainer.restore(&scene.weights, [&zeros, &zeros], None)?;
-    let gradient = trainer.gradient(&frames, &target)?;
+    let (_, gradient) = trainer.gradient(&frames, &target)?;
     let output = trainer.network().forward(&frames)?;
     let output = stream.clone_dtoh(output)?;
     let rates = Rates { rate: 1e-4, corrections: [1.0; 2], decay: 0.0 };
@@ -144,7 +145,7 @@ fn train(
     Ok([output, gradient])
 }
 
-/// Times predicted frames of one window, whose encodings are kept.
+/// Times predicted frames of one window.
 fn predict(
     device: &Arc<Device>,
     scene: &Scene,
@@ -155,29 +156,26 @@ fn predict(
     let window = [Window { positions: &positions[0], points: POINTS, statics: &[] }];
     let host = host_frames(&window, &scene.config, &normalisation(), &[[0.0, 10.0]; 2]);
     let edges = host.iter().map(|frame| frame.pairs.len()).max().unwrap_or(1);
-    // The first frame too with velocities.
-    let inputs: Vec<FrameInput> = (0..host.len())
-        .map(|k| upload(device, &HostInput::from(host[k.max(1)].clone()), edges))
-        .collect::<Result<_, _>>()?;
-    let frames: Vec<&FrameInput> = inputs.iter().collect();
+    let newest = host.len() - 1;
+    let [frame, before] = [newest, newest - 1].map(|k| HostInput::from(host[k].clone()));
+    let (frame, before) = (upload(device, &frame, edges)?, upload(device, &before, edges)?);
     let room = Capacity { points: POINTS, edges };
     let mut network = CudaNetwork::new(device, &scene.config, precision, room, false)?;
     network.set_weights(&scene.weights)?;
-    network.advance(&frames, false)?;
     for _ in 0..5 {
-        network.advance(&frames, true)?;
+        network.advance(&frame, &before)?;
     }
     stream.synchronize()?;
     let began = Instant::now();
     for _ in 0..REPEATS {
-        network.advance(&frames, true)?;
+        network.advance(&frame, &before)?;
     }
     stream.synchronize()?;
     let launched = ms(began) / REPEATS as f64;
     // The same as a CUDA graph.
     use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
     stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
-    let queued = network.advance(&frames, true).map(|_| ());
+    let queued = network.advance(&frame, &before).map(|_| ());
     let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
     queued?;
     let mut replayed = f64::NAN;
@@ -192,7 +190,7 @@ fn predict(
     println!(
         "{precision:?} predicted frame: {replayed:.3} ms as a graph, {launched:.3} ms launched"
     );
-    print_profile(&network.profile_advance(&frames)?);
+    print_profile(&network.profile_advance(&frame, &before)?);
     Ok(())
 }
 

@@ -164,6 +164,14 @@ impl ModelConfig {
         real("connection_radius", radius, radius > 0.0 && radius.is_finite(), "positive (metres)")
     }
 
+    /// Frames of a window that the network has a graph of: all of them, or (GNS) the newest.
+    pub fn graphs(&self) -> usize {
+        match self.kind {
+            ModelKind::Tgnns => self.frames,
+            ModelKind::Gns => 1,
+        }
+    }
+
     /// Numbers that [`node_features`](Self::node_features) add to a node.
     pub fn further_node_features(&self) -> usize {
         node_features::columns(&self.node_features)[0]

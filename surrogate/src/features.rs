@@ -5,15 +5,16 @@
 //! has the features of Sanchez-Gonzalez et al. (2020): displacement / radius in place of the
 //! direction, and distances to walls clipped to ±1 radius.
 
-use std::cmp::Ordering;
+mod host_frame;
 
 use burn::tensor::backend::Backend;
-use burn::tensor::{Int, Tensor, TensorData};
+use burn::tensor::{Int, Tensor};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+pub use self::host_frame::HostFrame;
 use crate::config::{ModelConfig, ModelKind};
-use crate::graph::{RadiusGraph, radius_graph};
+use crate::graph::radius_graph;
 use crate::node_features::{self, NodeFeature, overburden};
 
 /// Means and standard deviations of a training set, per component of space. Velocities are
@@ -169,13 +170,14 @@ impl Features<'_> {
             ModelKind::Tgnns => frame..frame + 1,
             ModelKind::Gns => 1..frame + 1,
         };
-        let load = self.overburden(at(frame));
+        let further = self.further(window, at(frame));
+        let width = self.config.further_node_features();
         for point in 0..window.points {
             for k in steps.clone().filter(|&k| k > 0) {
                 self.velocity(at(k - 1), at(k), point, &mut nodes);
             }
             self.wall_distances(at(frame), point, &mut nodes);
-            self.further(window, &load, point, &mut nodes);
+            nodes.extend(&further[point * width..(point + 1) * width]);
         }
         let moving = self.config.kind == ModelKind::Tgnns && frame > 0;
         for (receiver, sender) in graph.pairs() {
@@ -227,33 +229,15 @@ impl Features<'_> {
         }
     }
 
-    /// Points above each point, if the network is to know.
-    fn overburden(&self, now: &[f32]) -> Vec<f32> {
-        if self.config.node_features.contains(&NodeFeature::Overburden) {
+    /// Features beyond velocity and walls of all points.
+    fn further(&self, window: &Window, now: &[f32]) -> Vec<f32> {
+        let features = &self.config.node_features;
+        let load = if features.contains(&NodeFeature::Overburden) {
             overburden(now, self.config.dimensions, self.config.connection_radius as f32)
         } else {
             Vec::new()
-        }
-    }
-
-    /// The further features of one point, (value - mean) / std.
-    fn further(&self, window: &Window, load: &[f32], point: usize, features: &mut Vec<f32>) {
-        let [_, width] = node_features::columns(&self.config.node_features);
-        let mut statics = &window.statics[point * width..(point + 1) * width];
-        let first = features.len();
-        for feature in &self.config.node_features {
-            if feature.is_static() {
-                let (mine, rest) = statics.split_at(feature.columns());
-                features.extend(mine);
-                statics = rest;
-            } else {
-                features.push(load[point]);
-            }
-        }
-        let scales = self.norm.features_mean.iter().zip(&self.norm.features_std);
-        for (value, (mean, std)) in features[first..].iter_mut().zip(scales) {
-            *value = (*value - *mean as f32) / *std as f32;
-        }
+        };
+        node_features::standardised(features, self.norm, window.points, window.statics, &load)
     }
 
     /// From receiver to sender: direction (GNS: displacement / radius) and distance / radius.
@@ -270,101 +254,4 @@ impl Features<'_> {
         features.extend((0..d).map(|k| displacement(k) / unit));
         features.push(distance / radius);
     }
-}
-
-/// A frame's features and edges before they go to a device.
-#[derive(Clone, Debug)]
-pub struct HostFrame {
-    /// Points of all windows together.
-    pub points: usize,
-    /// Features of a node and of an edge.
-    pub columns: [usize; 2],
-    /// points x node features.
-    pub nodes: Vec<f32>,
-    /// edges x edge features.
-    pub edges: Vec<f32>,
-    /// (receiver, sender), ascending.
-    pub pairs: Vec<(i32, i32)>,
-}
-
-impl HostFrame {
-    fn new(
-        points: usize,
-        nodes: Vec<f32>,
-        edges: Vec<f32>,
-        graph: &RadiusGraph,
-        columns: [usize; 2],
-    ) -> Self {
-        let pairs = graph.pairs().map(|(receiver, sender)| (receiver as i32, sender as i32));
-        Self { points, columns, nodes, edges, pairs: pairs.collect() }
-    }
-
-    /// The graphs of several windows as one graph without edges between them.
-    fn side_by_side(parts: Vec<HostFrame>, columns: [usize; 2]) -> Self {
-        let mut whole =
-            Self { points: 0, columns, nodes: Vec::new(), edges: Vec::new(), pairs: Vec::new() };
-        for part in parts {
-            let offset = whole.points as i32;
-            whole.points += part.points;
-            whole.nodes.extend(part.nodes);
-            whole.edges.extend(part.edges);
-            whole.pairs.extend(part.pairs.iter().map(|(v, w)| (v + offset, w + offset)));
-        }
-        whole
-    }
-
-    fn to_device<B: Backend>(
-        &self,
-        previous: Option<&HostFrame>,
-        device: &B::Device,
-    ) -> FrameInput<B> {
-        let columns = self.columns;
-        FrameInput {
-            nodes: matrix(&self.nodes, [self.points, columns[0]], device),
-            edges: matrix(&self.edges, [self.pairs.len(), columns[1]], device),
-            sender: indices(self.pairs.iter().map(|pair| pair.1), device),
-            receiver: indices(self.pairs.iter().map(|pair| pair.0), device),
-            persistence: previous.map(|previous| self.persistence(previous, device)),
-        }
-    }
-
-    /// Merges two ascending lists of edges.
-    fn persistence<B: Backend>(&self, before: &HostFrame, device: &B::Device) -> Persistence<B> {
-        let (mut persistent, mut previous, mut new) = (Vec::new(), Vec::new(), Vec::new());
-        let mut old = 0;
-        for (edge, pair) in self.pairs.iter().enumerate() {
-            while before.pairs.get(old).is_some_and(|p| p.cmp(pair) == Ordering::Less) {
-                old += 1;
-            }
-            if before.pairs.get(old) == Some(pair) {
-                persistent.push(edge as i32);
-                previous.push(old as i32);
-            } else {
-                new.push(edge as i32);
-            }
-        }
-        let mut place = vec![0; self.pairs.len()];
-        for (k, &edge) in persistent.iter().chain(&new).enumerate() {
-            place[edge as usize] = k as i32;
-        }
-        Persistence {
-            persistent: indices(persistent, device),
-            previous: indices(previous, device),
-            new: indices(new, device),
-            place: indices(place, device),
-        }
-    }
-}
-
-fn matrix<B: Backend>(values: &[f32], shape: [usize; 2], device: &B::Device) -> Tensor<B, 2> {
-    Tensor::from_data(TensorData::new(values.to_vec(), shape), device)
-}
-
-fn indices<B: Backend>(
-    values: impl IntoIterator<Item = i32>,
-    device: &B::Device,
-) -> Tensor<B, 1, Int> {
-    let values: Vec<i32> = values.into_iter().collect();
-    let length = values.len();
-    Tensor::from_data(TensorData::new(values, [length]), device)
 }

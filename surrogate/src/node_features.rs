@@ -7,6 +7,8 @@
 use dempm::trajectory::Frame;
 use serde::{Deserialize, Serialize};
 
+use crate::features::Normalisation;
+
 /// A further feature of every node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -73,6 +75,36 @@ pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f3
     }
     let points = first.position.len();
     Ok((0..points).flat_map(|point| columns.iter().map(move |column| column[point])).collect())
+}
+
+/// All features of points, standardised: points x columns. `statics` are those that never change,
+/// `load` is the [`overburden`], which is not looked at if it is not wanted.
+pub fn standardised(
+    features: &[NodeFeature],
+    norm: &Normalisation,
+    points: usize,
+    statics: &[f32],
+    load: &[f32],
+) -> Vec<f32> {
+    let [all, width] = columns(features);
+    let mut values = Vec::with_capacity(points * all);
+    for point in 0..points {
+        let mut mine = &statics[point * width..(point + 1) * width];
+        for feature in features {
+            if feature.is_static() {
+                let (these, rest) = mine.split_at(feature.columns());
+                values.extend(these);
+                mine = rest;
+            } else {
+                values.push(load[point]);
+            }
+        }
+    }
+    let scales = norm.features_mean.iter().zip(&norm.features_std).cycle();
+    for (value, (mean, std)) in values.iter_mut().zip(scales) {
+        *value = (*value - *mean as f32) / *std as f32;
+    }
+    values
 }
 
 /// For each point, how many are above it, and no farther than half a radius to any side.

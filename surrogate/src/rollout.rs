@@ -14,12 +14,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::constraints::Constraints;
-use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Precision};
+use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
 use crate::features::Window;
 use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
-use crate::train::weights;
+use crate::train::{Precision, weights};
 use crate::watch::{self, Watch};
 
 /// A prediction that makes no sense.
@@ -61,6 +61,7 @@ impl<'a> Rollout<'a> {
         let interval = simulator.training.frame_interval;
         Self {
             simulator,
+            // Sets the GPU up, kernels and all, before it returns.
             engine: match &simulator.gpu {
                 Some(device) => Engine::Cuda(ahead(device, simulator, start)),
                 None => Engine::Cpu(Box::new(simulator.inference())),
@@ -181,15 +182,18 @@ fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahe
         fall: start.scene.gravity.map(|g| relative * (g * interval * interval)),
         start: start.time,
         interval,
+        mirror: simulator.mirror,
     };
     let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
     let (weights, window) = (weights(&simulator.model), start.positions.clone());
-    let device = device.clone();
+    let statics = start.statics.clone();
+    let (device, precision) = (device.clone(), simulator.precision);
     Ahead::start(move || {
         let room = Capacity { points: window[0].len(), edges: 1 };
-        let mut network = CudaNetwork::new(&device, &config, PRECISION, room, false)?;
+        let mut network = CudaNetwork::new(&device, &config, precision.into(), room, false)?;
         network.set_weights(&weights)?;
-        CudaRollout::new(&device, &config, &norm, &motion, &window, network)
+        let past = Past { window: &window, statics: &statics };
+        CudaRollout::new(&device, &config, &norm, &motion, past, network)
     })
 }
 
@@ -216,6 +220,9 @@ pub struct RolloutArgs {
     /// Where to compute: auto, cpu, cuda or cuda:N
     #[arg(long, default_value = "auto")]
     device: Device,
+    /// Precision of products on a GPU; bf16 is faster and less exact
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    precision: Precision,
     /// Trajectory file to write (HDF5)
     #[arg(short, long)]
     output: PathBuf,
@@ -223,9 +230,6 @@ pub struct RolloutArgs {
     #[arg(long)]
     overwrite: bool,
 }
-
-/// Of the network on a GPU, so that results are those of the processor but for rounding.
-const PRECISION: Precision = Precision::F32;
 
 /// Exit code after Ctrl-C, as shells use it.
 const INTERRUPTED: u8 = 130;
@@ -239,15 +243,15 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
-    let mut simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
+    let (mirror, precision) = (args.mirror, args.precision);
+    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     simulator.place(args.device).into_diagnostic().wrap_err("--device")?;
-    let prepared = Instant::now();
+    let began = Instant::now();
     let start = match (&args.scene, &args.from) {
         (Some(scene), _) => Start::from_scene(Scene::load(scene)?, &simulator)?,
         (None, Some(from)) => Start::from_trajectory(from, args.start, &simulator)?,
         (None, None) => bail!("give a --scene or a trajectory to start --from"),
     };
-    let preparation = prepared.elapsed().as_secs_f64();
     let frames = args.frames.unwrap_or(start.frames);
     if frames < start.positions.len() {
         bail!("--frames {frames}: the model starts from {} frames", start.positions.len());
@@ -263,6 +267,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     }
     let mut writer = begin(&args.output, &args.model, &simulator, &start)?;
     let mut rollout = Rollout::new(&simulator, &start);
+    let preparation = began.elapsed().as_secs_f64() - start.simulated_in;
     for (frame, (x, v)) in start.positions.iter().zip(&start.velocities).enumerate() {
         writer.push(rollout.frame_of(frame, x.clone(), v.clone(), &start.points.mass))?;
     }
@@ -288,6 +293,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     bar.finish_and_clear();
     let seconds = began.elapsed().as_secs_f64();
     writer.set_wall_time("preparation", preparation);
+    writer.set_wall_time("start", start.simulated_in);
     writer.set_wall_time("surrogate", seconds);
     let made = writer.frames();
     if let Some(error) = failure {
@@ -323,7 +329,11 @@ fn begin(
         Some(device) => device.name().to_owned(),
         None => format!("cpu, {} threads", rayon::current_num_threads()),
     };
-    header.precision = "f32 (network), f64 (positions)".to_owned();
+    let precision = match simulator.precision {
+        Precision::F32 => "f32",
+        Precision::Bf16 => "bf16",
+    };
+    header.precision = format!("{precision} (network), f64 (positions)");
     header.material = format!("surrogate ({})", model.display());
     header.frame_interval = simulator.training.frame_interval;
     header.time_step = simulator.training.frame_interval;

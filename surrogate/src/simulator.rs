@@ -13,6 +13,7 @@ use crate::cuda::{self, CudaError};
 use crate::features::{Normalisation, Window, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
+use crate::train::Precision;
 use crate::weights::{self, WeightsError};
 
 /// What a model was trained for; kept with its weights.
@@ -37,6 +38,8 @@ pub struct Simulator {
     pub device: Device,
     /// The GPU that rollouts are made on; without one it is the processor.
     pub gpu: Option<Arc<gpu::Device>>,
+    /// Precision on that GPU; with `F32`, results are those of the processor but for rounding.
+    pub precision: Precision,
 }
 
 /// A file of weights that cannot be used.
@@ -47,8 +50,8 @@ pub enum SimulatorError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
-    #[error("{path}: the weights lack `{KEY}`, or it is damaged")]
-    #[diagnostic(help("weights have to come from `surrogate train`"))]
+    #[error("{path}: the weights lack `extra.{KEY}` in their metadata, or it is damaged")]
+    #[diagnostic(help("`surrogate train` writes it; docs/weights.md says what is in it"))]
     Training { path: String },
 }
 
@@ -66,7 +69,8 @@ impl Simulator {
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
-        Ok(Self { model, config, normalisation, training, mirror: false, device, gpu: None })
+        let (mirror, gpu, precision) = (false, None, Precision::F32);
+        Ok(Self { model, config, normalisation, training, mirror, device, gpu, precision })
     }
 
     /// Writes the weights and everything else, whole or not at all.
@@ -82,16 +86,15 @@ impl Simulator {
         })
     }
 
-    /// Chooses where rollouts are made. Those that no GPU can make stay on the processor, unless a
-    /// GPU is asked for.
+    /// Chooses where rollouts are made. Networks that no GPU can compute stay on the processor,
+    /// unless a GPU is asked for.
     ///
     /// # Errors
-    /// If the GPU that is asked for cannot be used, or not for this network.
+    /// If the GPU that is asked for cannot be used, or not for this network, or there is none for
+    /// bf16.
     pub fn place(&mut self, choice: dempm::device::Device) -> Result<(), CudaError> {
         use dempm::device::Device;
-        let mirror = CudaError::Unsupported { key: "mirror", value: 1, most: 0 };
-        let fits = if self.mirror { Err(mirror) } else { cuda::supports(&self.config) };
-        self.gpu = match (choice, fits) {
+        self.gpu = match (choice, cuda::supports(&self.config)) {
             (Device::Auto, Err(reason)) => {
                 eprintln!("running on the CPU: {reason}");
                 None
@@ -99,6 +102,9 @@ impl Simulator {
             (Device::Cuda(_), Err(reason)) => return Err(reason),
             _ => choice.open()?,
         };
+        if self.gpu.is_none() && self.precision == Precision::Bf16 {
+            return Err(CudaError::Bf16OnCpu);
+        }
         Ok(())
     }
 
@@ -124,9 +130,7 @@ impl Simulator {
         if !self.mirror {
             return straight;
         }
-        let width = domain[0] as f32;
-        let rows = window.positions.as_chunks::<2>().0.iter();
-        let image: Vec<f32> = rows.flat_map(|[x, y]| [width - x, *y]).collect();
+        let image = mirrored(window.positions, domain[0]);
         let image = Window { positions: &image, ..*window };
         let mirrored = self.predict(network, &image, domain, [-gravity[0], gravity[1]]);
         let pairs = straight.as_chunks::<2>().0.iter().zip(mirrored.as_chunks::<2>().0);
@@ -158,4 +162,10 @@ impl Simulator {
         };
         output.into_iter().enumerate().map(scale).collect()
     }
+}
+
+/// Positions (m, x and y in turn) in a mirror of left and right, in a domain of this width.
+pub fn mirrored(positions: &[f32], width: f64) -> Vec<f32> {
+    let rows = positions.as_chunks::<2>().0.iter();
+    rows.flat_map(|[x, y]| [width as f32 - x, *y]).collect()
 }

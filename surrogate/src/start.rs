@@ -1,6 +1,7 @@
 //! The frames that a rollout starts from: simulated, or taken from a trajectory.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use dempm::scene::{Scene, SceneError};
 use dempm::simulation::{Simulation, SimulationError};
@@ -31,6 +32,8 @@ pub struct Start {
     pub statics: Vec<f32>,
     /// Frames to the end of the scene or trajectory, those above included.
     pub frames: usize,
+    /// Wall time of simulating the frames, s; 0 if they were taken from a trajectory.
+    pub simulated_in: f64,
 }
 
 /// Frames that a rollout cannot start from.
@@ -57,15 +60,20 @@ pub enum StartError {
 }
 
 impl Start {
-    /// Simulates the first frames of a scene.
+    /// Simulates the first frames of a scene, on the simulator's GPU if it has one.
     ///
     /// # Errors
     /// If the simulation fails or its step does not divide the time between the model's frames.
-    pub fn from_scene(scene: Scene, simulator: &Simulator) -> Result<Self, StartError> {
+    pub fn from_scene(mut scene: Scene, simulator: &Simulator) -> Result<Self, StartError> {
         let interval = simulator.training.frame_interval;
         let steps = stride(interval, scene.step, || format!("{}: `step`", scene.name))?;
         let frames = (scene.duration / interval * (1.0 + ROUNDING)) as usize + 1;
+        // A simulation on a GPU stops at frames only.
+        scene.frame_interval = interval;
         let mut simulation = Simulation::new(scene.clone())?;
+        if let Some(device) = &simulator.gpu {
+            simulation.move_to(device, None)?;
+        }
         let mut start = Self {
             header: simulation.header(utc_now()),
             points: simulation.static_points(),
@@ -75,17 +83,20 @@ impl Start {
             time: 0.0,
             statics: Vec::new(),
             frames: frames.max(simulator.config.frames),
+            simulated_in: 0.0,
         };
         let place = start.scene.name.clone();
         start.statics = statics(simulator, &place, || Ok(simulation.frame()))?;
+        let began = Instant::now();
         for frame in 0..simulator.config.frames {
-            for _ in 0..if frame == 0 { 0 } else { steps } {
+            while simulation.state.step < frame * steps {
                 simulation.advance()?;
             }
             let now = simulation.frame();
             start.positions.push(now.position);
             start.velocities.push(now.velocity);
         }
+        start.simulated_in = began.elapsed().as_secs_f64();
         Ok(start)
     }
 
@@ -123,6 +134,7 @@ impl Start {
             time: trajectory.time()[first],
             statics: statics(simulator, &place, || Ok(trajectory.frame(0)?))?,
             frames: found,
+            simulated_in: 0.0,
         };
         for frame in (first..).step_by(stride).take(needed) {
             let now = trajectory.frame(frame)?;

@@ -27,13 +27,12 @@ pub fn stats(args: &StatsArgs) -> miette::Result<()> {
     let folder = DataFolder::open(&args.data)?;
     let shape = Shape { frames: args.frames as usize, stride: args.stride as usize };
     let data = DataSet::open(&folder.train, shape, 0)?;
-    for recording in data.recordings() {
-        println!(
-            "{:<40}{:>6} points{:>6} frames",
-            recording.path().display(),
-            recording.points(),
-            recording.frames()
-        );
+    list(&data, "");
+    for path in &folder.valid {
+        let alone = DataSet::open(std::slice::from_ref(path), shape, 0)?;
+        list(&alone, "  to validate");
+        // For its checks.
+        Statistics::measure(&alone, false)?;
     }
     println!(
         "{} files to train with, {} to validate; {} windows of {} frames, {} s apart",
@@ -57,4 +56,11 @@ pub fn stats(args: &StatsArgs) -> miette::Result<()> {
         bail!("{}: nothing moves in these trajectories", args.data.display());
     }
     Ok(())
+}
+
+fn list(data: &DataSet, purpose: &str) {
+    for recording in data.recordings() {
+        let (path, points) = (recording.path().display(), recording.points());
+        println!("{path:<40}{points:>6} points{:>6} frames{purpose}", recording.frames());
+    }
 }

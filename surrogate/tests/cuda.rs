@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rstest::rstest;
 use surrogate::backend::{CpuAutodiff, device};
-use surrogate::config::{ModelConfig, ModelKind, PAPER_NETWORKS};
+use surrogate::config::{ModelConfig, PAPER_NETWORKS};
 use surrogate::cuda::{
     Capacity, CudaError, CudaNetwork, CudaTrainer, FrameInput, HostInput, Precision, Rates,
     SOURCES, defines, upload,
@@ -124,52 +124,69 @@ fn list<const D: usize>(tensor: Tensor<CpuAutodiff, D>) -> Vec<f32> {
 }
 
 /// Output, loss and gradient in Burn.
-fn reference(case: &Case, input: &WindowInput<CpuAutodiff>) -> (Vec<f32>, f32, Vec<f32>) {
-    let model = case.model();
+fn reference(
+    case: &Case,
+    input: &WindowInput<CpuAutodiff>,
+    model: &Model<CpuAutodiff>,
+) -> (Vec<f32>, f32, Vec<f32>) {
     let shape = [case.points(), case.config.dimensions];
     let target =
         Tensor::<CpuAutodiff, 2>::from_data(TensorData::new(case.target(), shape), &device());
     let output = model.forward(input);
     let scale = target.clone().powi_scalar(2).sum().clamp_min(1e-12);
     let loss = (output.clone() - target).powi_scalar(2).sum() / scale;
-    let gradient = gradients(&model, &loss.backward());
+    let gradient = gradients(model, &loss.backward());
     (list(output), loss.into_scalar(), gradient)
 }
 
-/// Errors of values and of the gradient relative to their norms. Values suffer from rounding only:
-/// 2^-22 in sums of two f16, 2^-9 in bf16, in each of up to 60 linears in a row. In the gradient
-/// LeakyReLU has another slope wherever rounding changes the sign of its argument. In f32 that
-/// hardly happens, but with few points a single one is worth a thousandth; in bf16 it happens to
-/// one argument in some hundred.
-fn tolerance(precision: Precision, slope: f64) -> [f64; 2] {
+/// Errors of values and of the gradient relative to their norms, from rounding: 2^-22 in sums of two
+/// f16, 2^-9 in bf16, in each of up to 60 linears in a row. In bf16 rounding changes the sign of one
+/// argument of LeakyReLU in some hundred, and with it the gradient.
+fn tolerance(precision: Precision) -> [f64; 2] {
     match precision {
-        Precision::F32 if slope == 1.0 => [5e-6, 1e-5],
-        Precision::F32 => [5e-6, 2e-2],
+        Precision::F32 => [5e-6, 1e-5],
         Precision::Bf16 => [2e-2, 0.15],
     }
+}
+
+/// How far the gradient moves when rounding changes the sign of arguments of LeakyReLU: the most of
+/// several networks whose weights are off by up to 2e-6 of themselves, which moves outputs by as much
+/// as rounding may. Without such arguments the gradient moves no more than the outputs.
+fn kinks(case: &Case, input: &WindowInput<CpuAutodiff>, gradient: &[f32]) -> f64 {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut moved = || {
+        let mut list = weights(&case.model());
+        list.iter_mut().for_each(|w| *w *= 1.0 + rng.random_range(-2e-6..2e-6));
+        let model = with_weights(case.model(), &list);
+        distance(&reference(case, input, &model).2, gradient) / norm(gradient).max(1e-30)
+    };
+    (0..4).map(|_| moved()).fold(0.0, f64::max)
 }
 
 fn compare(case: &Case, precision: Precision) {
     let Some(device) = gpu::for_tests() else { return };
     let (input, frames) = case.input();
-    let (output, loss, gradient) = reference(case, &input);
+    let (output, loss, gradient) = reference(case, &input, &case.model());
     let room = capacity(&frames);
     let frames = uploaded(&device, &frames);
     let weights = weights(&case.model());
 
-    let mut trainer = CudaTrainer::new(&device, &case.config, precision, room, false).unwrap();
+    let mut trainer =
+        CudaTrainer::new(&device, &case.config, precision, room, false, None).unwrap();
     let zeros = vec![0.0; weights.len()];
     trainer.restore(&weights, [&zeros, &zeros], None).unwrap();
     let target = device.upload(&case.target()).unwrap();
-    let found = trainer.gradient(&frames, &target).unwrap();
-    let found_loss = trainer.losses(1).unwrap()[0];
+    let (found_loss, found) = trainer.gradient(&frames, &target).unwrap();
     let found_output = {
         let mut network = CudaNetwork::new(&device, &case.config, precision, room, false).unwrap();
         network.set_weights(&weights).unwrap();
         let output = network.forward(&frames).unwrap();
         device.stream().clone_dtoh(output).unwrap()
     };
-    let [most, most_gradient] = tolerance(precision, case.config.leaky_slope);
+    let [most, mut most_gradient] = tolerance(precision);
+    if precision == Precision::F32 {
+        most_gradient += 2.0 * kinks(case, &input, &gradient);
+    }
     let count = output.len();
     let relative =
         |found: &[f32], expected: &[f32]| distance(found, expected) / norm(expected).max(1e-30);
@@ -181,7 +198,7 @@ fn compare(case: &Case, precision: Precision) {
     let name = (case.config.kind, case.config.frames, case.config.message_layers);
     println!(
         "{name:?} {precision:?} slope {} hidden {} edgemsg {} {}D {:?} points: output {:.1e} \
-         loss {:.1e} gradient {:.1e}",
+         loss {:.1e} gradient {:.1e} of {most_gradient:.1e}",
         case.config.leaky_slope,
         case.config.hidden_layers,
         case.config.edge_message,
@@ -214,6 +231,20 @@ fn without_kinks() {
     for name in ["baseline", "frame4-msg1-hidden1-edgemsg"] {
         let mut case = Case::new(name, &[70, 33]);
         case.config.leaky_slope = 1.0;
+        compare(&case, Precision::F32);
+    }
+}
+
+/// Few enough arguments of LeakyReLU that none is near its kink.
+#[test]
+fn away_from_kinks() {
+    for (name, width) in [("baseline", 8), ("frame4-msg1-hidden1-edgemsg", 16)] {
+        let mut case = Case::new(name, &[9]);
+        case.config.width = width;
+        let (input, _) = case.input();
+        let gradient = reference(&case, &input, &case.model()).2;
+        let moved = kinks(&case, &input, &gradient);
+        assert!(moved < 1e-5, "{name}: {moved:e}");
         compare(&case, Precision::F32);
     }
 }
@@ -253,60 +284,50 @@ fn unusual_sizes() {
     compare(&dense, Precision::F32);
 }
 
-/// The fast path of a rollout gives what the network gives from scratch, to the bit.
+/// Frame after frame the network gives what it gives for each window by itself, to the bit.
 #[rstest]
 #[case("baseline")]
 #[case("frame4-msg1-hidden1-edgemsg")]
 #[case("gns")]
-fn encodings_are_kept(#[case] name: &str) {
+fn frame_after_frame(#[case] name: &str) {
     let Some(device) = gpu::for_tests() else { return };
     let case = Case::new(name, &[60]);
     let frames = case.config.frames;
     let positions = &case.positions(frames + 3)[0];
     let stride = 60 * case.config.dimensions;
     let bounds = vec![[0.0, 6.0]; case.config.dimensions];
-    let weights = weights(&case.model());
     let room = Capacity { points: 60, edges: 60 * 60 };
+    let input = |window: &[f32]| -> Vec<HostInput> {
+        let windows = [Window { positions: window, points: 60, statics: &[] }];
+        let host = host_frames(&windows, &case.config, &case.normalisation(), &bounds);
+        host.into_iter().map(HostInput::from).collect()
+    };
     // Frames with features of later ones: the last of a window that ends with them.
     let later = |end: usize| {
         let mut window = positions[..(end + 1) * stride].to_vec();
         while window.len() < frames * stride {
             window.splice(0..0, window[..stride].to_vec());
         }
-        let window = &window[window.len() - frames * stride..];
-        let windows = [Window { positions: window, points: 60, statics: &[] }];
-        let frame = host_frames(&windows, &case.config, &case.normalisation(), &bounds);
-        upload(&device, &HostInput::from(frame.last().unwrap().clone()), room.edges).unwrap()
+        let window = input(&window[window.len() - frames * stride..]);
+        upload(&device, window.last().unwrap(), room.edges).unwrap()
     };
     let all: Vec<FrameInput> = (0..frames + 3).map(later).collect();
-    let used = if case.config.kind == ModelKind::Gns { 1 } else { frames };
-    let new = || {
-        let mut network =
-            CudaNetwork::new(&device, &case.config, Precision::Bf16, room, false).unwrap();
-        network.set_weights(&weights).unwrap();
-        network
-    };
-    let mut rolling = new();
-    for end in frames..frames + 3 {
-        let window: Vec<&FrameInput> = all[end - used..end].iter().collect();
-        let fast = rolling.advance(&window, end > frames).unwrap();
-        let fast = device.stream().clone_dtoh(fast).unwrap();
-        let mut fresh = new();
-        let slow = device.stream().clone_dtoh(fresh.advance(&window, false).unwrap()).unwrap();
-        assert_eq!(fast, slow);
-        assert!(fast.iter().all(|a| a.is_finite()) && fast.iter().any(|a| *a != 0.0));
-        // And what it gives for the window as it is trained on.
-        let windows = [Window {
-            positions: &positions[(end - frames) * stride..end * stride],
-            points: 60,
-            statics: &[],
-        }];
-        let host = host_frames(&windows, &case.config, &case.normalisation(), &bounds);
-        let host: Vec<HostInput> = host.into_iter().map(HostInput::from).collect();
-        let host: Vec<FrameInput> =
-            host.iter().map(|frame| upload(&device, frame, room.edges).unwrap()).collect();
-        let whole = device.stream().clone_dtoh(fresh.forward(&host).unwrap()).unwrap();
-        assert_eq!(fast, whole);
+    let mut network =
+        CudaNetwork::new(&device, &case.config, Precision::Bf16, room, false).unwrap();
+    network.set_weights(&weights(&case.model())).unwrap();
+    let rolling: Vec<Vec<f32>> = (0..all.len())
+        .map(|k| {
+            let output = network.advance(&all[k], &all[k.saturating_sub(1)]).unwrap();
+            device.stream().clone_dtoh(output).unwrap()
+        })
+        .collect();
+    for (end, found) in rolling.iter().enumerate().skip(frames - 1) {
+        let window = input(&positions[(end + 1 - frames) * stride..(end + 1) * stride]);
+        let window: Vec<FrameInput> =
+            window.iter().map(|frame| upload(&device, frame, room.edges).unwrap()).collect();
+        let expected = network.forward(&window).unwrap();
+        assert_eq!(found, &device.stream().clone_dtoh(expected).unwrap());
+        assert!(found.iter().all(|a| a.is_finite()) && found.iter().any(|a| *a != 0.0));
     }
 }
 
@@ -327,16 +348,18 @@ fn steps() {
     let small_target = device.upload(&small.target()).unwrap();
     let run = || {
         let mut trainer =
-            CudaTrainer::new(&device, &case.config, Precision::F32, room, true).unwrap();
+            CudaTrainer::new(&device, &case.config, Precision::F32, room, true, None).unwrap();
         let zeros = vec![0.0; start.len()];
         trainer.restore(&start, [&zeros, &zeros], Some(&start)).unwrap();
         let mut expected = start.clone();
         let mut average = start.clone();
         let (mut mean, mut square) = (zeros.clone(), zeros);
+        let mut losses = Vec::new();
         for n in 1..=4 {
             let (frames, target) =
                 if n == 3 { (&small_frames, &small_target) } else { (&frames, &target) };
-            let gradient = trainer.gradient(frames, target).unwrap();
+            let (loss, gradient) = trainer.gradient(frames, target).unwrap();
+            losses.push(loss);
             let correction = |beta: f64| (1.0 - beta.powi(n)) as f32;
             let corrections = [correction(0.9), correction(0.999)];
             let rates = Rates { rate: 1e-3, corrections, decay: 0.8 };
@@ -358,13 +381,11 @@ fn steps() {
         assert!(error(&weights, &expected) < 2e-5, "{}", error(&weights, &expected));
         assert!(error(&found_average, &average) < 2e-5);
         assert!(error(&weights, &start) > 2e-3);
-        (weights, trainer.losses(8).unwrap())
+        assert_eq!(trainer.losses(4).unwrap(), losses);
+        (weights, losses)
     };
     let (weights, losses) = run();
-    assert_eq!(losses.len(), 8);
-    // A loss of a gradient is that of the step after it, whose weights are the same.
-    assert!(losses.chunks(2).all(|pair| pair[0] == pair[1]));
-    assert!(losses[7] < losses[0]);
+    assert!(losses[3] < losses[0]);
     assert_eq!(run(), (weights, losses));
 }
 
@@ -390,7 +411,8 @@ fn kernels_compile() {
     if !gpu::nvrtc_for_tests() {
         return;
     }
-    for architecture in ["sm_80", "sm_90"] {
+    // With and without products of warp groups.
+    for architecture in ["sm_80", "sm_90a"] {
         for precision in [Precision::F32, Precision::Bf16] {
             for (name, source) in SOURCES {
                 compile(name, source, architecture, &defines(precision)).unwrap();

@@ -17,12 +17,15 @@ use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FEATURES_SOURCE,
     FrameBuilder, FrameInput, Frames, GRAPH_SOURCE, GraphBuilder, HostWindows, INTEGRATE_SOURCE,
-    Motion, Network, Precision, features_defines, graph_defines,
+    Motion, Network, Past, Precision, features_defines, graph_defines,
 };
+use surrogate::data::Batch;
 use surrogate::features::{Normalisation, Window, window_input};
 use surrogate::graph::{RadiusGraph, radius_graph};
 use surrogate::model::Model;
+use surrogate::node_features::NodeFeature;
 use surrogate::rollout::RolloutError;
+use surrogate::simulator::{Simulator, Training};
 use surrogate::train::weights;
 
 const RADIUS: f32 = 0.25;
@@ -33,8 +36,37 @@ fn normalisation(dimensions: usize) -> Normalisation {
         velocity_std: vec![0.01; dimensions],
         acceleration_mean: vec![1e-4; dimensions],
         acceleration_std: vec![2e-3; dimensions],
-        ..Normalisation::default()
+        features_mean: vec![10.0, 0.5, 0.3, 0.4],
+        features_std: vec![7.0, 0.3, 0.2, 0.1],
     }
+}
+
+/// Further features, of which the last two do not change: three numbers for each point.
+const FEATURES: [NodeFeature; 3] =
+    [NodeFeature::Overburden, NodeFeature::InitialStress, NodeFeature::InitialSolidFraction];
+
+/// The normalisation of a network, with or without further features.
+fn normalisation_for(config: &ModelConfig) -> Normalisation {
+    let mut norm = normalisation(config.dimensions);
+    norm.features_mean.truncate(config.further_node_features());
+    norm.features_std.truncate(config.further_node_features());
+    norm
+}
+
+/// Networks that read all that there is: plain, with further features, and the GNS with them.
+fn readers(dimensions: usize) -> [ModelConfig; 3] {
+    let plain = ModelConfig { dimensions, frames: 3, ..ModelConfig::default() };
+    let gns = ModelConfig::named("gns").unwrap();
+    [
+        plain.clone(),
+        ModelConfig { node_features: FEATURES.to_vec(), ..plain.clone() },
+        ModelConfig { dimensions, frames: 3, node_features: FEATURES.to_vec(), ..gns },
+    ]
+}
+
+/// Features that do not change, if the network reads them.
+fn statics(config: &ModelConfig, points: usize) -> Vec<f32> {
+    if config.node_features.is_empty() { Vec::new() } else { random(points, 3, 1.0, 11) }
 }
 
 fn random(points: usize, dimensions: usize, extent: f32, seed: u64) -> Vec<f32> {
@@ -203,8 +235,6 @@ fn check_frames(
 #[rstest]
 fn features_match(#[values(2, 3)] dimensions: usize) {
     let Some(device) = gpu::for_tests() else { return };
-    let config = ModelConfig { dimensions, frames: 3, ..ModelConfig::default() };
-    let norm = normalisation(dimensions);
     let bounds = vec![[0.0, 1.0]; dimensions];
     let sizes = [150, 300];
     let windows: Vec<Vec<f32>> = sizes
@@ -219,7 +249,6 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
             window
         })
         .collect();
-    let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes).unwrap();
     let at = |k: usize| -> CudaSlice<f32> {
         let parts = windows
             .iter()
@@ -228,44 +257,58 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
         device.upload(&parts.collect::<Vec<_>>().concat()).unwrap()
     };
     let positions: Vec<_> = (0..3).map(at).collect();
-    let frames: Vec<FrameInput> = (0..3)
-        .map(|k| {
-            let mut frame = builder.allocate(450 * 449).unwrap();
-            builder.graph(&positions[k].as_view(), &mut frame).unwrap();
-            let before = (k > 0).then(|| positions[k - 1].as_view());
-            builder.features(&positions[k].as_view(), before.as_ref(), &mut frame).unwrap();
-            frame
-        })
-        .collect();
-    let windows: Vec<Window> = windows
-        .iter()
-        .zip(sizes)
-        .map(|(positions, points)| Window { positions, points, statics: &[] })
-        .collect();
-    check_frames(&device, &frames, &windows, &config, &norm, &bounds);
+    for config in readers(dimensions) {
+        let norm = normalisation_for(&config);
+        let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes).unwrap();
+        let statics = sizes.map(|points| statics(&config, points));
+        builder.set_statics(&statics.concat()).unwrap();
+        let frames: Vec<FrameInput> = (3 - config.graphs()..3)
+            .map(|k| {
+                let mut frame = builder.allocate(450 * 449).unwrap();
+                builder.graph(&positions[k].as_view(), &mut frame).unwrap();
+                // A GNS knows all frames, a TGNNS the one before, if there is one.
+                let oldest = if config.graphs() == 1 { 0 } else { k.saturating_sub(1) };
+                let history: Vec<_> = positions[oldest..=k].iter().map(|x| x.as_view()).collect();
+                builder.features(&history, &mut frame).unwrap();
+                frame
+            })
+            .collect();
+        let windows: Vec<Window> = windows
+            .iter()
+            .zip(sizes)
+            .zip(&statics)
+            .map(|((positions, points), statics)| Window { positions, points, statics })
+            .collect();
+        check_frames(&device, &frames, &windows, &config, &norm, &bounds);
+    }
 }
 
 #[test]
 fn batches_match() {
     let Some(device) = gpu::for_tests() else { return };
-    let config = ModelConfig { frames: 4, ..ModelConfig::default() };
-    let norm = normalisation(2);
     let bounds = [[0.0, 1.0]; 2];
-    let mut builder = BatchBuilder::new(&device, &config, &norm, &bounds);
-    // More edges than there is room for at first, another composition, and the first one again.
-    for sizes in [[200, 350], [40, 30], [200, 350]] {
-        let windows: Vec<Vec<f32>> =
-            sizes.iter().enumerate().map(|(k, &n)| drifting(n, 2, 4, k as u64)).collect();
-        let targets = random(sizes.iter().sum(), 2, 1.0, 8);
-        let host = HostWindows::new(&windows, sizes.to_vec(), targets.clone());
-        let batch = builder.make(&host).unwrap();
-        assert_eq!(device.stream().clone_dtoh(&batch.targets).unwrap(), targets);
-        let windows: Vec<Window> = windows
-            .iter()
-            .zip(sizes)
-            .map(|(positions, points)| Window { positions, points, statics: &[] })
-            .collect();
-        check_frames(&device, &batch.frames, &windows, &config, &norm, &bounds);
+    for config in readers(2) {
+        let norm = normalisation_for(&config);
+        let mut builder = BatchBuilder::new(&device, &config, &norm, &bounds);
+        // More edges than there is room for at first, another composition, and the first one again.
+        for sizes in [[200, 350], [40, 30], [200, 350]] {
+            let batch = Batch {
+                windows: (0..2).map(|k| drifting(sizes[k], 2, 3, k as u64)).collect(),
+                points: sizes.to_vec(),
+                statics: sizes.iter().map(|&points| statics(&config, points)).collect(),
+                targets: random(sizes.iter().sum(), 2, 1.0, 8),
+            };
+            let made = builder.make(&HostWindows::new(batch.clone())).unwrap();
+            assert_eq!(device.stream().clone_dtoh(&made.targets).unwrap(), batch.targets);
+            let windows: Vec<Window> = (0..2)
+                .map(|k| Window {
+                    positions: &batch.windows[k],
+                    points: sizes[k],
+                    statics: &batch.statics[k],
+                })
+                .collect();
+            check_frames(&device, &made.frames, &windows, &config, &norm, &bounds);
+        }
     }
 }
 
@@ -273,7 +316,7 @@ fn batches_match() {
 const STAND_IN: &str = r#"
 extern "C" __global__ void stand_in(
     unsigned points, const unsigned* start, const float* node, const float* edge,
-    const float* oldest_node, float scale, float* output) {
+    const float* before_node, float scale, float* output) {
     const unsigned point = blockIdx.x * blockDim.x + threadIdx.x;
     if (point >= points) {
         return;
@@ -285,7 +328,7 @@ extern "C" __global__ void stand_in(
             const float push = __fmul_rn(edge[5 * e + 2 + k], edge[5 * e + 4] - 1.0f);
             sum = __fadd_rn(sum, __fadd_rn(push, __fmul_rn(0.1f, edge[5 * e + k])));
         }
-        const float walls = oldest_node[6 * point + 2 + 2 * k] - node[6 * point + 2 + 2 * k];
+        const float walls = before_node[6 * point + 2 + 2 * k] - node[6 * point + 2 + 2 * k];
         output[2 * point + k] = __fmul_rn(scale, __fadd_rn(sum, walls));
     }
 }
@@ -296,13 +339,13 @@ fn stand_in(windows: &[Window], config: &ModelConfig, scale: f32) -> Vec<f32> {
     let input = window_input::<Flex>(
         windows,
         config,
-        &normalisation(2),
+        &normalisation_for(config),
         &[[0.0, 4.0], [0.0, 2.0]],
         &Default::default(),
     );
     let newest = &input.frames[config.frames - 1];
     let (node, edge) = (rows(&newest.nodes), rows(&newest.edges));
-    let oldest = rows(&input.frames[0].nodes);
+    let before = rows(&input.frames[config.frames - 2].nodes);
     let points = windows[0].points;
     let last = &windows[0].positions[(config.frames - 1) * 2 * points..];
     let graph = radius_graph(last, 2, RADIUS);
@@ -314,7 +357,7 @@ fn stand_in(windows: &[Window], config: &ModelConfig, scale: f32) -> Vec<f32> {
                 let push = edge[5 * e + 2 + k] * (edge[5 * e + 4] - 1.0);
                 sum += push + 0.1 * edge[5 * e + k];
             }
-            let walls = oldest[4 * point + 2 * k] - node[6 * point + 2 + 2 * k];
+            let walls = before[6 * point + 2 + 2 * k] - node[6 * point + 2 + 2 * k];
             output.push(scale * (sum + walls));
         }
     }
@@ -347,25 +390,19 @@ impl Network for StandIn {
 
     fn accelerations(
         &mut self,
-        frames: &[&FrameInput],
-        moved: bool,
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError> {
-        assert_eq!(moved, self.calls > 0);
         self.calls += 1;
-        // Once as it is, and captured in each phase: frames and period have no common factor.
-        assert!(self.calls <= 1 + frames.len() * self.period(), "called instead of replayed");
-        let newest = frames[frames.len() - 1];
-        let points = newest.graph.points as u32;
+        // For the four frames of the window, then captured in each of four phases.
+        assert!(self.calls <= 8, "called instead of replayed");
+        let points = frame.graph.points as u32;
         let mut launch = self.device.stream().launch_builder(&self.kernel);
-        launch.arg(&points).arg(&newest.graph.start).arg(&newest.node).arg(&newest.edge);
-        launch.arg(&frames[0].node).arg(&self.scale).arg(&self.output);
+        launch.arg(&points).arg(&frame.graph.start).arg(&frame.node).arg(&frame.edge);
+        launch.arg(&before.node).arg(&self.scale).arg(&self.output);
         // SAFETY: the arguments are those of the kernel.
         unsafe { launch.launch(LaunchConfig::for_num_elems(points)) }?;
         Ok(&self.output)
-    }
-
-    fn period(&self) -> usize {
-        3
     }
 }
 
@@ -387,6 +424,7 @@ fn motion() -> Motion {
         fall: [0.0, -9.81e-4],
         start: 0.05,
         interval: 0.01,
+        mirror: false,
     }
 }
 
@@ -420,31 +458,36 @@ fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) 
     let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
     let positions = &single(window);
     let windows = [Window { positions, points: window[0].len(), statics: &[] }];
-    integrate(window, motion, frame, &stand_in(&windows, &config, scale))
+    let norm = normalisation(2);
+    let output = stand_in(&windows, &config, scale);
+    let accelerations: Vec<f64> = output
+        .iter()
+        .enumerate()
+        .map(|(place, &a)| {
+            let k = place % 2;
+            f64::from(a) * norm.acceleration_std[k] + norm.acceleration_mean[k] + motion.fall[k]
+        })
+        .collect();
+    integrate(window, motion, frame, &accelerations)
 }
 
 fn single(window: &[Vec<[f64; 2]>]) -> Vec<f32> {
     window.iter().flatten().flatten().map(|&x| x as f32).collect()
 }
 
-/// The frame that follows from a network's output.
+/// The frame that follows from accelerations (m/frame²).
 fn integrate(
     window: &[Vec<[f64; 2]>],
     motion: &Motion,
     frame: usize,
-    output: &[f32],
+    accelerations: &[f64],
 ) -> Vec<[f64; 2]> {
-    let norm = normalisation(2);
     let (before, last) = (&window[window.len() - 2], &window[window.len() - 1]);
     let time = |frame: usize| motion.start + frame as f64 * motion.interval;
     let times = [time(frame - 1), time(frame)];
     (0..last.len())
         .map(|point| {
-            let a = [0, 1].map(|k| {
-                f64::from(output[2 * point + k]) * norm.acceleration_std[k]
-                    + norm.acceleration_mean[k]
-                    + motion.fall[k]
-            });
+            let a = [0, 1].map(|k| accelerations[2 * point + k]);
             let velocity = [0, 1].map(|k| last[point][k] - before[point][k] + a[k]);
             let free = [0, 1].map(|k| last[point][k] + velocity[k]);
             motion.constraints.confine(last[point], free, times)
@@ -452,48 +495,76 @@ fn integrate(
         .collect()
 }
 
-/// Networks with their encodings kept from frame to frame: each frame is what the plain network
-/// makes of those before it.
-#[rstest]
-fn networks_roll_out(
-    #[values("baseline", "frame4-msg0-hidden1", "frame4-msg1-hidden1-edgemsg")] name: &str,
-    #[values(Precision::F32, Precision::Bf16)] precision: Precision,
-) {
+/// Rolls a random network out on the device: each frame is what the simulator on the processor makes
+/// of those before it.
+fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usize) {
     let Some(device) = gpu::for_tests() else { return };
-    let config = ModelConfig::named(name).unwrap();
     // Walls only: a rough box holds a point that touches it, and rounding decides which does.
     let scene = Scene { obstacles: Vec::new(), plate: None, ..scene() };
-    let motion = Motion { constraints: Constraints::new(&scene), ..motion() };
-    let norm = normalisation(2);
+    // Falling to one side, which the image does to the other.
+    let fall = [5e-4, -9.81e-4];
+    let motion = Motion { constraints: Constraints::new(&scene), fall, mirror, ..motion() };
+    let norm = normalisation_for(&config);
     let model = Model::<Flex>::new(&config, 5, &Default::default());
     let mut window = start(300, config.frames, 0.7);
+    let statics = &statics(&config, 300)[..];
     let room = Capacity { points: 1, edges: 1 };
     let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();
     network.set_weights(&weights(&model)).unwrap();
-    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, &window, network).unwrap();
-    // Outputs are about 1, in units of the accelerations' scale.
-    let tolerance = 2e-3 * if precision == Precision::F32 { 1e-4 } else { 0.2 };
-    let bounds = [[0.0, 4.0], [0.0, 2.0]];
+    let past = Past { window: &window, statics };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
+    let simulator = Simulator {
+        model,
+        config,
+        normalisation: norm,
+        training: Training { frame_interval: motion.interval, without_gravity: true, steps: 0 },
+        mirror,
+        device: Default::default(),
+        gpu: None,
+        precision: Default::default(),
+    };
+    let mut network = simulator.inference();
+    // Of the largest acceleration.
+    let tolerance = if precision == Precision::F32 { 1e-4 } else { 0.2 };
     let mut frame = window.len();
-    // More frames than it takes until everything comes from CUDA graphs: 30 and one.
-    for _ in 0..6 {
+    for _ in 0..blocks {
         let (frames, failure) = rollout.block().unwrap();
         assert_eq!(failure, None);
         for found in frames {
             let positions = &single(&window);
-            let windows = [Window { positions, points: window[0].len(), statics: &[] }];
-            let input =
-                window_input::<Flex>(&windows, &config, &norm, &bounds, &Default::default());
-            let output = rows(&model.forward(&input));
-            let expected = integrate(&window, &motion, frame, &output);
+            let seen = Window { positions, points: window[0].len(), statics };
+            let domain = motion.constraints.domain();
+            let accelerations = simulator.accelerations(&mut network, &seen, domain, motion.fall);
+            let largest = accelerations.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+            let expected = integrate(&window, &motion, frame, &accelerations);
             let pairs = found.as_flattened().iter().zip(expected.as_flattened());
             let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(most <= tolerance, "frame {frame}: {most:e} m");
+            assert!(most <= tolerance * largest, "frame {frame}: {most:e} of {largest:e} m");
             window.remove(0);
             window.push(found);
             frame += 1;
         }
     }
+}
+
+#[rstest]
+fn networks_roll_out(
+    #[values("baseline", "frame4-msg0-hidden1", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
+    #[values(Precision::F32, Precision::Bf16)] precision: Precision,
+) {
+    // More frames than it takes until everything comes from CUDA graphs: six and one.
+    let config = ModelConfig { gns_layers: 3, ..ModelConfig::named(name).unwrap() };
+    roll_out(config, precision, false, 3);
+}
+
+#[rstest]
+fn mirror_images_and_further_features_roll_out(
+    #[values("frame4-msg0-hidden1", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
+    #[values(false, true)] mirror: bool,
+) {
+    let config = ModelConfig::named(name).unwrap();
+    let config = ModelConfig { node_features: FEATURES.to_vec(), gns_layers: 3, ..config };
+    roll_out(config, Precision::F32, mirror, 3);
 }
 
 /// Several blocks, most of them CUDA graphs: to the bit what the CPU makes of them. The points start
@@ -505,8 +576,9 @@ fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spre
     let (scale, motion) = (0.05, motion());
     let mut window = start(points, config.frames, spread);
     let network = StandIn::new(&device, points, scale);
-    let norm = normalisation(2);
-    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, &window, network).unwrap();
+    let norm = normalisation_for(&config);
+    let past = Past { window: &window, statics: &[] };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
     let mut frame = window.len();
     for _ in 0..3 {
         let (frames, failure) = rollout.block().unwrap();
@@ -530,8 +602,9 @@ fn failing(
     let device = gpu::for_tests()?;
     let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
     let network = StandIn::new(&device, window[0].len(), scale);
-    let norm = normalisation(2);
-    let mut rollout = CudaRollout::new(&device, &config, &norm, motion, window, network).unwrap();
+    let norm = normalisation_for(&config);
+    let past = Past { window, statics: &[] };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, motion, past, network).unwrap();
     let mut good = Vec::new();
     while good.len() < 100 {
         let (frames, failure) = rollout.block().unwrap();

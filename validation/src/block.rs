@@ -1,5 +1,7 @@
 //! What a section of the report consists of.
 
+use serde::{Deserialize, Serialize};
+
 pub use crate::figure::Figure;
 pub use crate::map::{Map, Outcome};
 pub use crate::table::Table;
@@ -7,7 +9,7 @@ pub use crate::table::Table;
 /// A piece of a section, in the order in which a person reads it.
 ///
 /// Texts are plain; words between backticks are set as code.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Block {
     /// A heading within the section.
     Heading(String),
@@ -27,7 +29,7 @@ pub enum Block {
 }
 
 /// Something that should be here and is not. Nothing is ever filled in for it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Missing {
     /// What is not shown.
     pub what: String,

@@ -188,7 +188,7 @@ impl Chart {
                     }
                 }
             }
-            for (place, label) in places {
+            for (place, label) in places.into_iter().filter(|(_, label)| !label.is_empty()) {
                 let text = Text::new(label.to_owned(), (8, -15), style(TEXT - 1));
                 chart.draw_series([EmptyElement::at(place) + text])?;
             }

@@ -9,7 +9,9 @@ use dempm::scene::Scene;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use surrogate::train::Precision;
 
+use crate::computed::Computed;
 use crate::progress::Progress;
 use crate::work::{Input, Job, Run, Work, hash_of_file};
 
@@ -36,13 +38,16 @@ pub struct Context {
     pub suite: Suite,
     /// `cpu`, `cuda` or `cuda:N`, as `dempm run` takes it.
     pub device: String,
-    /// The device in words.
+    /// The device in words, and the GPU's part of that.
     pub device_name: String,
+    pub gpu_name: String,
     pub work: Work,
     pub progress: Progress,
     /// Folder of trajectories, which may have `train/`, `valid/` and `test/`.
     pub data: Option<PathBuf>,
     pub models: Vec<Model>,
+    /// Runs that the sections so far rest on.
+    pub runs: Vec<Run>,
     /// Disc-steps per second expected of the device, for estimates only.
     pub rate: f64,
 }
@@ -55,13 +60,12 @@ impl Context {
     /// [`Run`] that did not succeed, with what the program said.
     pub fn run(&mut self, what: &str, scene: &str) -> miette::Result<Run> {
         let estimate = self.estimate(scene);
-        let device = self.device.clone();
-        self.job(what, estimate, &scene_job(scene, &device))
+        self.job(what, estimate, &self.scene_job(scene))
     }
 
     /// Estimated time of [`run`](Self::run), s; 0 if it has been done.
     pub fn estimate(&self, scene: &str) -> f64 {
-        if self.work.has(&scene_job(scene, &self.device)) {
+        if self.work.has(&self.scene_job(scene)) {
             return 0.0;
         }
         // A wrong scene is refused at once.
@@ -73,14 +77,23 @@ impl Context {
     ///
     /// # Errors
     /// As [`run`](Self::run), and if model or trajectory cannot be read.
-    pub fn rollout(&mut self, model: &Model, start: &Start) -> miette::Result<Run> {
+    pub fn rollout(
+        &mut self,
+        model: &Model,
+        start: &Start,
+        precision: Precision,
+    ) -> miette::Result<Run> {
         let read = |path: &Path| {
             hash_of_file(path)
                 .into_diagnostic()
                 .wrap_err_with(|| format!("cannot read {}", path.display()))
         };
-        let mut key = format!("{} {}", hardware(&self.device), read(&model.path)?);
+        let mut key = format!("{} {}", self.hardware(), read(&model.path)?);
         let mut arguments = vec![model.path.display().to_string(), "--overwrite".to_owned()];
+        if precision == Precision::Bf16 {
+            arguments.extend(["--precision", "bf16"].map(str::to_owned));
+            key += "bf16";
+        }
         let mut input = None;
         match start {
             Start::Scene(text) => {
@@ -123,6 +136,15 @@ impl Context {
         value
     }
 
+    /// Adds the runs of a section to those that the report rests on.
+    pub fn rests_on(&mut self, computed: &Option<Computed>) {
+        for run in computed.iter().flat_map(|computed| &computed.runs) {
+            if !self.runs.iter().any(|known| known.id == run.id) {
+                self.runs.push(run.clone());
+            }
+        }
+    }
+
     /// Trajectories in a folder of the data (`train`, `valid` or `test`), with their names.
     pub fn cases(&self, set: &str) -> Vec<(String, PathBuf)> {
         let name =
@@ -136,6 +158,26 @@ impl Context {
             return Vec::new();
         };
         files_in(&folder, "h5")
+    }
+
+    fn scene_job<'a>(&self, scene: &'a str) -> Job<'a> {
+        Job {
+            subcommand: "run",
+            program: "dempm",
+            key: self.hardware(),
+            input: Some(Input { name: "scene.toml", text: scene, option: None }),
+            output: "trajectory.h5",
+            arguments: vec!["--device".to_owned(), self.device.clone()],
+            resumes: true,
+        }
+    }
+
+    /// What times depend on.
+    fn hardware(&self) -> String {
+        match self.device.as_str() {
+            "cpu" => format!("cpu, {} threads", rayon::current_num_threads()),
+            _ => self.gpu_name.clone(),
+        }
     }
 
     fn job(&mut self, what: &str, estimate: f64, job: &Job) -> miette::Result<Run> {
@@ -158,23 +200,6 @@ pub enum Start<'a> {
     Scene(&'a str),
     /// A trajectory, whose first frames are taken.
     Trajectory(&'a Path),
-}
-
-fn scene_job<'a>(scene: &'a str, device: &str) -> Job<'a> {
-    Job {
-        subcommand: "run",
-        program: "dempm",
-        key: hardware(device),
-        input: Some(Input { name: "scene.toml", text: scene, option: None }),
-        output: "trajectory.h5",
-        arguments: vec!["--device".to_owned(), device.to_owned()],
-        resumes: true,
-    }
-}
-
-/// What times depend on.
-fn hardware(device: &str) -> String {
-    format!("{device}, {} threads", rayon::current_num_threads())
 }
 
 /// Models in a folder: `*.safetensors` in it, and `best.safetensors` of trainings in folders of it.

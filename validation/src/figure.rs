@@ -1,7 +1,11 @@
 //! Figures: what is drawn, and what it says to those who cannot see it.
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 /// A picture with its caption.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
     /// What it shows; unique within the section, since the file's name comes from it.
     pub title: String,
@@ -11,14 +15,30 @@ pub struct Figure {
 }
 
 /// The picture itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Picture {
     /// Text of an SVG file, in the colours of [`crate::chart`], which follow light and dark.
     Svg(String),
     /// A PNG file.
+    #[serde(with = "Base64")]
     Png(Vec<u8>),
     /// An animation.
+    #[serde(with = "Base64")]
     Gif(Vec<u8>),
+}
+
+/// Bytes as text.
+struct Base64;
+
+impl Base64 {
+    fn serialize<S: Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&STANDARD.encode(bytes))
+    }
+
+    fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        STANDARD.decode(text).map_err(serde::de::Error::custom)
+    }
 }
 
 impl Picture {

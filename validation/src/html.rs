@@ -1,5 +1,6 @@
 //! The page: one HTML file with everything in it, for screens of any size and for paper.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
 
 use base64::Engine;
@@ -7,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use crate::block::{Block, Figure, Map, Missing, Table};
 use crate::figure::Picture;
-use crate::report::{State, Written, WrittenSection, figure_file, table_file};
+use crate::report::{Written, WrittenSection, figure_file, table_file};
 
 const STYLE: &str = include_str!("style.css");
 
@@ -40,11 +41,15 @@ pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
         html += "</ul></div>";
     }
     html += "</nav>\n<main>\n";
+    let devices: HashSet<&str> = chapters()
+        .flat_map(|chapter| &chapter.sections)
+        .filter_map(|section| Some(section.computed.as_ref()?.made.device.as_str()))
+        .collect();
     write_findings(&mut html, written);
     for chapter in chapters() {
         let _ = writeln!(html, "<h2 class=\"chapter\">{}</h2>", escape(chapter.title));
         for section in &chapter.sections {
-            write_section(&mut html, section);
+            write_section(&mut html, section, devices.len() > 1);
         }
     }
     html += "</main>\n</body>\n</html>\n";
@@ -53,21 +58,25 @@ pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
 
 /// Class of a section in the table of contents, and a remark.
 fn standing(section: &WrittenSection) -> (&'static str, &'static str) {
-    let missing = section.blocks.iter().any(|block| matches!(block, Block::Missing(_)));
-    match section.state {
-        State::NotYet => ("not-yet", " <small>not computed yet</small>"),
-        State::Failed => ("failed", " <small>failed</small>"),
-        State::Done if missing => ("partial", " <small>something is missing</small>"),
-        State::Done => ("done", ""),
+    let missing = section.blocks().iter().any(|block| matches!(block, Block::Missing(_)));
+    match &section.computed {
+        None => ("not-yet", " <small>not computed yet</small>"),
+        Some(computed) if computed.failed => ("failed", " <small>failed</small>"),
+        Some(_) if missing => ("partial", " <small>something is missing</small>"),
+        Some(_) => ("done", ""),
     }
 }
 
-fn write_section(html: &mut String, section: &WrittenSection) {
+/// A section; with `device`, where it was computed.
+fn write_section(html: &mut String, section: &WrittenSection, device: bool) {
     let _ = writeln!(html, "<section id=\"{}\">\n<h3>{}</h3>", section.slug, escape(section.title));
-    if section.state == State::NotYet {
+    if let Some(computed) = section.computed.as_ref().filter(|_| device) {
+        let _ = writeln!(html, "<p><small>On {}.</small></p>", escape(&computed.made.device));
+    }
+    if section.computed.is_none() {
         *html += "<p class=\"missing\">Not computed yet.</p>\n";
     }
-    for block in &section.blocks {
+    for block in section.blocks() {
         match block {
             Block::Heading(text) => {
                 let _ = writeln!(html, "<h4>{}</h4>", inline(text));
@@ -106,7 +115,7 @@ fn write_list(html: &mut String, lines: &[String]) {
 fn write_findings(html: &mut String, chapters: &[Written]) {
     let sections = || chapters.iter().flat_map(|chapter| &chapter.sections);
     let findings = |section: &WrittenSection| -> Vec<String> {
-        let lines = section.blocks.iter().filter_map(|block| match block {
+        let lines = section.blocks().iter().filter_map(|block| match block {
             Block::Findings(lines) => Some(lines.clone()),
             _ => None,
         });
@@ -169,7 +178,8 @@ fn is_number(cell: &str) -> bool {
 
 fn write_figure(html: &mut String, section: &WrittenSection, figure: &Figure) {
     let title = inline(&figure.title);
-    let _ = write!(html, "<figure class=\"picture\"><div class=\"scroll\">");
+    let animated = if matches!(figure.picture, Picture::Gif(_)) { " animation" } else { "" };
+    let _ = write!(html, "<figure class=\"picture{animated}\"><div class=\"scroll\">");
     match &figure.picture {
         Picture::Svg(text) => *html += &crate::chart::inlined(text, &escape(&figure.title)),
         picture => {

@@ -2,7 +2,6 @@
 //! points coloured by the square of their distance from where they should be.
 
 use dempm::trajectory::Frame;
-use image::{ImageFormat, Rgb, RgbImage};
 use miette::IntoDiagnostic;
 
 use crate::figure::Picture;
@@ -20,11 +19,54 @@ pub struct View {
     pub width: u32,
 }
 
-const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
-const TRUTH: Rgb<u8> = Rgb([205, 205, 200]);
-const SOLID: Rgb<u8> = Rgb([120, 120, 116]);
+/// A picture of few colours: a place in [`PALETTE`] for each pixel, row after row.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    pub width: u32,
+    pub height: u32,
+    pub pixels: Vec<u8>,
+}
+
+/// Background, truth, what is solid, and a colour for every step of the squared distance. Sixteen
+/// colours and no shades between them keep pictures small.
+pub const PALETTE: [[u8; 3]; 13] = [
+    [255, 255, 255],
+    [200, 200, 196],
+    [110, 110, 106],
+    [44, 62, 140],
+    [49, 100, 176],
+    [66, 138, 190],
+    [96, 175, 188],
+    [150, 203, 170],
+    [235, 222, 120],
+    [246, 190, 70],
+    [236, 138, 54],
+    [213, 78, 48],
+    [166, 22, 44],
+];
+const PAPER: u8 = 0;
+const TRUTH: u8 = 1;
+const SOLID: u8 = 2;
+const FIRST: u8 = 3;
 /// Squared distances, box width 1, at the two ends of the colours.
 pub const RANGE: [f64; 2] = [1e-8, 1e-3];
+/// Points of these diameters (pixels) and below are drawn as squares.
+const SMALL: f64 = 6.0;
+
+impl Image {
+    fn new(width: u32, height: u32) -> Self {
+        Self { width, height, pixels: vec![PAPER; (width * height) as usize] }
+    }
+
+    /// The place of a pixel's colour.
+    pub fn pixel(&self, column: u32, row: u32) -> u8 {
+        self.pixels[(row * self.width + column) as usize]
+    }
+
+    fn put(&mut self, column: u32, row: u32, colour: u8) {
+        self.pixels[(row * self.width + column) as usize] = colour;
+    }
+}
 
 impl View {
     /// The part of the domain that frames touch.
@@ -51,89 +93,115 @@ impl View {
         (self.size[1] * self.scale()).ceil() as u32
     }
 
+    /// Whether it is so high that two such pictures better stand beside each other.
+    pub fn is_high(&self) -> bool {
+        self.size[1] > 0.45 * self.size[0]
+    }
+
     /// One prediction over the truth.
-    pub fn draw(&self, predicted: &[[f64; 2]], truth: &Frame) -> RgbImage {
-        let mut image = RgbImage::from_pixel(self.width, self.height() + 2, PAPER);
+    pub fn draw(&self, predicted: &[[f64; 2]], truth: &Frame) -> Image {
+        let mut image = Image::new(self.width, self.height() + 2);
         for [x0, y0, x1, y1] in &truth.boxes {
             self.rectangle(&mut image, [*x0, *y0], [*x1, *y1]);
         }
         for x in &truth.position {
-            self.disc(&mut image, *x, 1.0, TRUTH);
+            self.point(&mut image, *x, 1.0, TRUTH);
         }
         for (p, t) in predicted.iter().zip(&truth.position) {
             let square = ((p[0] - t[0]).powi(2) + (p[1] - t[1]).powi(2)) / self.box_width.powi(2);
-            self.disc(&mut image, *p, 0.62, colour(square));
+            self.point(&mut image, *p, 0.75, colour(square));
         }
         // The floor.
-        for x in 0..self.width {
-            for y in self.height()..self.height() + 2 {
-                image.put_pixel(x, y, SOLID);
-            }
+        for row in self.height()..self.height() + 2 {
+            (0..self.width).for_each(|column| image.put(column, row, SOLID));
         }
         image
     }
 
-    fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [x * self.scale(), f64::from(self.height()) - y * self.scale()]
     }
 
-    fn disc(&self, image: &mut RgbImage, place: [f64; 2], part: f64, colour: Rgb<u8>) {
-        let [x, y] = self.pixel(place);
-        let radius = (0.5 * part * self.spacing * self.scale()).max(0.8);
+    /// A disc, or a square as wide as the distance of points where a disc would be a few pixels.
+    fn point(&self, image: &mut Image, place: [f64; 2], part: f64, colour: u8) {
+        let [x, y] = self.place(place);
+        let diameter = self.spacing * self.scale();
+        let small = diameter <= SMALL;
+        let radius = if small { 0.5 * diameter.ceil() } else { 0.5 * part * diameter };
         let whole = |from: f64| {
             (from.floor().max(0.0) as u32, (from + 2.0 * radius).ceil().max(0.0) as u32)
         };
         let (columns, rows) = (whole(x - radius), whole(y - radius));
-        for row in rows.0..=rows.1.min(self.height().saturating_sub(1)) {
-            for column in columns.0..=columns.1.min(self.width - 1) {
+        for row in rows.0..rows.1.min(self.height()) {
+            for column in columns.0..columns.1.min(self.width) {
                 let from = [f64::from(column) + 0.5 - x, f64::from(row) + 0.5 - y];
-                if from[0].hypot(from[1]) <= radius {
-                    image.put_pixel(column, row, colour);
+                if small || from[0].hypot(from[1]) <= radius {
+                    image.put(column, row, colour);
                 }
             }
         }
     }
 
-    fn rectangle(&self, image: &mut RgbImage, low: [f64; 2], high: [f64; 2]) {
-        let ([left, bottom], [right, top]) = (self.pixel(low), self.pixel(high));
+    fn rectangle(&self, image: &mut Image, low: [f64; 2], high: [f64; 2]) {
+        let ([left, bottom], [right, top]) = (self.place(low), self.place(high));
         // Casting saturates and turns what is absent (NaN) into nothing.
         for row in top as u32..(bottom as u32).min(self.height()) {
             for column in left as u32..(right as u32).min(self.width) {
-                image.put_pixel(column, row, SOLID);
+                image.put(column, row, SOLID);
             }
         }
     }
 }
 
-/// Pictures below each other.
+/// Pictures of the same size in rows of so many.
 ///
 /// # Errors
 /// If they cannot be encoded.
-pub fn stacked(images: &[RgbImage]) -> miette::Result<Picture> {
+pub fn in_rows(images: &[Image], columns: u32) -> miette::Result<Picture> {
     const GAP: u32 = 14;
-    let width = images.iter().map(RgbImage::width).max().unwrap_or(1);
-    let height: u32 = images.iter().map(|image| image.height() + GAP).sum();
-    let mut whole = RgbImage::from_pixel(width, height.max(1), PAPER);
-    let mut top = 0;
-    for image in images {
-        image::imageops::replace(&mut whole, image, 0, i64::from(top));
-        top += image.height() + GAP;
+    let (width, height) = images.first().map_or((1, 1), |image| (image.width, image.height));
+    let rows = (images.len() as u32).div_ceil(columns);
+    let mut whole =
+        Image::new(columns * (width + GAP) - GAP, (rows * (height + GAP)).max(GAP + 1) - GAP);
+    for (image, place) in images.iter().zip(0..) {
+        let (left, top) = (place % columns * (width + GAP), place / columns * (height + GAP));
+        for row in 0..height {
+            for column in 0..width {
+                whole.put(left + column, top + row, image.pixel(column, row));
+            }
+        }
     }
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    whole.write_to(&mut bytes, ImageFormat::Png).into_diagnostic()?;
-    Ok(Picture::Png(bytes.into_inner()))
+    Ok(Picture::Png(png(whole.width, &whole.pixels).into_diagnostic()?))
 }
 
-/// From blue over yellow to red, by the logarithm of the squared distance.
-pub fn colour(square: f64) -> Rgb<u8> {
-    const STOPS: [[f64; 3]; 4] =
-        [[49.0, 86.0, 165.0], [86.0, 170.0, 190.0], [245.0, 200.0, 70.0], [190.0, 30.0, 45.0]];
+/// A PNG of four bits a pixel.
+fn png(width: u32, pixels: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let height = pixels.len() as u32 / width;
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::Four);
+    encoder.set_palette(PALETTE.as_flattened());
+    encoder.set_compression(png::Compression::High);
+    encoder.set_filter(png::Filter::NoFilter);
+    // Two pixels a byte, each row from a new byte on.
+    let pairs = |row: &[u8]| -> Vec<u8> {
+        row.chunks(2).map(|pair| pair[0] << 4 | pair.get(1).unwrap_or(&0)).collect()
+    };
+    let packed: Vec<u8> = pixels.chunks(width as usize).flat_map(pairs).collect();
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&packed)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+/// The place of the colour of a squared distance: from blue over yellow to red, in steps of the
+/// logarithm.
+fn colour(square: f64) -> u8 {
+    let steps = PALETTE.len() as u8 - FIRST;
     let [low, high] = RANGE.map(f64::ln);
-    let place = ((square.max(RANGE[0]).ln() - low) / (high - low)).clamp(0.0, 1.0) * 3.0;
-    let stop = (place as usize).min(2);
-    let part = place - stop as f64;
-    let mixed = |k: usize| STOPS[stop][k] + part * (STOPS[stop + 1][k] - STOPS[stop][k]);
-    Rgb([0, 1, 2].map(|k| mixed(k).round() as u8))
+    let place = (square.max(RANGE[0]).ln() - low) / (high - low) * f64::from(steps);
+    FIRST + (place as u8).min(steps - 1)
 }
 
 #[cfg(test)]
@@ -145,9 +213,28 @@ mod tests {
         let truth = Frame { position: vec![[0.5, 0.5], [1.5, 0.5]], ..Frame::default() };
         let view = View { size: [3.0, 1.0], spacing: 1.0, box_width: 1.0, width: 300 };
         let image = view.draw(&[[0.5, 0.5], [2.5, 0.5]], &truth);
-        assert_eq!(*image.get_pixel(50, 50), colour(0.0));
-        assert_eq!(*image.get_pixel(150, 50), TRUTH);
-        assert_eq!(*image.get_pixel(250, 50), colour(1.0));
-        assert_eq!(*image.get_pixel(200, 5), PAPER);
+        assert_eq!(image.pixel(50, 50), FIRST);
+        assert_eq!(image.pixel(150, 50), TRUTH);
+        assert_eq!(image.pixel(250, 50), PALETTE.len() as u8 - 1);
+        assert_eq!(image.pixel(200, 5), PAPER);
+    }
+
+    #[test]
+    fn steps_of_colour_are_half_decades() {
+        let steps = [0.0, 0.9e-8, 2e-8, 4e-8, 2e-7, 0.9e-3, 1.0, f64::INFINITY].map(colour);
+        assert_eq!(steps.map(|step| step - FIRST), [0, 0, 0, 1, 2, 9, 9, 9]);
+    }
+
+    #[test]
+    fn a_picture_can_be_read_again() {
+        let image = Image { width: 3, height: 2, pixels: vec![0, 1, 2, 12, 3, 0] };
+        let Picture::Png(bytes) = in_rows(&[image], 1).unwrap() else { panic!("not a PNG") };
+        let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+        decoder.set_transformations(png::Transformations::EXPAND);
+        let mut reader = decoder.read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(pixels[..9], [PALETTE[0], PALETTE[1], PALETTE[2]].concat());
+        assert_eq!(pixels[9..18], [PALETTE[12], PALETTE[3], PALETTE[0]].concat());
     }
 }

@@ -13,11 +13,13 @@ use dempm::trajectory::write_atomically;
 use miette::{IntoDiagnostic, WrapErr, bail};
 
 use crate::block::{Block, Figure, Table};
+use crate::computed::{Computed, Made};
 use crate::context::{Context, Suite, models_in};
 use crate::html;
 use crate::machine::processor;
 use crate::progress::Progress;
 use crate::results::{facts, results};
+use crate::section::Section;
 use crate::sections;
 use crate::work::{Interrupted, Work};
 
@@ -42,7 +44,7 @@ pub struct ReportArgs {
     /// Where to compute: auto, cpu, cuda or cuda:N [default: cpu for quick, auto for full]
     #[arg(long)]
     device: Option<Device>,
-    /// Only sections whose titles contain one of these
+    /// Compute only sections whose titles contain one of these; others stay as they were
     #[arg(long, value_delimiter = ',', value_name = "PART")]
     only: Vec<String>,
 }
@@ -61,19 +63,14 @@ pub struct WrittenSection {
     pub title: &'static str,
     /// Name in addresses and files.
     pub slug: String,
-    pub blocks: Vec<Block>,
-    /// Wall time, s; near zero if everything was there.
-    pub seconds: f64,
-    pub state: State,
+    /// What it came to; none if it is not computed yet.
+    pub computed: Option<Computed>,
 }
 
-/// How a section stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
-    NotYet,
-    Done,
-    /// It could not be computed; its only block says why.
-    Failed,
+impl WrittenSection {
+    pub fn blocks(&self) -> &[Block] {
+        self.computed.as_ref().map_or(&[], |computed| &computed.blocks)
+    }
 }
 
 /// Writes the report, computing what is missing.
@@ -87,58 +84,78 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
     let mut context = context(args, interrupted)?;
-    let wanted = |title: &str| {
-        let title = title.to_lowercase();
-        args.only.is_empty() || args.only.iter().any(|part| title.contains(&part.to_lowercase()))
+    let wanted = |section: &dyn Section| {
+        let title = section.title().to_lowercase();
+        let named = |part: &String| title.contains(&part.to_lowercase());
+        section.always() || args.only.is_empty() || args.only.iter().any(named)
     };
     let chapters = sections::all();
     let mut written = Vec::new();
+    // What is to be computed, and its place in the report.
+    let mut planned: Vec<(&dyn Section, [usize; 2])> = Vec::new();
     for chapter in &chapters {
-        let sections = chapter.sections.iter().filter(|section| wanted(section.title()));
-        let sections = sections.map(|section| WrittenSection {
-            title: section.title(),
-            slug: slug(section.title()),
-            blocks: Vec::new(),
-            seconds: 0.0,
-            state: State::NotYet,
-        });
-        written.push(Written { title: chapter.title, sections: sections.collect() });
+        let mut sections = Vec::new();
+        for section in &chapter.sections {
+            let slug = slug(section.title());
+            let mut computed = None;
+            if wanted(&**section) {
+                planned.push((&**section, [written.len(), sections.len()]));
+            } else {
+                computed = Computed::kept(&context, &slug);
+                // Neither asked for nor there: no part of this report.
+                if computed.is_none() {
+                    continue;
+                }
+            }
+            context.rests_on(&computed);
+            sections.push(WrittenSection { title: section.title(), slug, computed });
+        }
+        written.push(Written { title: chapter.title, sections });
     }
-    let estimates = chapters.iter().flat_map(|chapter| &chapter.sections);
-    let total = estimates.filter(|s| wanted(s.title())).map(|s| s.estimate(&context)).sum();
+    let total = planned.iter().map(|(section, _)| section.estimate(&context)).sum();
     context.progress = Progress::new(total);
 
-    for (chapter, place) in chapters.iter().zip(0..) {
-        let sections = chapter.sections.iter().filter(|section| wanted(section.title()));
-        for (section, number) in sections.zip(0..) {
-            let began = Instant::now();
-            let (blocks, state) = match section.run(&mut context) {
-                Ok(blocks) => (blocks, State::Done),
-                Err(error) if error.downcast_ref::<Interrupted>().is_some() => {
-                    context.progress.finish();
-                    eprintln!("interrupted; the same command continues");
-                    return Ok(ExitCode::from(INTERRUPTED));
-                }
-                Err(error) => {
-                    context.progress.say(&format!("{}: {error:?}", section.title()));
-                    (vec![failure(&error)], State::Failed)
-                }
-            };
-            let entry = &mut written[place].sections[number];
-            entry.blocks = blocks;
-            entry.state = state;
-            entry.seconds = began.elapsed().as_secs_f64();
-            write(&args.output, &context, &written)?;
-        }
+    for (section, [chapter, place]) in planned {
+        let Some(computed) = compute(section, &mut context) else {
+            context.progress.finish();
+            eprintln!("interrupted; the same command continues");
+            return Ok(ExitCode::from(INTERRUPTED));
+        };
+        let entry = &mut written[chapter].sections[place];
+        computed.keep(&context, &entry.slug)?;
+        entry.computed = Some(computed);
+        context.rests_on(&entry.computed);
+        write(&args.output, &context, &written)?;
     }
     context.progress.finish();
     println!("{}", args.output.join("index.html").display());
-    let failed = written.iter().flat_map(|c| &c.sections).filter(|s| s.state == State::Failed);
+    let all = written.iter().flat_map(|chapter| &chapter.sections);
+    let failed = all.filter(|section| section.computed.as_ref().is_some_and(|c| c.failed));
     let failed: Vec<&str> = failed.map(|section| section.title).collect();
     if !failed.is_empty() {
         bail!("sections that could not be computed: {}", failed.join(", "));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Computes a section; none if the user interrupts.
+fn compute(section: &dyn Section, context: &mut Context) -> Option<Computed> {
+    let began = Instant::now();
+    let (blocks, failed) = match section.run(context) {
+        Ok(blocks) => (blocks, false),
+        Err(error) if error.downcast_ref::<Interrupted>().is_some() => return None,
+        Err(error) => {
+            context.progress.say(&format!("{}: {error:?}", section.title()));
+            (vec![failure(&error)], true)
+        }
+    };
+    Some(Computed {
+        made: Made::now(context),
+        seconds: began.elapsed().as_secs_f64(),
+        failed,
+        blocks,
+        runs: context.work.take_used(),
+    })
 }
 
 fn failure(error: &miette::Report) -> Block {
@@ -182,10 +199,12 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
         suite: args.suite,
         device: name,
         device_name,
+        gpu_name: gpu.as_ref().map_or(String::new(), |gpu| gpu.name().to_owned()),
         work: Work::open(&work, program, gpu.is_some(), interrupted)?,
         progress: Progress::hidden(),
         data: args.data.as_ref().map(absolute).transpose()?,
         models: models.as_ref().map(absolute).transpose()?.map_or(vec![], |f| models_in(&f)),
+        runs: Vec::new(),
         rate,
     })
 }
@@ -207,7 +226,7 @@ fn write(output: &Path, context: &Context, written: &[Written]) -> miette::Resul
             put(name, &bytes)?;
         }
     }
-    let facts = facts(context);
+    let facts = facts(context, written);
     let results = results(&facts, context, written);
     put("results.json".into(), &serde_json::to_vec_pretty(&results).into_diagnostic()?)?;
     put("index.html".into(), html::page(&facts, written).as_bytes())
@@ -224,7 +243,7 @@ fn files(section: &WrittenSection) -> Vec<(String, Vec<u8>)> {
         }
         _ => None,
     };
-    section.blocks.iter().filter_map(of_block).collect()
+    section.blocks().iter().filter_map(of_block).collect()
 }
 
 /// Name of the CSV file of a table or map.

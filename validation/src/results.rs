@@ -1,26 +1,39 @@
 //! `results.json`: what the report was made with, what it says, and the runs behind it.
 
-use dempm::trajectory::{Trajectory, utc_now};
+use dempm::trajectory::utc_now;
 use serde_json::{Value, json};
 
 use crate::block::{Block, Table};
+use crate::computed::Made;
 use crate::context::Context;
 use crate::report::{Written, WrittenSection, figure_file, table_file};
-use crate::work::Run;
 
-/// What the whole report was made with, as (what, value).
-pub fn facts(context: &Context) -> Vec<(&'static str, String)> {
-    let used = context.work.used();
-    let other = used.iter().filter(|run| run.build != context.work.build()).count();
-    let load = used.iter().filter_map(|run| run.load).fold(0.0, f64::max);
-    let command: Vec<String> = std::env::args().collect();
+/// What the whole report was made with, as (what, value). Sections may have been made at different
+/// times and places.
+pub fn facts(context: &Context, written: &[Written]) -> Vec<(&'static str, String)> {
+    let computed = || {
+        let sections = written.iter().flat_map(|chapter| &chapter.sections);
+        sections.filter_map(|section| section.computed.as_ref())
+    };
+    let distinct = |value: fn(&Made) -> &String| {
+        let mut values: Vec<&str> = Vec::new();
+        for made in computed().map(|computed| &computed.made) {
+            if !values.contains(&value(made).as_str()) {
+                values.push(value(made));
+            }
+        }
+        values.join("\n")
+    };
+    let runs = &context.runs;
+    let other = runs.iter().filter(|run| run.build != context.work.build()).count();
+    let load = runs.iter().filter_map(|run| run.load).fold(0.0, f64::max);
     vec![
         ("written", utc_now()),
-        ("command", command.join(" ")),
+        ("commands", distinct(|made| &made.command)),
         ("suite", format!("{:?}", context.suite).to_lowercase()),
-        ("version", format!("{} (build {})", env!("CARGO_PKG_VERSION"), context.work.build())),
-        ("device", context.device_name.clone()),
-        ("runs used", used.len().to_string()),
+        ("version", distinct(|made| &made.version)),
+        ("device", distinct(|made| &made.device)),
+        ("runs used", runs.len().to_string()),
         ("of them by another build", other.to_string()),
         ("largest load per core at the end of a run", crate::table::number(load)),
     ]
@@ -32,9 +45,13 @@ pub fn results(facts: &[(&str, String)], context: &Context, written: &[Written])
         facts.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
     let section = |section: &WrittenSection| {
         let blocks: Vec<Value> =
-            section.blocks.iter().map(|block| block_as_json(section, block)).collect();
-        let state = format!("{:?}", section.state).to_lowercase();
-        json!({ "title": section.title, "state": state, "seconds": section.seconds, "blocks": blocks })
+            section.blocks().iter().map(|block| block_as_json(section, block)).collect();
+        let Some(computed) = &section.computed else {
+            return json!({ "title": section.title, "state": "notyet" });
+        };
+        let state = if computed.failed { "failed" } else { "done" };
+        json!({ "title": section.title, "state": state, "seconds": computed.seconds,
+                "made": computed.made, "blocks": blocks })
     };
     let chapters: Vec<Value> = written
         .iter()
@@ -43,23 +60,7 @@ pub fn results(facts: &[(&str, String)], context: &Context, written: &[Written])
             json!({ "title": chapter.title, "sections": sections })
         })
         .collect();
-    let runs: Vec<Value> = context.work.used().iter().map(run_as_json).collect();
-    json!({ "report": facts, "chapters": chapters, "runs": runs })
-}
-
-/// A run with what its trajectory says about it.
-fn run_as_json(run: &Run) -> Value {
-    let mut value = json!(run);
-    if let (Ok(trajectory), Some(entries)) = (Trajectory::open(&run.output), value.as_object_mut())
-    {
-        let header = trajectory.header();
-        entries.insert("seed".into(), json!(header.seed));
-        entries.insert("device".into(), json!(header.device));
-        entries.insert("precision".into(), json!(header.precision));
-        entries.insert("versions".into(), json!(header.versions));
-        entries.insert("wall_time".into(), json!(trajectory.wall_time()));
-    }
-    value
+    json!({ "report": facts, "chapters": chapters, "runs": context.runs })
 }
 
 fn block_as_json(section: &WrittenSection, block: &Block) -> Value {

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use dempm::trajectory::Trajectory;
 use rayon::prelude::*;
 use surrogate::metrics::Errors;
+use surrogate::train::Precision;
 
 use crate::animation::animated;
 use crate::block::{Block, Figure, Table};
 use crate::chart::{Axis, Chart, Mark, Series};
 use crate::compare::difference;
 use crate::context::{Context, Model, Start};
-use crate::picture::{RANGE, View, stacked};
+use crate::picture::{RANGE, View, in_rows};
 use crate::table::number;
 use crate::wall_time::computing;
 
@@ -43,7 +44,7 @@ pub fn roll_out(
     let mut rollouts = Vec::new();
     for (case, truth) in truths {
         for model in models {
-            let run = context.rollout(model, &Start::Trajectory(truth))?;
+            let run = context.rollout(model, &Start::Trajectory(truth), Precision::F32)?;
             let mut rollout = Rollout {
                 model: model.name.clone(),
                 case: case.clone(),
@@ -170,18 +171,20 @@ pub fn snapshots(rollout: &Rollout) -> miette::Result<Option<Block>> {
     let header = truth.header();
     let frames = pairs.iter().flat_map(|(_, a, b)| [a, b]);
     let view = View::of(frames, header.point_spacing, header.domain);
+    let columns = if view.is_high() { 2 } else { 1 };
+    let view = View { width: view.width / columns, ..view };
     let images: Vec<_> = pairs.iter().map(|(_, p, t)| view.draw(&p.position, t)).collect();
     let times: Vec<String> = pairs.iter().map(|(time, ..)| format!("{time:.2}")).collect();
     let caption = format!(
-        "From top to bottom at {} s. Grey: the truth. Coloured: predicted points, by the square of \
-         their distance from the truth in units of the box, logarithmically from {:.0e} (blue) over \
-         yellow to {:.0e} (red).",
+        "At {} s, from left to right and from top to bottom. Grey: the truth. Coloured: predicted points, by the square of \
+         their distance from the truth in units of the box: a colour for each half of a decade from \
+         {:.0e} (dark blue) over yellow to {:.0e} and more (dark red).",
         times.join(", "),
         RANGE[0],
         RANGE[1]
     );
     let title = format!("{} on {}", rollout.model, rollout.case);
-    Ok(Some(Block::Figure(Figure::new(title, stacked(&images)?, caption))))
+    Ok(Some(Block::Figure(Figure::new(title, in_rows(&images, columns)?, caption))))
 }
 
 /// The same as an animation of all frames, or of every n-th where there are many.
@@ -196,7 +199,7 @@ pub fn animation(rollout: &Rollout) -> miette::Result<Option<Block>> {
     let truth = Trajectory::open(&rollout.truth)?;
     let header = truth.header();
     let frames = pairs.iter().flat_map(|(_, a, b)| [a, b]);
-    let view = View { width: 480, ..View::of(frames, header.point_spacing, header.domain) };
+    let view = View { width: 400, ..View::of(frames, header.point_spacing, header.domain) };
     let images: Vec<_> = pairs.par_iter().map(|(_, p, t)| view.draw(&p.position, t)).collect();
     let title = format!("{} on {}, animated", rollout.model, rollout.case);
     let caption = "Colours as in the snapshots.";
@@ -204,7 +207,7 @@ pub fn animation(rollout: &Rollout) -> miette::Result<Option<Block>> {
 }
 
 /// An animation of more pictures would make the page heavy.
-const MOST_PICTURES: usize = 60;
+const MOST_PICTURES: usize = 30;
 
 /// Frames of two files at the same times, `count` of them evenly spaced up to the end.
 fn pairs(

@@ -14,6 +14,12 @@ pub trait Section {
         0.0
     }
 
+    /// Whether it is written with every report, whatever part of that is asked for; it computes
+    /// nothing then.
+    fn always(&self) -> bool {
+        false
+    }
+
     /// Computes what is missing and says what came out.
     ///
     /// # Errors

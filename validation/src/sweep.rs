@@ -4,14 +4,18 @@ mod cases;
 
 use std::path::Path;
 
+use dempm::scene::Scene;
+use dempm::simulation::Simulation;
 use dempm::trajectory::Trajectory;
 use miette::Context as _;
+use rayon::prelude::*;
+use surrogate::train::Precision;
 
 pub use self::cases::Case;
 use crate::compare::difference;
-use crate::context::{Context, Start};
+use crate::context::{Context, Model, Start};
 use crate::pareto::Cost;
-use crate::wall_time::{computing, with_preparation};
+use crate::wall_time::computing;
 use crate::work::Run;
 
 /// A kind of method.
@@ -30,7 +34,9 @@ pub enum Family {
 pub struct Measured {
     pub family: Family,
     pub name: String,
-    /// Wall time of the computation without preparing packings and writing files, s.
+    /// The model, of a network.
+    pub model: Option<Model>,
+    /// Wall time of the computation without preparing packings, kernels and files, s.
     pub seconds: f64,
     /// Errors; none if it failed.
     pub error: Option<Error>,
@@ -91,6 +97,7 @@ impl Case {
     /// # Errors
     /// If one fails or the user interrupts.
     pub fn run_references(&self, context: &mut Context) -> miette::Result<[Run; 2]> {
+        self.prepare(context);
         let [one, other] = self.references();
         let mut run = |scene: &str| {
             let run = context.run(&format!("{}: reference", self.name), scene)?;
@@ -103,6 +110,18 @@ impl Case {
         Ok([run(&one)?, run(&other)?])
     }
 
+    /// Prepares the packings of all runs that are missing, side by side: a run prepares its own on
+    /// a core or two, while the GPU waits.
+    fn prepare(&self, context: &Context) {
+        let settings = self.settings.iter().map(|(_, _, scene)| scene.clone());
+        let scenes = settings.chain(self.references());
+        let missing: Vec<String> = scenes.filter(|scene| context.estimate(scene) > 0.0).collect();
+        missing.par_iter().for_each(|text| {
+            // What fails here fails in its run too, which says so.
+            let _ = Scene::parse(text, "scene.toml").map(Simulation::new);
+        });
+    }
+
     /// Runs what is missing and compares everything with the reference.
     ///
     /// # Errors
@@ -113,7 +132,7 @@ impl Case {
         let floor = error(paths[0], &paths[1..])?;
         let mut measured = vec![Measured {
             family: Family::Packings,
-            name: "400 discs (reference)".to_owned(),
+            name: self.reference_name.to_owned(),
             error: Some(floor),
             ..measured(Family::Packings, "", &references[0])?
         }];
@@ -122,8 +141,18 @@ impl Case {
             measured.push(self.compared(*family, name, &run, &paths)?);
         }
         for model in context.models.clone() {
-            let run = context.rollout(&model, &Start::Scene(&self.start_of_networks))?;
-            measured.push(self.compared(Family::Network, &model.name, &run, &paths)?);
+            for (precision, addition) in [(Precision::F32, ""), (Precision::Bf16, ", bf16")] {
+                let place = measured.last().map_or("", |m: &Measured| &m.device);
+                if precision == Precision::Bf16 && place != context.gpu_name {
+                    // Only a GPU has it, and not every network runs there.
+                    continue;
+                }
+                let start = Start::Scene(&self.start_of_networks);
+                let run = context.rollout(&model, &start, precision)?;
+                let name = format!("{}{addition}", model.name);
+                let found = self.compared(Family::Network, &name, &run, &paths)?;
+                measured.push(Measured { model: Some(model.clone()), ..found });
+            }
         }
         let fronts: Vec<f64> =
             paths.iter().map(|path| front(path)).collect::<miette::Result<_>>()?;
@@ -143,6 +172,7 @@ impl Case {
             return Ok(Measured {
                 family,
                 name: name.to_owned(),
+                model: None,
                 seconds: f64::NAN,
                 error: None,
                 failure: run.message.clone(),
@@ -159,15 +189,11 @@ impl Case {
 /// The time of a run and where it ran.
 fn measured(family: Family, name: &str, run: &Run) -> miette::Result<Measured> {
     let trajectory = Trajectory::open(&run.output)?;
-    // The first frames of a rollout are simulated each time.
-    let seconds = match family {
-        Family::Network => with_preparation(&trajectory),
-        Family::Packings | Family::Continuum => computing(&trajectory),
-    };
     Ok(Measured {
         family,
         name: name.to_owned(),
-        seconds,
+        model: None,
+        seconds: computing(&trajectory),
         error: None,
         failure: String::new(),
         device: trajectory.header().device.clone(),

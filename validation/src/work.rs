@@ -1,14 +1,15 @@
 //! The work directory: every run under a hash of what went into it, so that a report reuses what
 //! is there and continues what was interrupted.
 
-use std::fs::{self, File};
+use std::collections::BTreeMap;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use dempm::trajectory::write_atomically;
+use dempm::trajectory::{Trajectory, write_atomically};
 use miette::{IntoDiagnostic, WrapErr};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -16,13 +17,15 @@ use serde::{Deserialize, Serialize};
 use crate::machine::{load_per_core, processor_time};
 
 /// Changes whenever results of an older version must not be used any more.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// How long an interrupted program may take to save its state.
 const GRACE: Duration = Duration::from_secs(5);
 
 /// What a run of a program came to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
+    /// Hash of what went into it; the name of its folder.
+    pub id: String,
     /// The command as a person would type it.
     pub command: String,
     /// The trajectory that it wrote.
@@ -40,6 +43,33 @@ pub struct Run {
     pub load: Option<f64>,
     /// Hash of the program that ran it.
     pub build: String,
+    /// What its trajectory says of itself, if it wrote one.
+    pub about: Option<About>,
+}
+
+/// What a trajectory says about how it was made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct About {
+    pub seed: u64,
+    pub device: String,
+    pub precision: String,
+    pub versions: BTreeMap<String, String>,
+    /// Wall time of each phase, s.
+    pub wall_time: BTreeMap<String, f64>,
+}
+
+impl About {
+    fn of(path: &Path) -> Option<Self> {
+        let trajectory = Trajectory::open(path).ok()?;
+        let header = trajectory.header();
+        Some(Self {
+            seed: header.seed,
+            device: header.device.clone(),
+            precision: header.precision.clone(),
+            versions: header.versions.clone(),
+            wall_time: trajectory.wall_time().clone(),
+        })
+    }
 }
 
 /// The report was interrupted.
@@ -56,7 +86,7 @@ pub struct Work {
     /// Whether programs may use a GPU.
     gpu: bool,
     interrupted: Arc<AtomicBool>,
-    /// Every run that this report used, in the order of use.
+    /// Runs used since they were last taken, in the order of use.
     used: Vec<Run>,
 }
 
@@ -106,9 +136,14 @@ impl Work {
             .wrap_err_with(|| format!("cannot use the work directory {}", root.display()))
     }
 
-    /// Every run that this report used.
-    pub fn used(&self) -> &[Run] {
-        &self.used
+    /// The directory.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The runs used since the last call.
+    pub fn take_used(&mut self) -> Vec<Run> {
+        std::mem::take(&mut self.used)
     }
 
     /// The program that has the commands of the suite as subcommands.
@@ -141,18 +176,46 @@ impl Work {
     /// that fails is a [`Run`] that did not succeed.
     pub fn run(&mut self, job: &Job, tick: impl Fn(Duration)) -> miette::Result<Run> {
         let folder = self.folder(job);
-        let run = match read_json::<Run>(&folder.join(RECORD)) {
-            Some(mut run) => {
-                // The directory may have moved.
-                run.output = folder.join(job.output);
-                run
+        let record = folder.join(RECORD);
+        let run = match read_json::<Run>(&record) {
+            Some(run) => run,
+            None => {
+                let _lock = self.lock(&folder)?;
+                // Another report may have made it meanwhile.
+                match read_json::<Run>(&record) {
+                    Some(run) => run,
+                    None => self.make(job, &folder, tick)?,
+                }
             }
-            None => self.make(job, &folder, tick)?,
         };
-        if !self.used.iter().any(|used| used.output == run.output) {
+        // The directory may have moved.
+        let run = Run { output: folder.join(job.output), ..run };
+        if !self.used.iter().any(|used| used.id == run.id) {
             self.used.push(run.clone());
         }
         Ok(run)
+    }
+
+    /// Waits until no other report makes a run in this folder; lasts as long as the returned file,
+    /// also if the process is killed.
+    fn lock(&self, folder: &Path) -> miette::Result<File> {
+        let failed = || format!("cannot use {}", folder.display());
+        let file = fs::create_dir_all(folder)
+            .and_then(|()| File::create(folder.join("lock")))
+            .into_diagnostic()
+            .wrap_err_with(failed)?;
+        loop {
+            match file.try_lock() {
+                Ok(()) => return Ok(file),
+                Err(TryLockError::WouldBlock) => {
+                    self.check()?;
+                    std::thread::sleep(Duration::from_millis(200));
+                }
+                Err(TryLockError::Error(error)) => {
+                    return Err(error).into_diagnostic().wrap_err_with(failed);
+                }
+            }
+        }
     }
 
     /// A value that was computed before, or is now and is then kept.
@@ -195,7 +258,6 @@ impl Work {
     fn make(&self, job: &Job, folder: &Path, tick: impl Fn(Duration)) -> miette::Result<Run> {
         self.check()?;
         let failed = || format!("cannot run {} {}", job.program, job.subcommand);
-        fs::create_dir_all(folder).into_diagnostic().wrap_err_with(failed)?;
         let mut arguments = vec![job.subcommand.to_owned()];
         if let Some(input) = &job.input {
             let path = folder.join(input.name);
@@ -254,8 +316,11 @@ impl Work {
             let bytes = fs::read(folder.join(name)).unwrap_or_default();
             String::from_utf8_lossy(&bytes).trim().to_owned()
         };
+        let id = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let run = Run {
+            id,
             command,
+            about: About::of(&output),
             output,
             succeeded: status.success(),
             seconds: began.elapsed().as_secs_f64(),
@@ -294,11 +359,15 @@ pub fn hash_of_file(path: &Path) -> std::io::Result<String> {
 }
 
 /// A record; one that is missing or damaged is simply made again.
-fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
     serde_json::from_slice(&fs::read(path).ok()?).ok()
 }
 
-fn write_json(path: &Path, value: &impl Serialize) -> miette::Result<()> {
+/// Writes a record, whole or not at all.
+///
+/// # Errors
+/// If that is not possible.
+pub fn write_json(path: &Path, value: &impl Serialize) -> miette::Result<()> {
     let text = serde_json::to_vec_pretty(value).into_diagnostic()?;
     write_atomically(path, |temporary| fs::write(temporary, text)).into_diagnostic()
 }

@@ -9,6 +9,7 @@ constant-volume simple shear at 1/s to a strain of 0.5; Cundall damping 0.2, no 
 
 import argparse
 import csv
+import json
 import math
 import os
 import pathlib
@@ -57,6 +58,7 @@ def main():
     parser.add_argument("--dempm", default="target/release/dempm")
     parser.add_argument("--yade", default="yade")
     parser.add_argument("--discs", type=int, default=400)
+    parser.add_argument("--json", help="file for speeds and paths")
     args = parser.parse_args()
     m_min = DENSITY * math.pi * R_MIN**2 * THICKNESS
     substeps = math.ceil(MACRO_STEP / (0.2 * math.sqrt(m_min / KN)))
@@ -108,6 +110,9 @@ def main():
         paths["f64"].pop(0)
         paths["f32"].pop(0)
 
+    if args.json:
+        path = {k: [[row["exy"], *invariants(row)] for row in rows] for k, rows in paths.items()}
+        pathlib.Path(args.json).write_text(json.dumps({"speed": speeds, "path": path}))
     print(f"{args.discs} discs, DEM step {dt:.3e} s")
     for name, speed in speeds.items():
         print(f"{name:5} {speed:.2e} disc-steps/s, {speed / speeds['yade']:.1f} x YADE")

@@ -1,6 +1,7 @@
 //! A simulation on an NVIDIA GPU. Points, grid and packings stay in device memory from frame to
 //! frame, and macro steps are replayed as a CUDA graph, without work of the host in between.
 
+mod ranked_batch;
 mod rve_material;
 
 use std::sync::Arc;
@@ -9,10 +10,10 @@ use std::time::{Duration, Instant};
 use cudarc::driver::sys::{CUevent_flags, CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaEvent, CudaGraph};
 use gpu::Device;
+use gpu::ranks::Ranks;
 use mpm::Solver;
 use mpm::cuda::{CudaDruckerPrager, CudaElastic, CudaError, CudaMaterial, CudaSolver};
 
-use crate::ranks::Ranks;
 use crate::simulation::{SceneMaterial, SimulationError, State};
 use rve_material::CudaRveMaterial;
 pub use rve_material::{defines, source};

@@ -7,11 +7,12 @@ use cudarc::driver::sys::CUstreamCaptureStatus;
 use cudarc::driver::{CudaEvent, CudaFunction, CudaSlice, DeviceRepr, PushKernelArg};
 use dem::cuda::{CudaError as RveError, DeviceState};
 use gpu::Device;
+use gpu::ranks::Ranks;
 use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
 use mpm::{Basis, MaterialError};
 
+use super::ranked_batch::RankedRveBatch;
 use super::{elapsed, timer};
-use crate::ranks::{RankedRveBatch, Ranks};
 use crate::rve_material::{Batch, RveMaterial, Tally};
 
 /// The source of the kernel.

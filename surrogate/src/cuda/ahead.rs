@@ -19,17 +19,22 @@ pub struct Ahead {
 }
 
 impl Ahead {
-    /// Begins a rollout, which `make` sets up on the thread.
+    /// Begins a rollout, which `make` sets up on the thread; returns when that is done.
     pub fn start<N: Network>(
         make: impl FnOnce() -> Result<CudaRollout<N>, CudaError> + Send + 'static,
     ) -> Self {
         let (send, frames) = sync_channel(BLOCK);
+        let (made, ready) = sync_channel::<()>(0);
         let thread = thread::spawn(move || {
-            if let Err(error) = make().and_then(|rollout| run(rollout, &send)) {
+            let rollout = make();
+            drop(made);
+            if let Err(error) = rollout.and_then(|rollout| run(rollout, &send)) {
                 // Nobody may listen any more.
                 let _ = send.send(Err(RolloutError::Device { message: error.to_string() }));
             }
         });
+        // Nothing is ever sent: the sender is dropped.
+        let _ = ready.recv();
         Self { frames: Some(frames), thread: Some(thread) }
     }
 

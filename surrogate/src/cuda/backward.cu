@@ -1,45 +1,6 @@
 // MLPs, backward: from the gradient of the output to those of all linears' outputs (which
-// gradient.cu turns into the weights') and of the inputs. A warp takes 16 or 32 rows
-// through all of it.
-
-struct Backward {
-    const u32* count;
-    // Gradient of the output, the sum of up to three: rows x 128, row `index[k]` of it, ...
-    const Stored* output;
-    const u32* output_index;
-    // ... in f32, ...
-    const float* output32;
-    // ... row `gathered_index[k]` of a matrix.
-    const float* gathered;
-    const u32* gathered_index;
-    // If there is a selection, rows count where it is NONE (`select_none` = 1) or is not.
-    const u32* selection;
-    // What the forward pass left.
-    const Stored* hidden;
-    size_t stride;
-    const Stored* normal;
-    const float* deviation;
-    // Packed and transposed: hidden layers, the last first, then x_0, x_1.
-    const uint4* weights;
-    const float* parameters;
-    // Gradients of the linears' outputs, `stride` apart, the first linear's first.
-    Stored* linear;
-    // Gradients of x_0 and x_1 if not null, added to what is there if bit 0 or 1 of `accumulate` is
-    // set.
-    float* input32[2];
-    Stored* input;
-    // For each block, gradients of LayerNorm's scale and shift, 128 each.
-    float* norm_sums;
-
-    u32 rows;
-    int units, resident, select_none;
-    int norm, layers, width, accumulate;
-    float slope;
-};
-
-struct BackwardBatch {
-    Backward item[4];
-};
+// gradient.cu turns into the weights') and of the inputs. A warp takes 16 rows through all
+// of it.
 
 // Sums 16 numbers over the eight lanes of equal t; a lane gets the sums number
 // 2 (lane / 4 % 2 + 2 (lane / 8 % 2) + 4 (lane / 16)) and the next.
@@ -151,8 +112,6 @@ __device__ void output_gradient(Tile& z, const Backward& a, const Place& at) {
     }
 }
 
-// With GROUPS x 16 rows at a time.
-template <int GROUPS>
 __device__ __forceinline__ void backward(const Backward& a) {
     extern __shared__ uint4 shared[];
     float* scale = (float*)shared;
@@ -163,54 +122,39 @@ __device__ __forceinline__ void backward(const Backward& a) {
     weights.wait();
 
     float sums[4][2] = {};
-    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + 16 * GROUPS - 1) / (16 * GROUPS);
+    const u32 rows = a.count ? *a.count : a.rows;
     const u32 warps = blockDim.x / 32, warp = threadIdx.x / 32;
-    for (u32 first = 0; first < tiles; first += warps * gridDim.x) {
-        const u32 tile = first + warp * gridDim.x + blockIdx.x;
-        if (a.resident && tile >= tiles) break;
+    for (Tiles tile(rows, a.resident); tile.next();) {
         weights.cursor = 0;
-
-        Tile z[GROUPS];
-        Place at[GROUPS];
-        Operand x[GROUPS];
-#pragma unroll
-        for (int g = 0; g < GROUPS; g++) {
-            at[g] = Place(GROUPS * tile + g, rows);
-            output_gradient(z[g], a, at[g]);
-            if (a.norm >= 0) normalise_backward(z[g], a, at[g], scale, sums);
-            store_rows(z[g], a.linear + a.layers * a.stride, at[g]);
-            to_operand(z[g], x[g]);
-        }
+        const Place at(tile.index, rows);
+        Tile z;
+        Operand x;
+        output_gradient(z, a, at);
+        if (a.norm >= 0) normalise_backward(z, a, at, scale, sums);
+        store_rows(z, a.linear + a.layers * a.stride, at);
+        to_operand(z, x);
 #pragma unroll 1
         for (int l = a.layers - 1; l >= 0; l--) {
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) clear(z[g]);
+            clear(z);
             multiply(z, x, weights.next(matrix));
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
-                leaky_backward(z[g], a.hidden + l * a.stride, at[g], a.slope);
-                store_rows(z[g], a.linear + l * a.stride, at[g]);
-                to_operand(z[g], x[g]);
-            }
+            leaky_backward(z, a.hidden + l * a.stride, at, a.slope);
+            store_rows(z, a.linear + l * a.stride, at);
+            to_operand(z, x);
         }
 #pragma unroll 1
         for (int k = 0; k < 2; k++) {
             if (!a.input32[k] && !(k == 0 && a.input)) continue;
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) clear(z[g]);
+            clear(z);
             multiply(z, x, weights.next(matrix));
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
-                u32 own[2];
-                at[g].rows(own);
-                const bool adds = a.accumulate >> k & 1;
-                if (a.input32[k]) {
-                    if (adds) add_rows(z[g], a.input32[k], own, at[g].t);
-                    store_rows(z[g], a.input32[k], at[g]);
-                } else {
-                    if (adds) add_rows(z[g], a.input, own, at[g].t);
-                    store_rows(z[g], a.input, at[g]);
-                }
+            u32 own[2];
+            at.rows(own);
+            const bool adds = a.accumulate >> k & 1;
+            if (a.input32[k]) {
+                if (adds) add_rows(z, a.input32[k], own, at.t);
+                store_rows(z, a.input32[k], at);
+            } else {
+                if (adds) add_rows(z, a.input, own, at.t);
+                store_rows(z, a.input, at);
             }
         }
     }
@@ -234,14 +178,7 @@ __device__ __forceinline__ void backward(const Backward& a) {
     }
 }
 
-// For few rows, where time is that of one warp.
-extern "C" __global__ void __launch_bounds__(NARROW_THREADS, 1)
+extern "C" __global__ void __launch_bounds__(THREADS, 1)
     mlp_backward(const __grid_constant__ BackwardBatch batch) {
-    backward<1>(batch.item[blockIdx.y]);
-}
-
-// For many.
-extern "C" __global__ void __launch_bounds__(WIDE_THREADS, 1)
-    mlp_backward_wide(const __grid_constant__ BackwardBatch batch) {
-    backward<WIDE_GROUPS>(batch.item[blockIdx.y]);
+    backward(batch.item[blockIdx.y]);
 }

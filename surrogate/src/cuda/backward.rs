@@ -1,17 +1,20 @@
 //! The backward pass: gradients of all linears' outputs, layer by layer from the last. Products
-//! with the linears' inputs (`products.rs`) then give those of the weights.
+//! with the linears' inputs (`products.rs`) then give those of the weights; in bf16 those over edges
+//! are computed on the way.
 
 use super::error::CudaError;
 use super::kernels::{Address, Backward, Forward};
 use super::network::{CudaNetwork, View};
+use super::products::Products;
 use super::room::{Passed, Saved};
 
 /// Which buffers hold the gradients that are passed on.
-struct Turn {
+struct Turn<'a> {
+    products: &'a Products,
     /// Of the node states after a layer,
     node: usize,
     /// and of the messages of a layer, if anything but their sum is used.
-    edge: usize,
+    edge: Address,
     messages_used: bool,
     /// The messages' gradient is that of the next frame's edges, by the index from one to the
     /// other, if this is not 0.
@@ -20,17 +23,22 @@ struct Turn {
 
 impl CudaNetwork {
     /// From the gradient of the output (`passed.output`) to those of all linears' outputs.
-    pub(super) fn propagate(&self, views: &[View], passed: &Passed) -> Result<(), CudaError> {
-        let capacity = self.room.capacity;
+    pub(super) fn propagate(
+        &self,
+        views: &[View],
+        passed: &Passed,
+        products: &Products,
+    ) -> Result<(), CudaError> {
         let decoder = Backward {
             output32: passed.output,
             rows: views[0].points as u32,
             input32: [passed.node[0], 0],
-            ..self.mlp_backward(self.layout.decoder, &self.room.decoder)
+            ..self.mlp_backward(self.layout.decoder, &self.room.decoder, products)
         };
-        self.kernels.backward(&[decoder], capacity.points)?;
+        self.kernels.backward(&[decoder])?;
 
-        let mut turn = Turn { node: 0, edge: 0, messages_used: false, next: 0 };
+        let mut turn =
+            Turn { products, node: 0, edge: passed.edge[0], messages_used: false, next: 0 };
         for layer in (0..self.layout.layers.len()).rev() {
             let view = &views[layer.min(views.len() - 1)];
             self.message_layer_backward(layer, view, passed, &mut turn)?;
@@ -39,21 +47,30 @@ impl CudaNetwork {
             }
         }
 
-        let nodes: Vec<Backward> = views
-            .iter()
-            .enumerate()
-            .map(|(k, view)| {
-                let mlp = if k == 0 { self.layout.node_first } else { self.layout.node_later };
-                let room = &self.room.frames[k];
-                let last = if k == 0 { passed.node[turn.node] } else { room.node_gradient };
-                Backward {
-                    output32: last,
-                    rows: view.points as u32,
-                    ..self.mlp_backward(mlp, &room.node_encoder)
-                }
-            })
-            .collect();
-        self.kernels.backward(&nodes, capacity.points)
+        let mut nodes = Vec::new();
+        let mut edges = Vec::new();
+        for (k, (view, room)) in views.iter().zip(&self.room.frames).enumerate() {
+            let (layout, first) = (&self.layout, k == 0);
+            let (node, edge) = match k {
+                0 => (layout.node_first, layout.edge_first),
+                _ => (layout.node_later, layout.edge_later),
+            };
+            nodes.push(Backward {
+                output32: if first { passed.node[turn.node] } else { room.node_gradient },
+                rows: view.points as u32,
+                ..self.mlp_backward(node, &room.node_encoder, products)
+            });
+            edges.push(Backward {
+                output: if layout.residual { turn.edge } else { room.edge_gradient },
+                // Edges that the frame before has too come from the fusion.
+                selection: if layout.edge_fusion.is_some() && !first { room.previous } else { 0 },
+                select_none: 1,
+                count: view.edges,
+                ..self.mlp_backward(edge, &room.edge_encoder, products)
+            });
+        }
+        self.kernels.backward(&edges)?;
+        self.kernels.backward(&nodes)
     }
 
     /// From the gradients of a layer's node states and messages to those of what it reads.
@@ -65,7 +82,6 @@ impl CudaNetwork {
         turn: &mut Turn,
     ) -> Result<(), CudaError> {
         let (mlps, room) = (&self.layout.layers[layer], &self.room.layers[layer]);
-        let (points, edges) = (self.room.capacity.points, self.room.capacity.edges);
         let rows = view.points as u32;
         // A residual network adds to the gradients where they are.
         let residual = self.layout.residual;
@@ -79,13 +95,16 @@ impl CudaNetwork {
             rows,
             input32: [before, passed.received],
             accumulate: i32::from(residual),
-            ..self.mlp_backward(mlps.update, &room.update)
+            ..self.mlp_backward(mlps.update, &room.update, turn.products)
         };
-        self.kernels.backward(&[update], points)?;
+        self.kernels.backward(&[update])?;
 
-        let output = if turn.messages_used { passed.edge[turn.edge] } else { 0 };
+        let output = if turn.messages_used { turn.edge } else { 0 };
         if !residual {
-            turn.edge = 1 - turn.edge;
+            turn.edge = match self.room.frames.get(layer) {
+                Some(frame) => frame.edge_gradient,
+                None => passed.other_edge(turn.edge),
+            };
         }
         let message = Backward {
             output,
@@ -93,11 +112,11 @@ impl CudaNetwork {
             gathered: passed.received,
             gathered_index: view.receiver,
             count: view.edges,
-            input: passed.edge[turn.edge],
+            input: turn.edge,
             accumulate: i32::from(residual && turn.messages_used),
-            ..self.mlp_backward(mlps.message, &room.message)
+            ..self.mlp_backward(mlps.message, &room.message, turn.products)
         };
-        self.kernels.backward(&[message], edges)?;
+        self.kernels.backward(&[message])?;
         (turn.messages_used, turn.next) = (true, 0);
 
         let (sent, received) = (room.sender_gradient, room.receiver_gradient);
@@ -110,11 +129,11 @@ impl CudaNetwork {
             accumulate: 1,
             ..self.linear(mlps.to_nodes)
         };
-        self.kernels.forward(&[nodes], points)
+        self.kernels.forward(&[nodes], self.room.capacity.points)
     }
 
-    /// From the gradients of the nodes and edges of a frame to those of its encoders and of the
-    /// frame before.
+    /// From the gradients of the nodes and edges of a frame to those of the frame before; those of
+    /// the encoders wait.
     fn frame_backward(
         &self,
         frame: usize,
@@ -123,34 +142,22 @@ impl CudaNetwork {
         turn: &mut Turn,
     ) -> Result<(), CudaError> {
         let room = &self.room.frames[frame];
-        let (points, edges) = (self.room.capacity.points, self.room.capacity.edges);
-        let first = frame == 0;
-        let encoder = if first { self.layout.edge_first } else { self.layout.edge_later };
-        let fusion = self.layout.edge_fusion.filter(|_| !first);
-        let encoder = Backward {
-            output: passed.edge[turn.edge],
-            selection: if fusion.is_some() { room.previous } else { 0 },
-            select_none: 1,
-            count: view.edges,
-            ..self.mlp_backward(encoder, &room.edge_encoder)
-        };
-        self.kernels.backward(&[encoder], edges)?;
+        if frame == 0 {
+            return Ok(());
+        }
         turn.messages_used = false;
-        if let Some(fusion) = fusion {
-            let output = passed.edge[turn.edge];
-            turn.edge = 1 - turn.edge;
+        if let Some(fusion) = self.layout.edge_fusion {
+            let output = turn.edge;
+            turn.edge = passed.edge[0];
             let fusion = Backward {
                 output,
                 selection: room.previous,
                 count: view.edges,
-                input: passed.edge[turn.edge],
-                ..self.mlp_backward(fusion, &room.edge_fusion)
+                input: turn.edge,
+                ..self.mlp_backward(fusion, &room.edge_fusion, turn.products)
             };
-            self.kernels.backward(&[fusion], edges)?;
+            self.kernels.backward(&[fusion])?;
             (turn.messages_used, turn.next) = (true, room.next);
-        }
-        if first {
-            return Ok(());
         }
         let output32 = passed.node[turn.node];
         turn.node = 1 - turn.node;
@@ -158,15 +165,19 @@ impl CudaNetwork {
             output32,
             rows: view.points as u32,
             input32: [passed.node[turn.node], room.node_gradient],
-            ..self.mlp_backward(self.layout.node_fusion, &room.node_fusion)
+            ..self.mlp_backward(self.layout.node_fusion, &room.node_fusion, turn.products)
         };
-        self.kernels.backward(&[fusion], points)
+        self.kernels.backward(&[fusion])
     }
 
     /// What backward launches of an MLP have in common.
-    fn mlp_backward(&self, mlp: usize, saved: &Saved) -> Backward {
+    fn mlp_backward(&self, mlp: usize, saved: &Saved, products: &Products) -> Backward {
         let m = &self.layout.mlps[mlp];
+        let (products, product_count) = products.of(saved, &self.kernels.device);
         Backward {
+            products,
+            product_count: product_count as i32,
+            blocks: saved.blocks as i32,
             hidden: saved.hidden,
             linear: saved.linear,
             stride: saved.stride,

@@ -8,13 +8,14 @@ use gpu::Device;
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::features::FrameBuilder;
-use crate::config::ModelConfig;
+use crate::config::{ModelConfig, ModelKind};
+use crate::data::Batch;
 use crate::features::Normalisation;
 
 /// Room for edges of each point at first; it grows as needed.
-const EDGES_PER_POINT: usize = 48;
+pub const EDGES_PER_POINT: usize = 48;
 
-/// Makes batches for a TGNNS, one in the place of the other.
+/// Makes batches, one in the place of the other.
 pub struct BatchBuilder {
     device: Arc<Device>,
     config: ModelConfig,
@@ -35,7 +36,7 @@ struct Room {
 
 /// What a network learns from in one step.
 pub struct DeviceBatch {
-    /// The frames of the windows, oldest first.
+    /// The frames that the network has graphs of, oldest first.
     pub frames: Vec<FrameInput>,
     /// Normalised accelerations, points x dimensions.
     pub targets: CudaSlice<f32>,
@@ -48,13 +49,16 @@ pub struct HostWindows {
     pub points: Vec<usize>,
     /// Positions (m) of the points of all windows, frame after frame, the oldest first.
     pub positions: Vec<f32>,
+    /// Features that never change, of the points of all windows.
+    pub statics: Vec<f32>,
     /// Normalised accelerations of the points of all windows.
     pub targets: Vec<f32>,
 }
 
 impl HostWindows {
-    /// Puts windows (each frames x points x dimensions), at least one, side by side.
-    pub fn new(windows: &[Vec<f32>], points: Vec<usize>, targets: Vec<f32>) -> Self {
+    /// Puts the windows of a batch, at least one, side by side.
+    pub fn new(batch: Batch) -> Self {
+        let Batch { windows, points, statics, targets } = batch;
         let dimensions = targets.len() / points.iter().sum::<usize>().max(1);
         let strides: Vec<usize> = points.iter().map(|points| points * dimensions).collect();
         let frames = windows[0].len() / strides[0].max(1);
@@ -64,7 +68,7 @@ impl HostWindows {
                 positions.extend_from_slice(&window[frame * stride..(frame + 1) * stride]);
             }
         }
-        Self { points, positions, targets }
+        Self { points, positions, statics: statics.concat(), targets }
     }
 }
 
@@ -90,7 +94,8 @@ impl BatchBuilder {
     /// Waits to see whether all edges found room.
     ///
     /// # Errors
-    /// A network that reads other features, too little memory, no compiler, or a kernel failed.
+    /// A network that is too large for the kernels, too little memory, no compiler, or a kernel
+    /// failed.
     pub fn make(&mut self, host: &HostWindows) -> Result<&DeviceBatch, CudaError> {
         let mut room = match self.room.take() {
             Some(room) if self.windows == host.points => room,
@@ -101,12 +106,19 @@ impl BatchBuilder {
             stream.memcpy_htod(&host.positions, &mut room.positions)?;
             stream.memcpy_htod(&host.targets, &mut room.batch.targets)?;
             let Room { builder, positions, batch } = &mut room;
+            builder.set_statics(&host.statics)?;
             let values = host.targets.len();
-            let at = |k: usize| positions.slice(k * values..(k + 1) * values);
-            for (k, frame) in batch.frames.iter_mut().enumerate() {
-                builder.graph(&at(k), frame)?;
-                let before = (k > 0).then(|| at(k - 1));
-                builder.features(&at(k), before.as_ref(), frame)?;
+            let at: Vec<_> = (0..self.config.frames)
+                .map(|k| positions.slice(k * values..(k + 1) * values))
+                .collect();
+            let first = at.len() - batch.frames.len();
+            for (k, frame) in (first..).zip(&mut batch.frames) {
+                builder.graph(&at[k], frame)?;
+                let oldest = match self.config.kind {
+                    ModelKind::Tgnns => k.saturating_sub(1),
+                    ModelKind::Gns => 0,
+                };
+                builder.features(&at[oldest..=k], frame)?;
             }
             let needed = builder.needed()?;
             if needed <= batch.frames[0].graph.capacity {
@@ -122,7 +134,7 @@ impl BatchBuilder {
         let Self { device, config, norm, bounds, .. } = self;
         let builder = FrameBuilder::new(device, config, norm, bounds, windows)?;
         let values = builder.points() * config.dimensions;
-        let frames = (0..config.frames).map(|_| builder.allocate(capacity));
+        let frames = (0..config.graphs()).map(|_| builder.allocate(capacity));
         Ok(Room {
             positions: device.zeros(config.frames * values)?,
             batch: DeviceBatch {

@@ -7,10 +7,14 @@ use cudarc::driver::DriverError;
 pub enum CudaError {
     #[error(transparent)]
     Gpu(#[from] gpu::Error),
+    #[error(transparent)]
+    Ranks(#[from] gpu::ranks::RanksError),
     #[error(
         "`{key}` is {value}, but networks on a GPU have at most {most}; run it on the CPU instead"
     )]
     Unsupported { key: &'static str, value: usize, most: usize },
+    #[error("bf16 needs a GPU, and this is computed on the CPU; leave `--precision` out")]
+    Bf16OnCpu,
     #[error("{found} {what}, but the buffers have room for {room}")]
     Room { what: &'static str, found: usize, room: usize },
     #[error("{found} weights, but the network has {expected}")]

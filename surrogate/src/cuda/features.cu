@@ -1,43 +1,93 @@
-// Features of one frame's nodes and edges: the CUDA twin of surrogate/src/features.rs (TGNNS), equal
-// to it to the bit.
+// Features of one frame's nodes and edges: the CUDA twin of surrogate/src/features.rs, equal to it to
+// the bit.
 //
-// DIMENSIONS is 2 or 3 (defined by features.rs).
+// DIMENSIONS is 2 or 3, FRAMES the most frames of a History (defined by features.rs).
 
 struct Scales {
     float radius;
     float velocity_mean[3], velocity_std[3];
     // Lower and upper wall of each direction (m).
     float bounds[3][2];
+    // Features of the GNS in place of those of the TGNNS.
+    int gns;
 };
 
-// The paper's placeholder: a wall farther than the radius is at distance 0.
-__device__ float wall_distance(float distance, float radius) {
-    return distance > radius ? 0.0f : distance / radius;
+// Positions in the frames whose velocities a node knows, oldest first: the frame itself is the last.
+struct History {
+    const float* at[FRAMES];
+    int count;
+};
+
+// Features beyond velocity and walls, points x columns.
+struct Further {
+    float* values;
+    int columns;
+};
+
+// In radii. The paper's placeholder: a wall farther than the radius is at distance 0.
+__device__ float wall_distance(float distance, const Scales& scales) {
+    const float scaled = distance / scales.radius;
+    if (scales.gns) return fminf(fmaxf(scaled, -1.0f), 1.0f);
+    return distance > scales.radius ? 0.0f : scaled;
 }
 
-// [velocity,] distances to the walls. `before` is null in the first frame of a window, whose points
-// have no velocity yet.
+// Velocities, distances to the walls, further features.
 extern "C" __global__ void node_features(
-    unsigned points, Scales scales, const float* now, const float* before, float* features) {
+    unsigned points, Scales scales, History history, Further further, float* features) {
     const unsigned point = blockIdx.x * blockDim.x + threadIdx.x;
     if (point >= points) {
         return;
     }
-    const float* x = now + point * DIMENSIONS;
-    float* out = features + point * (before ? 3 : 2) * DIMENSIONS;
-    if (before) {
+    const unsigned first = point * DIMENSIONS;
+    float* out = features + point * ((history.count + 1) * DIMENSIONS + further.columns);
+    for (int frame = 1; frame < history.count; ++frame) {
         for (int k = 0; k < DIMENSIONS; ++k) {
-            const float step = x[k] - before[point * DIMENSIONS + k];
+            const float step = history.at[frame][first + k] - history.at[frame - 1][first + k];
             *out++ = (step - scales.velocity_mean[k]) / scales.velocity_std[k];
         }
     }
+    const float* x = history.at[history.count - 1] + first;
     for (int k = 0; k < DIMENSIONS; ++k) {
-        *out++ = wall_distance(x[k] - scales.bounds[k][0], scales.radius);
-        *out++ = wall_distance(scales.bounds[k][1] - x[k], scales.radius);
+        *out++ = wall_distance(x[k] - scales.bounds[k][0], scales);
+        *out++ = wall_distance(scales.bounds[k][1] - x[k], scales);
+    }
+    for (int k = 0; k < further.columns; ++k) {
+        *out++ = further.values[point * further.columns + k];
     }
 }
 
-// [velocity of the sender less that of the receiver,] direction from receiver to sender, distance.
+// For each point, how many of its window are above it and no farther than half a radius to any side,
+// standardised, into a column of the further features: the twin of `overburden` in
+// surrogate/src/node_features.rs. A warp for each point.
+extern "C" __global__ void overburden(
+    unsigned points, const unsigned* window, float radius, const float* now, float mean, float std,
+    Further further, int column) {
+    const unsigned point = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
+    if (point >= points) {
+        return;
+    }
+    const float half = radius / 2.0f;
+    const float* x = now + point * DIMENSIONS;
+    unsigned above = 0;
+    for (unsigned other = lane; other < points; other += 32) {
+        const float* y = now + other * DIMENSIONS;
+        bool counts = window[other] == window[point] && y[1] > x[1] && y[0] >= x[0] - half
+            && y[0] <= x[0] + half;
+        for (int k = 0; k < DIMENSIONS; ++k) {
+            counts = counts && (k == 1 || fabsf(y[k] - x[k]) <= half);
+        }
+        above += counts;
+    }
+    for (int bit = 16; bit > 0; bit /= 2) {
+        above += __shfl_xor_sync(0xffffffff, above, bit);
+    }
+    if (lane == 0) {
+        further.values[point * further.columns + column] = (float(above) - mean) / std;
+    }
+}
+
+// [velocity of the sender less that of the receiver,] direction from receiver to sender (GNS:
+// displacement / radius), distance. `before` are the positions in the frame before, or null.
 extern "C" __global__ void edge_features(
     const unsigned* edges, const unsigned* receivers, const unsigned* senders, Scales scales,
     const float* now, const float* before, float* features) {
@@ -60,7 +110,7 @@ extern "C" __global__ void edge_features(
     }
     const float distance = sqrtf(square);
     // Points at the same place have direction 0.
-    const float unit = distance > 0.0f ? distance : scales.radius;
+    const float unit = distance > 0.0f && !scales.gns ? distance : scales.radius;
     for (int k = 0; k < DIMENSIONS; ++k) {
         *out++ = displacement[k] / unit;
     }

@@ -4,23 +4,32 @@
 use std::sync::Arc;
 
 use cudarc::driver::sys::CUdeviceptr;
-use cudarc::driver::{CudaFunction, CudaView, DeviceRepr, PinnedHostSlice, PushKernelArg};
+use cudarc::driver::{
+    CudaFunction, CudaSlice, CudaView, DeviceRepr, PinnedHostSlice, PushKernelArg,
+};
 use gpu::{Device, Error};
 
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::graph::GraphBuilder;
 use super::launch::{address, each};
-use super::predict::supports;
-use crate::config::ModelConfig;
+use super::network::supports;
+use crate::config::{ModelConfig, ModelKind};
 use crate::features::Normalisation;
+use crate::node_features::{self, NodeFeature};
 
 /// The source of the kernels.
 pub const FEATURES_SOURCE: &str = include_str!("features.cu");
 
+/// Most frames whose velocities a node knows: more than the GNS has at most.
+const FRAMES: usize = 16;
+
+/// Threads of a warp.
+const LANES: usize = 32;
+
 /// Definitions that the source needs.
 pub fn features_defines(dimensions: usize) -> Vec<String> {
-    vec![format!("DIMENSIONS={dimensions}")]
+    vec![format!("DIMENSIONS={dimensions}"), format!("FRAMES={FRAMES}")]
 }
 
 /// `Scales` of `features.cu`.
@@ -31,19 +40,46 @@ struct Scales {
     velocity_mean: [f32; 3],
     velocity_std: [f32; 3],
     bounds: [[f32; 2]; 3],
+    gns: i32,
 }
 
 // SAFETY: plain numbers without padding, laid out as in `features.cu`.
 unsafe impl DeviceRepr for Scales {}
 
-/// Makes what a TGNNS reads of frames: graph and features.
+/// `History` of `features.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+struct History {
+    at: [CUdeviceptr; FRAMES],
+    count: i32,
+}
+
+// SAFETY: addresses and a number, laid out as in `features.cu`.
+unsafe impl DeviceRepr for History {}
+
+/// `Further` of `features.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+struct FurtherAddress {
+    values: CUdeviceptr,
+    columns: i32,
+}
+
+// SAFETY: an address and a number, laid out as in `features.cu`.
+unsafe impl DeviceRepr for FurtherAddress {}
+
+/// Makes what a network reads of frames: graph and features.
 pub struct FrameBuilder {
     device: Arc<Device>,
     graph: GraphBuilder,
     nodes: CudaFunction,
     edges: CudaFunction,
+    overburden: CudaFunction,
     config: ModelConfig,
+    norm: Normalisation,
     scales: Scales,
+    /// Features beyond velocity and walls, points x columns, of the frame that is made.
+    further: CudaSlice<f32>,
 }
 
 impl FrameBuilder {
@@ -51,7 +87,7 @@ impl FrameBuilder {
     /// of each direction (m).
     ///
     /// # Errors
-    /// A network that reads other features, too little memory, or no compiler.
+    /// A network that is too large for the kernels, too little memory, or no compiler.
     pub fn new(
         device: &Arc<Device>,
         config: &ModelConfig,
@@ -62,18 +98,24 @@ impl FrameBuilder {
         supports(config)?;
         let d = config.dimensions;
         let radius = config.connection_radius as f32;
-        let mut scales = Scales { radius, ..Scales::default() };
+        let gns = i32::from(config.kind == ModelKind::Gns);
+        let mut scales = Scales { radius, gns, ..Scales::default() };
         for (k, walls) in bounds.iter().enumerate() {
             scales.velocity_mean[k] = norm.velocity_mean[k] as f32;
             scales.velocity_std[k] = norm.velocity_std[k] as f32;
             scales.bounds[k] = walls.map(|wall| wall as f32);
         }
         let module = device.module("features.cu", FEATURES_SOURCE, &features_defines(d))?;
+        let graph = GraphBuilder::new(device, d, radius, windows)?;
+        let further = graph.points() * config.further_node_features();
         Ok(Self {
-            graph: GraphBuilder::new(device, d, radius, windows)?,
+            further: device.zeros(further.max(1))?,
+            graph,
             nodes: module.load_function("node_features")?,
             edges: module.load_function("edge_features")?,
+            overburden: module.load_function("overburden")?,
             config: config.clone(),
+            norm: norm.clone(),
             scales,
             device: device.clone(),
         })
@@ -84,13 +126,36 @@ impl FrameBuilder {
         self.graph.points()
     }
 
+    /// Takes the features of points that never change, points x columns
+    /// ([`node_features::static_features`]).
+    ///
+    /// # Errors
+    /// The copy was refused.
+    ///
+    /// # Panics
+    /// If they are not those of all points.
+    pub fn set_statics(&mut self, statics: &[f32]) -> Result<(), Error> {
+        let features = &self.config.node_features;
+        let load = vec![0.0; self.points()];
+        let values =
+            node_features::standardised(features, &self.norm, self.points(), statics, &load);
+        if !values.is_empty() {
+            self.device.stream().memcpy_htod(&values, &mut self.further)?;
+        }
+        Ok(())
+    }
+
     /// Room for a frame with at most `capacity` edges, the first of a window or a later one.
     ///
     /// # Errors
     /// Too little memory.
     pub fn allocate(&self, capacity: usize) -> Result<FrameInput, Error> {
-        let node = self.points() * self.config.later_node_features();
-        let edge = capacity * self.config.later_edge_features();
+        let config = &self.config;
+        let [node, edge] = match config.kind {
+            ModelKind::Tgnns => [config.later_node_features(), config.later_edge_features()],
+            ModelKind::Gns => [config.gns_node_features(), config.first_edge_features()],
+        };
+        let (node, edge) = (self.points() * node, capacity * edge);
         self.device.reserve((node + edge) * size_of::<f32>())?;
         Ok(FrameInput {
             graph: self.graph.allocate(capacity)?,
@@ -107,15 +172,19 @@ impl FrameBuilder {
         self.graph.build(now, &mut frame.graph)
     }
 
-    /// Queues the computation of the features of a frame whose graph is built; `before` are the
-    /// positions in the frame before, if it is not the first of its window.
+    /// Queues the computation of the features of a frame whose graph is built. `history` are the
+    /// positions in the frames whose velocities a node knows, the frame itself the last of them: of
+    /// a GNS all frames of the window; of a TGNNS the frame before and this one, or the first of a
+    /// window alone.
     ///
     /// # Errors
     /// A launch was refused.
+    ///
+    /// # Panics
+    /// If there is no frame, or more than the kernels know.
     pub fn features(
-        &self,
-        now: &CudaView<f32>,
-        before: Option<&CudaView<f32>>,
+        &mut self,
+        history: &[CudaView<f32>],
         frame: &mut FrameInput,
     ) -> Result<(), Error> {
         let points = self.points();
@@ -123,22 +192,57 @@ impl FrameBuilder {
             return Ok(());
         }
         let stream = self.device.stream();
-        let before: CUdeviceptr = before.map_or(0, |view| address(view, stream));
+        let mut at = History { count: history.len() as i32, ..History::default() };
+        for (at, positions) in at.at[..history.len()].iter_mut().zip(history) {
+            *at = address(positions, stream);
+        }
+        let now = at.at[history.len() - 1];
+        let moving = self.config.kind == ModelKind::Tgnns && history.len() > 1;
+        let before = if moving { at.at[history.len() - 2] } else { 0 };
+        self.count_overburden(now)?;
         let (number, graph) = (points as u32, &frame.graph);
+        let further = self.further_address();
         // SAFETY: the argument types are those of the kernels, and the arrays as long as they
         // expect: a later frame has more features than a first one.
         unsafe {
             let mut launch = stream.launch_builder(&self.nodes);
-            launch.arg(&number).arg(&self.scales).arg(now).arg(&before);
+            launch.arg(&number).arg(&self.scales).arg(&at).arg(&further);
             launch.arg(&frame.node).launch(each(points))?;
             if graph.capacity > 0 {
                 let mut launch = stream.launch_builder(&self.edges);
                 launch.arg(&graph.edges).arg(&graph.receiver).arg(&graph.sender);
-                launch.arg(&self.scales).arg(now).arg(&before);
+                launch.arg(&self.scales).arg(&now).arg(&before);
                 launch.arg(&frame.edge).launch(each(graph.capacity))?;
             }
         }
         Ok(())
+    }
+
+    /// Queues the counting of the points above each point, if the network is to know.
+    fn count_overburden(&self, now: CUdeviceptr) -> Result<(), Error> {
+        let (points, further) = (self.points() as u32, self.further_address());
+        let mut column = 0;
+        for feature in &self.config.node_features {
+            if *feature == NodeFeature::Overburden {
+                let place = column as usize;
+                let mean = self.norm.features_mean[place] as f32;
+                let std = self.norm.features_std[place] as f32;
+                let mut launch = self.device.stream().launch_builder(&self.overburden);
+                launch.arg(&points).arg(self.graph.window()).arg(&self.scales.radius);
+                launch.arg(&now).arg(&mean).arg(&std).arg(&further).arg(&column);
+                // SAFETY: as above; the column is one of the further features'.
+                unsafe { launch.launch(each(LANES * points as usize))? };
+            }
+            column += feature.columns() as i32;
+        }
+        Ok(())
+    }
+
+    fn further_address(&self) -> FurtherAddress {
+        FurtherAddress {
+            values: address(&self.further, self.device.stream()),
+            columns: self.config.further_node_features() as i32,
+        }
     }
 
     /// See [`GraphBuilder::copy_needed`].

@@ -1,6 +1,6 @@
 // MLPs, forward: a linear of up to two matrices, of features and of gathered rows, then LeakyReLU
-// and linear for each hidden layer, then LayerNorm. A warp takes 16 or 32 rows through all of it
-// without leaving its registers.
+// and linear for each hidden layer, then LayerNorm. A warp takes 16 rows through all of it without
+// leaving its registers.
 
 struct Forward {
     // Number of rows in device memory; if null, it is `rows`.
@@ -30,6 +30,10 @@ struct Forward {
     float* output32;
     // The first `columns` (at most 8) of the output alone, rows x columns.
     float* narrow;
+    // Before LayerNorm's scale and shift, summed over the rows of a tile that have the same receiver
+    // (`added_index[1]`); receivers ascend from row to row. The sum of receiver v in tile k is row
+    // k + v.
+    float* sums;
 
     u32 rows;
     int units, resident, feature_count, feature_stride, feature_steps;
@@ -41,7 +45,7 @@ struct Forward {
 };
 
 struct ForwardBatch {
-    Forward item[8];
+    Forward item[FORWARD_BATCH];
 };
 
 // Biases of all linears, LayerNorm's scale and shift and those of x_0's, 128 numbers each with zeros
@@ -62,31 +66,30 @@ __device__ void load_vectors(float* to, const Forward& a) {
 
 // Features, as sums of two f16 in any precision: they carry positions.
 __device__ void multiply_features(Tile& z, const Forward& a, const Place& at, const uint4* weights) {
-    const uint4* mine = weights + threadIdx.x % 32;
     scale_rows(z, WEIGHT_SCALE, WEIGHT_SCALE);
     for (int s = 0; s < a.feature_steps; s++) {
         u32 x[2][4];
 #pragma unroll
         for (int r = 0; r < 4; r++) {
-            int half = r % 2, first = 16 * s + 2 * at.t + 8 * (r / 2);
-            const float* row = a.features + (size_t)at.row[half] * a.feature_stride;
-            bool live = at.live[half];
-            float v0 = live && first < a.feature_count ? row[first] : 0.f;
-            float v1 = live && first + 1 < a.feature_count ? row[first + 1] : 0.f;
+            int half = r % 2;
+            float v[2];
+#pragma unroll
+            for (int i = 0; i < 2; i++) {
+                int column = 16 * s + 2 * at.t + 8 * (r / 2) + i;
+                bool real = at.live[half] && column < a.feature_count;
+                float x = a.features[real ? (size_t)at.row[half] * a.feature_stride + column : 0];
+                v[i] = real ? x : 0.f;
+            }
             u32 part[2];
-            split_f16(v0, v1, part);
+            split_f16(v[0], v[1], part);
             x[0][r] = part[0], x[1][r] = part[1];
         }
-#pragma unroll
-        for (int j = 0; j < 8; j++) {
-            uint4 w = mine[(s * 8 + j) * 32], v = mine[((a.feature_steps + s) * 8 + j) * 32];
-            multiply_add_f16(z[2 * j], x[0], v.x, v.y);
-            multiply_add_f16(z[2 * j + 1], x[0], v.z, v.w);
-            multiply_add_f16(z[2 * j], x[1], w.x, w.y);
-            multiply_add_f16(z[2 * j + 1], x[1], w.z, w.w);
-            multiply_add_f16(z[2 * j], x[0], w.x, w.y);
-            multiply_add_f16(z[2 * j + 1], x[0], w.z, w.w);
-        }
+        const uint4* w = weights + s * STEP;
+        begin_products();
+        add_product<true>(z, x[0], w + a.feature_steps * STEP);
+        add_product<true>(z, x[1], w);
+        add_product<true>(z, x[0], w);
+        end_products();
     }
     scale_rows(z, 1.f / WEIGHT_SCALE, 1.f / WEIGHT_SCALE);
 }
@@ -118,16 +121,49 @@ __device__ void normalise(Tile& z, int width, float (&deviation)[2]) {
     }
 }
 
+// Adds up the rows of each receiver. k + v differs between any two runs: either their tiles or their
+// receivers ascend.
+__device__ void sum_runs(const Tile& z, float* sums, const u32 (&receiver)[2], const Place& at) {
+    const u32 lane = threadIdx.x % 32;
+    u32 now = __shfl_sync(ALL, receiver[0], 0);
+    while (now != NONE) {
+        float* to = sums + (size_t)(at.row[0] / 16 + now) * WIDTH + 8 * at.t + lane / 16 * 4 + lane / 8 % 2 * 2 + lane / 4 % 2;
+#pragma unroll
+        for (int q = 0; q < 4; q++) {
+            float v[8];
+#pragma unroll
+            for (int k = 0; k < 8; k++)
+                v[k] = (receiver[0] == now ? z[4 * q + k / 2][k % 2] : 0.f)
+                       + (receiver[1] == now ? z[4 * q + k / 2][2 + k % 2] : 0.f);
+            // Each lane hands on half of its columns and keeps the other half.
+#pragma unroll
+            for (int size = 4, bit = 16; size >= 1; size /= 2, bit /= 2)
+#pragma unroll
+                for (int k = 0; k < size; k++) {
+                    const bool upper = lane & bit;
+                    const float give = upper ? v[k] : v[k + size];
+                    v[k] = (upper ? v[k + size] : v[k]) + __shfl_xor_sync(ALL, give, bit);
+                }
+            to[32 * q] = v[0];
+        }
+        // Those of the next receiver.
+        const u32 after[2] = {receiver[0] > now ? receiver[0] : NONE,
+                              receiver[1] > now ? receiver[1] : NONE};
+        now = __reduce_min_sync(ALL, min(after[0], after[1]));
+    }
+}
+
 // Scale and shift, and what is done with the output.
 __device__ void finish(Tile& z, const Forward& a, const Place& at, const u32 (&source)[2],
-                       const float* scales) {
+                       const u32 (&receiver)[2], const float* scales) {
     u32 own[2];
     at.rows(own);
     if (a.norm >= 0) {
         float deviation[2];
         normalise(z, a.width, deviation);
-        if (a.normal) {
-            store_rows(z, a.normal, at);
+        if (a.sums) sum_runs(z, a.sums, receiver, at);
+        if (a.normal) store_rows(z, a.normal, at);
+        if (a.deviation) {
             if (at.t == 0)
 #pragma unroll
                 for (int half = 0; half < 2; half++)
@@ -167,97 +203,64 @@ __device__ void finish(Tile& z, const Forward& a, const Place& at, const u32 (&s
     }
 }
 
-// With GROUPS x 16 rows at a time.
-template <int GROUPS>
 __device__ __forceinline__ void forward(const Forward& a) {
     extern __shared__ uint4 shared[];
     float* biases = (float*)shared;
     float* scales = biases + (a.layers + 1) * WIDTH;
     float* input_scales = scales + 2 * WIDTH;
-    const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * 256;
+    const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * STEP;
     Weights weights(a.weights, (uint4*)(input_scales + 2 * WIDTH), a.units, a.resident);
     load_vectors(biases, a);
+    wait_for_kernel_before();
     weights.wait();
 
-    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + 16 * GROUPS - 1) / (16 * GROUPS);
-    const u32 warps = blockDim.x / 32, warp = threadIdx.x / 32;
-    for (u32 first = 0; first < tiles; first += warps * gridDim.x) {
-        const u32 tile = first + warp * gridDim.x + blockIdx.x;
-        if (a.resident && tile >= tiles) break;
+    const u32 rows = a.count ? *a.count : a.rows;
+    for (Tiles tile(rows, a.resident); tile.next();) {
         weights.cursor = 0;
-
-        Tile z[GROUPS];
-        Place at[GROUPS];
-        u32 source[GROUPS][2];
+        const Place at(tile.index, rows);
+        Tile z;
+        fill(z, biases, at.t);
+        // Rows of x_0 and those that are added.
+        u32 own[2], source[2], added[2][2];
+        at.rows(own);
 #pragma unroll
-        for (int g = 0; g < GROUPS; g++) {
-            at[g] = Place(GROUPS * tile + g, rows);
-            fill(z[g], biases, at[g].t);
-            at[g].rows(source[g]);
+        for (int half = 0; half < 2; half++) {
+            const u32 row = own[half] != NONE ? own[half] : 0;
+            const u32 from[3] = {a.index ? a.index[row] : row, a.added[0] ? a.added_index[0][row] : 0,
+                                 a.added[1] ? a.added_index[1][row] : 0};
+            source[half] = own[half] != NONE ? from[0] : NONE;
 #pragma unroll
-            for (int half = 0; half < 2; half++)
-                if (a.index && source[g][half] != NONE) source[g][half] = a.index[source[g][half]];
+            for (int k = 0; k < 2; k++) added[k][half] = own[half] != NONE ? from[1 + k] : NONE;
         }
+#pragma unroll
+        for (int k = 0; k < 2; k++)
+            if (a.added[k]) add_rows(z, a.added[k], added[k], at.t);
 #pragma unroll 1
         for (int k = 0; k < 2; k++) {
             if (!a.x[k]) continue;
-            Operand x[GROUPS];
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
-                u32 own[2];
-                at[g].rows(own);
-                if (k == 0) own[0] = source[g][0], own[1] = source[g][1];
-                const float* scale = k == 0 && a.input_norm >= 0 ? input_scales : nullptr;
-                load_operand(x[g], a.x[k], own, scale, at[g].t);
-            }
+            Operand x;
+            const float* scale = k == 0 && a.input_norm >= 0 ? input_scales : nullptr;
+            load_operand(x, a.x[k], k == 0 ? source : own, scale, at.t);
             multiply(z, x, weights.next(matrix));
         }
-        if (a.features) {
-            const uint4* matrix = weights.next(feature_matrix);
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) multiply_features(z[g], a, at[g], matrix);
-        }
-#pragma unroll 1
-        for (int k = 0; k < 2; k++) {
-            if (!a.added[k]) continue;
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
-                u32 from[2];
-                at[g].rows(from);
-#pragma unroll
-                for (int half = 0; half < 2; half++)
-                    if (from[half] != NONE) from[half] = a.added_index[k][from[half]];
-                add_rows(z[g], a.added[k], from, at[g].t);
-            }
-        }
+        if (a.features) multiply_features(z, a, at, weights.next(feature_matrix));
 #pragma unroll 1
         for (int l = 0; l < a.layers; l++) {
-            Operand x[GROUPS];
+            Operand x;
 #pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
+            for (int j = 0; j < 16; j++)
 #pragma unroll
-                for (int j = 0; j < 16; j++)
-#pragma unroll
-                    for (int k = 0; k < 4; k++) z[g][j][k] = leaky(z[g][j][k], a.slope);
-                if (a.hidden) store_rows(z[g], a.hidden + l * a.stride, at[g]);
-                to_operand(z[g], x[g]);
-                fill(z[g], biases + (l + 1) * WIDTH, at[g].t);
-            }
+                for (int k = 0; k < 4; k++) z[j][k] = leaky(z[j][k], a.slope);
+            if (a.hidden) store_rows(z, a.hidden + l * a.stride, at);
+            to_operand(z, x);
+            fill(z, biases + (l + 1) * WIDTH, at.t);
             multiply(z, x, weights.next(matrix));
         }
-#pragma unroll
-        for (int g = 0; g < GROUPS; g++) finish(z[g], a, at[g], source[g], scales);
+        finish(z, a, at, source, added[1], scales);
     }
 }
 
-// For few rows, where time is that of one warp.
-extern "C" __global__ void __launch_bounds__(NARROW_THREADS, 1)
+extern "C" __global__ void __launch_bounds__(THREADS, 1)
     mlp_forward(const __grid_constant__ ForwardBatch batch) {
-    forward<1>(batch.item[blockIdx.y]);
-}
-
-// For many.
-extern "C" __global__ void __launch_bounds__(WIDE_THREADS, 1)
-    mlp_forward_wide(const __grid_constant__ ForwardBatch batch) {
-    forward<WIDE_GROUPS>(batch.item[blockIdx.y]);
+    forward(batch.item[blockIdx.y]);
 }

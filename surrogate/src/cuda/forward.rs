@@ -1,9 +1,11 @@
 //! The forward pass: as `crate::model`.
 
+use std::ops::Range;
+
 use super::error::CudaError;
-use super::kernels::{Address, Forward};
-use super::network::{CudaNetwork, View};
-use super::room::Saved;
+use super::kernels::{Address, Forward, Receive};
+use super::network::{Capacity, CudaNetwork, View};
+use super::room::{FrameRoom, Saved};
 
 /// Edge states as a message layer reads them.
 #[derive(Clone, Copy, Debug)]
@@ -14,17 +16,15 @@ pub(super) struct EdgeState {
 }
 
 impl CudaNetwork {
-    /// Encodes nodes and edges of all frames.
-    pub(super) fn encode(&self, views: &[View]) -> Result<(), CudaError> {
-        let nodes: Vec<_> =
-            views.iter().enumerate().map(|(k, v)| self.node_encoder(k, v)).collect();
+    /// Encodes nodes and edges of frames.
+    pub(super) fn encode(&self, frames: &[(usize, &View)]) -> Result<(), CudaError> {
+        let nodes: Vec<_> = frames.iter().map(|(k, view)| self.node_encoder(*k, view)).collect();
         self.kernels.forward(&nodes, self.room.capacity.points)?;
-        let edges: Vec<_> =
-            views.iter().enumerate().map(|(k, v)| self.edge_encoder(k, v)).collect();
+        let edges: Vec<_> = frames.iter().map(|(k, view)| self.edge_encoder(*k, view)).collect();
         self.kernels.forward(&edges, self.room.capacity.edges)
     }
 
-    pub(super) fn node_encoder(&self, frame: usize, view: &View) -> Forward {
+    fn node_encoder(&self, frame: usize, view: &View) -> Forward {
         let mlp = if frame == 0 { self.layout.node_first } else { self.layout.node_later };
         let room = &self.room.frames[frame];
         let item = Forward {
@@ -37,7 +37,7 @@ impl CudaNetwork {
         item.saving(&room.node_encoder)
     }
 
-    pub(super) fn edge_encoder(&self, frame: usize, view: &View) -> Forward {
+    fn edge_encoder(&self, frame: usize, view: &View) -> Forward {
         let mlp = if frame == 0 { self.layout.edge_first } else { self.layout.edge_later };
         let room = &self.room.frames[frame];
         let item = Forward {
@@ -90,95 +90,145 @@ impl CudaNetwork {
         }
     }
 
-    /// All layers and the decoder, given the encoded frames.
-    pub(super) fn pass_messages(&self, views: &[View]) -> Result<(), CudaError> {
-        for layer in 0..self.layout.layers.len() {
-            if layer > 0 && layer < self.layout.frames {
-                self.next_frame(layer, &views[layer - 1], &views[layer])?;
-            }
-            self.message_layer(layer, &views[layer.min(views.len() - 1)])?;
+    /// The network on a window, the oldest frame first.
+    pub(super) fn pass(&self, views: &[View]) -> Result<(), CudaError> {
+        let training = self.room.training.is_some();
+        if training {
+            self.encode(&views.iter().enumerate().collect::<Vec<_>>())?;
         }
+        for layer in 0..self.layout.layers.len() {
+            let view = &views[layer.min(views.len() - 1)];
+            if layer < views.len() {
+                if !training {
+                    self.encode(&[(layer, view)])?;
+                }
+                if layer > 0 {
+                    self.fuse(layer..layer + 1, &views[layer - 1], view)?;
+                }
+            }
+            self.message_layers(layer..layer + 1, view)?;
+        }
+        self.decode(&views[0])
+    }
+
+    pub(super) fn decode(&self, view: &View) -> Result<(), CudaError> {
         let last = self.layout.layers.len() - 1;
         let decoder = Forward {
             x: [self.room.layers[last].node, 0],
-            rows: views[0].points as u32,
+            rows: view.points as u32,
             narrow: self.address(&self.output),
             ..self.mlp(self.layout.decoder)
         };
         self.kernels.forward(&[decoder.saving(&self.room.decoder)], self.room.capacity.points)
     }
 
-    /// S joins the node state of the previous frame with the encoded nodes; `edgemsg` the previous
-    /// frame's messages with the features of edges that both frames have.
-    fn next_frame(&self, frame: usize, before: &View, view: &View) -> Result<(), CudaError> {
-        let room = &self.room.frames[frame];
-        let item = Forward {
-            x: [self.room.layers[frame - 1].node, room.node],
-            rows: view.points as u32,
-            output: room.fused,
-            ..self.mlp(self.layout.node_fusion)
-        };
-        self.kernels.forward(&[item.saving(&room.node_fusion)], self.room.capacity.points)?;
+    /// S joins the node states of the previous frame with the encoded nodes; `edgemsg` the previous
+    /// frame's messages with the features of edges that both frames have. For the layers of one
+    /// frame, or of several that all have the same graph.
+    pub(super) fn fuse(
+        &self,
+        frames: Range<usize>,
+        before: &View,
+        view: &View,
+    ) -> Result<(), CudaError> {
+        let nodes = frames.clone().map(|frame| {
+            let room = &self.room.frames[frame];
+            let item = Forward {
+                x: [self.room.layers[frame - 1].node, room.node],
+                rows: view.points as u32,
+                output: room.fused,
+                ..self.mlp(self.layout.node_fusion)
+            };
+            item.saving(&room.node_fusion)
+        });
+        self.kernels.forward(&nodes.collect::<Vec<_>>(), self.room.capacity.points)?;
         let Some(fusion) = self.layout.edge_fusion else { return Ok(()) };
 
         let graph = |v: &View| ([v.edges, v.sender, v.receiver], [v.start, v.sender]);
-        self.kernels.same_edges(graph(view).0, graph(before).1, room.previous)?;
-        if self.room.training.is_some() {
-            self.kernels.same_edges(graph(before).0, graph(view).1, room.next)?;
+        let FrameRoom { previous, next, .. } = self.room.frames[frames.start];
+        self.kernels.same_edges(graph(view).0, graph(before).1, previous)?;
+        if next != 0 {
+            self.kernels.same_edges(graph(before).0, graph(view).1, next)?;
         }
-        let messages = self.messages(frame - 1);
-        let item = Forward {
-            x: [messages.at, 0],
-            input_norm: messages.norm,
-            index: room.previous,
-            features: view.edge.at,
-            feature_stride: view.edge.stride as i32,
-            count: view.edges,
-            output: room.edge,
-            ..self.mlp(fusion)
-        };
-        self.kernels.forward(&[item.saving(&room.edge_fusion)], self.room.capacity.edges)
+        let edges = frames.map(|frame| {
+            let room = &self.room.frames[frame];
+            let messages = self.messages(frame - 1);
+            let item = Forward {
+                x: [messages.at, 0],
+                input_norm: messages.norm,
+                index: room.previous,
+                features: view.edge.at,
+                feature_stride: view.edge.stride as i32,
+                count: view.edges,
+                output: room.edge,
+                ..self.mlp(fusion)
+            };
+            item.saving(&room.edge_fusion)
+        });
+        self.kernels.forward(&edges.collect::<Vec<_>>(), self.room.capacity.edges)
     }
 
-    fn message_layer(&self, layer: usize, view: &View) -> Result<(), CudaError> {
-        let (mlps, room) = (&self.layout.layers[layer], &self.room.layers[layer]);
-        let (state, edge) = (self.node_state(layer), self.edge_state(layer));
-        let points = self.room.capacity.points;
+    /// Layers side by side on one graph.
+    pub(super) fn message_layers(
+        &self,
+        layers: Range<usize>,
+        view: &View,
+    ) -> Result<(), CudaError> {
+        let Capacity { points, edges } = self.room.capacity;
         let rows = view.points as u32;
-        let part = |packed, output| Forward { x: [state, 0], rows, output, ..self.linear(packed) };
-        let parts = [part(mlps.sender, room.sender), part(mlps.receiver, room.receiver)];
-        self.kernels.forward(&parts, points)?;
+        let each = || layers.clone().map(|k| (k, &self.layout.layers[k], &self.room.layers[k]));
 
-        let message = Forward {
-            x: [edge.at, 0],
-            input_norm: edge.norm,
-            added: [room.sender, room.receiver],
-            added_index: [view.sender, view.receiver],
-            count: view.edges,
-            output: room.edge,
-            residual: if self.layout.residual && room.edge != 0 { edge.at } else { 0 },
-            ..self.mlp(mlps.message)
-        };
-        self.kernels.forward(&[message.saving(&room.message)], self.room.capacity.edges)?;
+        let parts = each().flat_map(|(layer, mlps, room)| {
+            [(mlps.sender, room.sender), (mlps.receiver, room.receiver)].map(|(packed, output)| {
+                let state = self.node_state(layer);
+                Forward { x: [state, 0], rows, output, ..self.linear(packed) }
+            })
+        });
+        self.kernels.forward(&parts.collect::<Vec<_>>(), points)?;
 
-        let mlp = &self.layout.mlps[mlps.message];
-        self.kernels.receive(
-            view.start,
-            view.points,
-            room.message.normal,
-            self.address(&self.parameters),
-            mlp.scale() as i32,
-            mlp.width,
-            room.received,
-        )?;
-        let update = Forward {
-            x: [state, room.received],
-            rows,
-            output: room.node,
-            residual: if self.layout.residual { state } else { 0 },
-            ..self.mlp(mlps.update)
-        };
-        self.kernels.forward(&[update.saving(&room.update)], points)
+        let messages = each().map(|(layer, mlps, room)| {
+            let edge = self.edge_state(layer);
+            let item = Forward {
+                x: [edge.at, 0],
+                input_norm: edge.norm,
+                added: [room.sender, room.receiver],
+                added_index: [view.sender, view.receiver],
+                count: view.edges,
+                output: room.edge,
+                residual: if self.layout.residual && room.edge != 0 { edge.at } else { 0 },
+                sums: room.sums,
+                ..self.mlp(mlps.message)
+            };
+            item.saving(&room.message)
+        });
+        self.kernels.forward(&messages.collect::<Vec<_>>(), edges)?;
+
+        let receive = each().map(|(_, mlps, room)| {
+            let mlp = &self.layout.mlps[mlps.message];
+            Receive {
+                start: view.start,
+                sums: room.sums,
+                parameters: self.address(&self.parameters),
+                received: room.received,
+                points: view.points as i32,
+                norm: mlp.scale() as i32,
+                width: mlp.width as i32,
+            }
+        });
+        self.kernels.receive(&receive.collect::<Vec<_>>(), points)?;
+
+        let updates = each().map(|(layer, mlps, room)| {
+            let state = self.node_state(layer);
+            let item = Forward {
+                x: [state, room.received],
+                rows,
+                output: room.node,
+                residual: if self.layout.residual { state } else { 0 },
+                ..self.mlp(mlps.update)
+            };
+            item.saving(&room.update)
+        });
+        self.kernels.forward(&updates.collect::<Vec<_>>(), points)
     }
 }
 

@@ -1,23 +1,5 @@
-// Gradients of weights, X^T dZ, and of biases, the column sums of dZ, of all linears at once. The
-// rows are shared out among blocks, whose sums `reduce_gradient` adds up in a fixed order. Numbers
-// are bf16 or, with their range of sizes, sums of two bf16: 16 bits of mantissa are enough here,
-// where errors do not pass through further layers.
-
-struct Product {
-    const u32* count;
-    // X, rows x 128; row k is row `index[k]` if there is an index.
-    const Stored* x;
-    const u32* index;
-    // X, rows x feature_count, if `x` is null.
-    const float* features;
-    // dZ, rows x 128.
-    const Stored* dz;
-    // Sums of each block: 128 x 128 and 128 numbers.
-    float* weight;
-    float* bias;
-    u32 rows;
-    int feature_count, blocks;
-};
+// Gradients of weights of many linears at once. Numbers are bf16 or, with their range of sizes, sums
+// of two bf16: 16 bits of mantissa are enough here, where errors do not pass through further layers.
 
 constexpr int ROWS = 64;
 // Words of 16 bytes of a row in shared memory: one more than its own against bank conflicts.

@@ -172,6 +172,11 @@ impl GraphBuilder {
         self.grid.points as usize
     }
 
+    /// Number of the window of each point, where there are points.
+    pub fn window(&self) -> &CudaSlice<u32> {
+        &self.work.window
+    }
+
     /// Room for a graph of at most `capacity` edges.
     ///
     /// # Errors

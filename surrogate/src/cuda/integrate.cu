@@ -13,7 +13,9 @@ struct Setup {
     unsigned points, boxes;
     // Frames that `history` holds, one after the other, in turn.
     unsigned rows;
-    unsigned unused;
+    // Whether the points are followed by their images in a mirror of left and right, which have no
+    // history: an acceleration is the mean of a point's and of the image of its image's.
+    unsigned mirror;
 };
 
 struct Clock {
@@ -24,8 +26,15 @@ struct Clock {
     unsigned unused;
 };
 
+// What the network says of a row, in m/frame².
+__device__ double acceleration(const Setup& setup, const float* output, unsigned row, int k,
+                               double fall) {
+    return product(double(output[2 * row + k]), setup.scale[k]) + setup.mean[k] + fall;
+}
+
 // `failed` is the lowest frame << 32 | point of a position that makes no sense; it is left in the
-// history as it was predicted. `position` gets the frame in single precision, for the network.
+// history as it was predicted. `position` gets the frame in single precision, for the network, and
+// behind it the images, if there are any.
 extern "C" __global__ void integrate(
     Setup setup, const Box* boxes, const float* output, double* history, float* position,
     Clock* clock, unsigned long long* failed) {
@@ -41,8 +50,12 @@ extern "C" __global__ void integrate(
         double beyond = 0.0;
         bool finite = true;
         for (int k = 0; k < 2; ++k) {
-            const double a = product(double(output[2 * point + k]), setup.scale[k])
-                + setup.mean[k] + setup.fall[k];
+            double a = acceleration(setup, output, point, k, setup.fall[k]);
+            if (setup.mirror) {
+                const double sign = k == 0 ? -1.0 : 1.0;
+                const unsigned image = setup.points + point;
+                a = (a + sign * acceleration(setup, output, image, k, sign * setup.fall[k])) / 2.0;
+            }
             old.x[k] = last[k];
             free.x[k] = last[k] + (last[k] - before[k] + a);
             finite = finite && isfinite(free.x[k]);
@@ -59,6 +72,11 @@ extern "C" __global__ void integrate(
         for (int k = 0; k < 2; ++k) {
             next[k] = free.x[k];
             position[2 * point + k] = float(free.x[k]);
+        }
+        if (setup.mirror) {
+            float* image = position + 2 * (setup.points + point);
+            image[0] = float(setup.domain[0]) - float(free.x[0]);
+            image[1] = float(free.x[1]);
         }
     }
     // The last block to come here has the clock for itself.

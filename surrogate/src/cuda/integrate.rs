@@ -34,6 +34,9 @@ pub struct Motion {
     /// Time of frame 0 and between frames (s).
     pub start: f64,
     pub interval: f64,
+    /// Takes the mean of accelerations and of the mirror images of those of the mirrored window
+    /// ([`mirrored`](crate::simulator::mirrored)).
+    pub mirror: bool,
 }
 
 /// `Setup` of `integrate.cu`.
@@ -50,7 +53,7 @@ struct Setup {
     points: u32,
     boxes: u32,
     rows: u32,
-    unused: u32,
+    mirror: u32,
 }
 
 // SAFETY: plain numbers without padding, laid out as in `integrate.cu`.
@@ -105,7 +108,7 @@ impl Integrator {
             points: points as u32,
             boxes: number,
             rows: ROWS as u32,
-            unused: 0,
+            mirror: u32::from(motion.mirror),
         };
         let module = device.module("integrate.cu", INTEGRATE_SOURCE, &[])?;
         Ok(Self {
@@ -137,7 +140,7 @@ impl Integrator {
     }
 
     /// Queues a step with the network's output, points x 2; `position` gets the new frame in single
-    /// precision.
+    /// precision. With `mirror`, both have the images of the points behind the points.
     ///
     /// # Errors
     /// The launch was refused.

@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::sys::CUfunction_attribute;
+use cudarc::driver::sys::{
+    CUfunction_attribute, CUlaunchAttribute, CUlaunchAttributeID, CUlaunchAttributeValue,
+    CUlaunchConfig, cuLaunchKernelEx,
+};
 use cudarc::driver::{
     CudaFunction, CudaModule, DeviceRepr, LaunchArgs, LaunchConfig, PushKernelArg,
 };
@@ -40,43 +43,39 @@ impl Precision {
         2 * self.parts()
     }
 
-    /// Threads of a block of kernels on edges, and tiles of 16 rows of a warp: as many as there are
-    /// registers for.
-    fn wide(self) -> (u32, u32) {
+    /// Threads of a block that takes rows through MLPs: as many as there are registers for.
+    fn threads(self) -> u32 {
         match self {
-            Self::F32 => (NARROW_THREADS, 1),
-            Self::Bf16 => (512, 1),
+            Self::F32 => 256,
+            Self::Bf16 => 512,
         }
     }
 }
 
-/// Threads of a block of kernels on nodes, of which there are too few to fill the GPU.
-const NARROW_THREADS: u32 = 384;
-
 macro_rules! source {
-    ($file:literal) => {
-        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), include_str!($file))
+    ($($file:literal),*) => {
+        concat!(include_str!("ptx.cuh"), include_str!("tile.cuh"), $(include_str!($file)),*)
     };
 }
 
 /// Names and texts of the kernels' sources.
-pub const SOURCES: [(&str, &str); 6] = [
+pub const SOURCES: [(&str, &str); 7] = [
     ("weights.cu", source!("weights.cu")),
     ("forward.cu", source!("forward.cu")),
-    ("backward.cu", source!("backward.cu")),
-    ("gradient.cu", source!("gradient.cu")),
+    ("backward.cu", source!("product.cuh", "backward.cuh", "backward.cu")),
+    ("edges_backward.cu", source!("product.cuh", "backward.cuh", "edges_backward.cu")),
+    ("gradient.cu", source!("product.cuh", "gradient.cu")),
     ("segment.cu", source!("segment.cu")),
     ("optimiser.cu", source!("optimiser.cu")),
 ];
 
 /// Definitions that the sources need.
 pub fn defines(precision: Precision) -> Vec<String> {
-    let (threads, groups) = precision.wide();
     vec![
         format!("PARTS={}", precision.parts()),
-        format!("NARROW_THREADS={NARROW_THREADS}"),
-        format!("WIDE_THREADS={threads}"),
-        format!("WIDE_GROUPS={groups}"),
+        format!("THREADS={}", precision.threads()),
+        format!("FORWARD_BATCH={FORWARD_BATCH}"),
+        format!("RECEIVE_BATCH={RECEIVE_BATCH}"),
     ]
 }
 
@@ -95,6 +94,7 @@ pub struct Pack {
     pub steps: i32,
     pub features: i32,
     pub parts: i32,
+    pub plain: i32,
     pub to: i32,
 }
 
@@ -118,6 +118,7 @@ pub struct Forward {
     pub residual: Address,
     pub output32: Address,
     pub narrow: Address,
+    pub sums: Address,
     pub rows: u32,
     pub units: i32,
     pub resident: i32,
@@ -136,7 +137,7 @@ pub struct Forward {
     pub slope: f32,
 }
 
-/// `Backward` of backward.cu.
+/// `Backward` of backward.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Backward {
@@ -153,6 +154,7 @@ pub struct Backward {
     pub deviation: Address,
     pub weights: Address,
     pub parameters: Address,
+    pub products: Address,
     pub linear: Address,
     pub input32: [Address; 2],
     pub input: Address,
@@ -165,10 +167,25 @@ pub struct Backward {
     pub layers: i32,
     pub width: i32,
     pub accumulate: i32,
+    pub product_count: i32,
+    pub blocks: i32,
     pub slope: f32,
 }
 
-/// `Product` of gradient.cu.
+/// `Receive` of segment.cu.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Receive {
+    pub start: Address,
+    pub sums: Address,
+    pub parameters: Address,
+    pub received: Address,
+    pub points: i32,
+    pub norm: i32,
+    pub width: i32,
+}
+
+/// `Product` of product.cuh.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Product {
@@ -201,9 +218,10 @@ pub struct Target {
     pub to: i32,
 }
 
-/// MLPs of one forward launch, and of one backward launch.
-pub const FORWARD_BATCH: usize = 8;
-pub const BACKWARD_BATCH: usize = 4;
+/// MLPs of one forward launch, and of one backward launch; sums of one launch.
+pub const FORWARD_BATCH: usize = 16;
+pub const BACKWARD_BATCH: usize = 8;
+pub const RECEIVE_BATCH: usize = 8;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
@@ -213,8 +231,14 @@ struct ForwardBatch([Forward; FORWARD_BATCH]);
 #[derive(Clone, Copy, Debug, Default)]
 struct BackwardBatch([Backward; BACKWARD_BATCH]);
 
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+struct ReceiveBatch([Receive; RECEIVE_BATCH]);
+
 // SAFETY: plain numbers, laid out as in the sources.
 unsafe impl DeviceRepr for Pack {}
+// SAFETY: as above.
+unsafe impl DeviceRepr for ReceiveBatch {}
 // SAFETY: as above.
 unsafe impl DeviceRepr for Product {}
 // SAFETY: as above.
@@ -234,11 +258,14 @@ pub struct Kernels {
     /// Times of launches, if they are wanted.
     pub profile: Profile,
     shared: usize,
+    /// Whether kernels may begin while those before them end: the GPU can do it, and the weights stay
+    /// the same.
+    early: bool,
     pack: CudaFunction,
     forward: CudaFunction,
-    forward_wide: CudaFunction,
     backward: CudaFunction,
-    backward_wide: CudaFunction,
+    /// In bf16 on Hopper.
+    edges_backward: Option<CudaFunction>,
     product: CudaFunction,
     receive: CudaFunction,
     collect: CudaFunction,
@@ -250,14 +277,18 @@ pub struct Kernels {
 
 impl Kernels {
     /// Compiles what is not in the cache.
-    pub fn load(device: &Arc<Device>, precision: Precision) -> Result<Self, CudaError> {
+    pub fn load(
+        device: &Arc<Device>,
+        precision: Precision,
+        training: bool,
+    ) -> Result<Self, CudaError> {
         let defines = defines(precision);
         let modules = SOURCES
             .iter()
             .map(|(name, source)| device.module(name, source, &defines))
             .collect::<Result<Vec<Arc<CudaModule>>, _>>()?;
-        let [weights, forward, backward, gradient, segment, optimiser] = &modules[..] else {
-            unreachable!("six sources")
+        let [weights, forward, backward, edges, gradient, segment, optimiser] = &modules[..] else {
+            unreachable!("seven sources")
         };
         // What the driver keeps of a block's shared memory is not in the limit.
         let shared = device.limits()?.shared_per_block;
@@ -275,9 +306,12 @@ impl Kernels {
         Ok(Self {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
-            forward_wide: with_shared(forward, "mlp_forward_wide", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            backward_wide: with_shared(backward, "mlp_backward_wide", shared)?,
+            edges_backward: if precision == Precision::Bf16 && device.architecture() == "sm_90a" {
+                Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
+            } else {
+                None
+            },
             product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
             receive: segment.load_function("receive")?,
             collect: segment.load_function("collect")?,
@@ -290,6 +324,7 @@ impl Kernels {
             precision,
             profile: Profile::default(),
             shared,
+            early: !training && device.context().compute_capability()?.0 >= 9,
         })
     }
 
@@ -324,10 +359,53 @@ impl Kernels {
         })
     }
 
-    /// Blocks of an MLP launch on at most `rows` rows. A multiprocessor has four tensor cores, so
-    /// four warps of 16 rows take no longer than one, and fewer blocks fetch fewer weights.
-    pub fn blocks(&self, rows: usize) -> u32 {
-        self.processors.min(rows.div_ceil(64) as u32).max(1)
+    /// Launches a kernel that waits itself for the one before (`wait_for_kernel_before` of ptx.cuh),
+    /// and until then reads weights only. If these do not change it can begin while that one ends.
+    ///
+    /// # Safety
+    /// As for [`LaunchArgs::launch`]; `argument` is the kernel's only one.
+    unsafe fn launch_early<T: DeviceRepr>(
+        &self,
+        name: &'static str,
+        kernel: &CudaFunction,
+        mut argument: T,
+        config: LaunchConfig,
+    ) -> Result<(), CudaError> {
+        let stream = self.device.stream();
+        let mut early = CUlaunchAttribute {
+            id: CUlaunchAttributeID::CU_LAUNCH_ATTRIBUTE_PROGRAMMATIC_STREAM_SERIALIZATION,
+            pad: [0; 4],
+            value: CUlaunchAttributeValue { programmaticStreamSerializationAllowed: 1 },
+        };
+        let launch = CUlaunchConfig {
+            gridDimX: config.grid_dim.0,
+            gridDimY: config.grid_dim.1,
+            gridDimZ: config.grid_dim.2,
+            blockDimX: config.block_dim.0,
+            blockDimY: config.block_dim.1,
+            blockDimZ: config.block_dim.2,
+            sharedMemBytes: config.shared_mem_bytes,
+            hStream: stream.cu_stream(),
+            attrs: &raw mut early,
+            numAttrs: u32::from(self.early),
+        };
+        let mut arguments = [(&raw mut argument).cast::<std::ffi::c_void>()];
+        self.profile.around(name, stream, || {
+            // SAFETY: the caller's; the pointers are to what is alive here.
+            unsafe {
+                let (kernel, none) = (kernel.cu_function(), std::ptr::null_mut());
+                cuLaunchKernelEx(&raw const launch, kernel, arguments.as_mut_ptr(), none)
+            }
+            .result()?;
+            Ok(())
+        })
+    }
+
+    /// Blocks of an MLP launch on at most `rows` rows, if so many MLPs are computed together. A
+    /// multiprocessor has four tensor cores, so four warps of 16 rows take no longer than one, and
+    /// fewer blocks fetch fewer weights.
+    pub fn blocks(&self, rows: usize, together: usize) -> usize {
+        (self.processors as usize / together).min(rows.div_ceil(64)).max(1)
     }
 
     /// Whether `units` (in words of 16 bytes) fit into shared memory with `vectors` of 128 f32;
@@ -342,11 +420,8 @@ impl Kernels {
     /// MLPs with the same sizes of weights on up to `rows` rows each.
     pub fn forward(&self, items: &[Forward], rows: usize) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = if edges {
-            ("forward, edges", &self.forward_wide, self.precision.wide().0)
-        } else {
-            ("forward, nodes", &self.forward, NARROW_THREADS)
-        };
+        let name = if edges { "forward, edges" } else { "forward, nodes" };
+        let threads = self.precision.threads();
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
             let mut shared = 0;
@@ -355,22 +430,23 @@ impl Kernels {
                 *to = Forward { resident: i32::from(resident), ..*from };
                 shared = shared.max(bytes);
             }
-            let mut launch = self.device.stream().launch_builder(kernel);
-            launch.arg(&batch);
-            let grid = [self.blocks(rows), part.len() as u32];
+            // Of the multiprocessors, each MLP has its share.
+            let grid = [self.blocks(rows, part.len()) as u32, part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
-            unsafe { self.launch(name, launch, config(grid, threads, shared))? };
+            unsafe {
+                self.launch_early(name, &self.forward, batch, config(grid, threads, shared))?;
+            }
         }
         Ok(())
     }
 
-    /// As [`forward`](Self::forward).
-    pub fn backward(&self, items: &[Backward], rows: usize) -> Result<(), CudaError> {
+    /// MLPs with the same sizes of weights on up to `rows` rows each, which `blocks` share.
+    pub fn backward(&self, items: &[Backward]) -> Result<(), CudaError> {
         let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = if edges {
-            ("backward, edges", &self.backward_wide, self.precision.wide().0)
-        } else {
-            ("backward, nodes", &self.backward, NARROW_THREADS)
+        let (name, kernel, threads) = match (edges, &self.edges_backward) {
+            (true, Some(kernel)) => ("backward, edges", kernel, EDGES_THREADS),
+            (true, None) => ("backward, edges", &self.backward, self.precision.threads()),
+            _ => ("backward, nodes", &self.backward, self.precision.threads()),
         };
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();
@@ -382,13 +458,21 @@ impl Kernels {
                 let sums = threads as usize / 32 * 256 * 4;
                 shared = shared.max(bytes).max(sums);
             }
+            if edges && self.edges_backward.is_some() {
+                shared = EDGES_SHARED;
+            }
             let mut launch = self.device.stream().launch_builder(kernel);
             launch.arg(&batch);
-            let grid = [self.blocks(rows), part.len() as u32];
-            // SAFETY: as above.
+            let grid = [part[0].blocks as u32, part.len() as u32];
+            // SAFETY: the addresses in the items are those of live buffers for their rows.
             unsafe { self.launch(name, launch, config(grid, threads, shared))? };
         }
         Ok(())
+    }
+
+    /// Whether the backward pass of edges gives the gradients of the weights on its way.
+    pub fn fused(&self) -> bool {
+        self.edges_backward.is_some()
     }
 
     pub fn products(
@@ -407,26 +491,15 @@ impl Kernels {
         Ok(())
     }
 
-    /// Messages (normalised; LayerNorm at `norm` of the parameters) of each node's edges, added.
-    #[allow(clippy::too_many_arguments)]
-    pub fn receive(
-        &self,
-        start: Address,
-        points: usize,
-        normal: Address,
-        parameters: Address,
-        norm: i32,
-        width: usize,
-        sum: Address,
-    ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.receive);
-        let (points, width) = (points as i32, width as i32);
-        launch.arg(&start).arg(&points).arg(&normal).arg(&parameters).arg(&norm).arg(&width);
-        launch.arg(&sum);
-        // SAFETY: live buffers for the graph's points and edges.
-        unsafe {
-            self.launch("receive", launch, config([(points as u32).div_ceil(4), 1], 128, 0))?
-        };
+    /// Messages of each node's edges, added, of up to `points` nodes.
+    pub fn receive(&self, items: &[Receive], points: usize) -> Result<(), CudaError> {
+        for part in items.chunks(RECEIVE_BATCH) {
+            let mut batch = ReceiveBatch::default();
+            batch.0[..part.len()].copy_from_slice(part);
+            let grid = [(points as u32).div_ceil(4), part.len() as u32];
+            // SAFETY: live buffers for the graphs' points and edges.
+            unsafe { self.launch_early("receive", &self.receive, batch, config(grid, 128, 0))? };
+        }
         Ok(())
     }
 
@@ -482,42 +555,50 @@ impl Kernels {
         Ok(())
     }
 
-    /// Loss of points x columns numbers, and its gradient in rows of 128.
-    #[allow(clippy::too_many_arguments)]
+    /// Sums of squared errors and of squared targets over points x columns numbers, and the
+    /// gradient of the first in rows of 128.
     pub fn loss(
         &self,
-        output: Address,
-        target: Address,
+        [output, target]: [Address; 2],
         points: usize,
         columns: usize,
         gradient: Address,
-        losses: Address,
-        counter: Address,
-        room: usize,
+        sums: Address,
     ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.loss);
-        let (points, columns, room) = (points as i32, columns as i32, room as u32);
-        launch.arg(&output).arg(&target).arg(&points).arg(&columns);
-        launch.arg(&gradient).arg(&losses).arg(&counter).arg(&room);
+        let (points, columns) = (points as i32, columns as i32);
+        launch.arg(&output).arg(&target).arg(&points).arg(&columns).arg(&gradient).arg(&sums);
         // SAFETY: live buffers of these sizes.
         unsafe { self.launch("loss", launch, config([1, 1], 1024, 0))? };
         Ok(())
     }
 
     /// Adam on `count` weights: weights, averages of gradients and of their squares, average of
-    /// the weights (or 0), gradient, rates.
-    pub fn adam(&self, lists: [Address; 6], count: usize) -> Result<(), CudaError> {
+    /// the weights (or 0), gradient and the sums of the loss behind it, rates. The loss goes into
+    /// the ring of `room` losses where the counter says.
+    pub fn adam(
+        &self,
+        lists: [Address; 6],
+        count: usize,
+        [losses, counter]: [Address; 2],
+        room: usize,
+    ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.adam);
         for list in &lists {
             launch.arg(list);
         }
-        let number = count as i32;
-        launch.arg(&number);
+        let (number, room) = (count as i32, room as u32);
+        launch.arg(&number).arg(&losses).arg(&counter).arg(&room);
         // SAFETY: live buffers of this size.
         unsafe { self.launch("adam", launch, config([(count as u32).div_ceil(256), 1], 256, 0))? };
         Ok(())
     }
 }
+
+/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows, three stages
+/// of three tiles of 64, all of 256 bytes, and five vectors.
+const EDGES_THREADS: u32 = 512;
+const EDGES_SHARED: usize = (128 + 3 * 3 * 64) * 256 + 5 * WIDTH * 4;
 
 /// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
 fn product_shared(precision: Precision) -> usize {

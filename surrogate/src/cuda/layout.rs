@@ -128,7 +128,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    pub fn new(config: &ModelConfig, precision: Precision) -> Self {
+    /// `fused`: with the weights of edges' MLPs as `edges_backward.cu` takes them.
+    pub fn new(config: &ModelConfig, precision: Precision, fused: bool) -> Self {
         let mut list = List { config, mlps: Vec::new(), parameters: 0 };
         let features = |n| vec![Input::Features(n)];
         let states = |n| vec![Input::State; n];
@@ -185,41 +186,49 @@ impl Layout {
             words: 0,
             mlps: list.mlps,
         };
-        layout.pack(precision);
+        layout.pack(precision, fused);
         layout
     }
 
-    fn pack(&mut self, precision: Precision) {
+    /// Whether a layer (not the first) reads the messages of the one before.
+    pub fn reads_messages(&self, layer: usize) -> bool {
+        layer >= self.frames || self.edge_fusion.is_some()
+    }
+
+    fn pack(&mut self, precision: Precision, fused: bool) {
         let mut packer = Packer { parts: precision.parts(), packs: Vec::new(), words: 0 };
         let messages: Vec<usize> = self.layers.iter().map(|l| l.message).collect();
+        let mut edges = vec![self.edge_first, self.edge_later];
+        edges.extend(messages.iter().copied().chain(self.edge_fusion));
         for (k, mlp) in self.mlps.iter_mut().enumerate() {
             // Of a message, the first two inputs are the nodes'.
             let first = if messages.contains(&k) { 2 } else { 0 };
             let inputs: Vec<usize> = (first..mlp.inputs.len()).collect();
             mlp.forward = packer.sequence(|p| {
                 for &input in &inputs {
-                    p.input(mlp, input, false);
+                    p.input(mlp, input, Order::Forward);
                 }
                 for layer in 1..=mlp.layers {
-                    p.linear(mlp, layer, false);
+                    p.linear(mlp, layer, Order::Forward);
                 }
             });
+            let order = if fused && edges.contains(&k) { Order::Plain } else { Order::Transposed };
             mlp.backward = packer.sequence(|p| {
                 for layer in (1..=mlp.layers).rev() {
-                    p.linear(mlp, layer, true);
+                    p.linear(mlp, layer, order);
                 }
                 for &input in inputs.iter().filter(|&&i| mlp.inputs[i] == Input::State) {
-                    p.input(mlp, input, true);
+                    p.input(mlp, input, order);
                 }
             });
         }
         for layer in &mut self.layers {
             let mlp = &self.mlps[layer.message];
-            layer.sender = packer.sequence(|p| p.input(mlp, 0, false));
-            layer.receiver = packer.sequence(|p| p.input(mlp, 1, false));
+            layer.sender = packer.sequence(|p| p.input(mlp, 0, Order::Forward));
+            layer.receiver = packer.sequence(|p| p.input(mlp, 1, Order::Forward));
             layer.to_nodes = packer.sequence(|p| {
-                p.input(mlp, 0, true);
-                p.input(mlp, 1, true);
+                p.input(mlp, 0, Order::Transposed);
+                p.input(mlp, 1, Order::Transposed);
             });
         }
         self.packs = packer.packs;
@@ -252,6 +261,14 @@ impl List<'_> {
     }
 }
 
+/// How a matrix is packed (weights.cu).
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Order {
+    Forward,
+    Transposed,
+    Plain,
+}
+
 struct Packer {
     parts: usize,
     packs: Vec<Pack>,
@@ -266,25 +283,18 @@ impl Packer {
     }
 
     /// The rows of the first linear that act on an input.
-    fn input(&mut self, mlp: &Mlp, input: usize, transposed: bool) {
+    fn input(&mut self, mlp: &Mlp, input: usize, order: Order) {
         let kind = mlp.inputs[input];
         let (rows, columns) = (mlp.columns_of(kind), mlp.outputs(0));
         let from = mlp.weight(0) + mlp.first_row(input) * columns;
-        self.matrix(from, rows, columns, transposed, kind != Input::State);
+        self.matrix(from, rows, columns, order, kind != Input::State);
     }
 
-    fn linear(&mut self, mlp: &Mlp, layer: usize, transposed: bool) {
-        self.matrix(mlp.weight(layer), mlp.width, mlp.outputs(layer), transposed, false);
+    fn linear(&mut self, mlp: &Mlp, layer: usize, order: Order) {
+        self.matrix(mlp.weight(layer), mlp.width, mlp.outputs(layer), order, false);
     }
 
-    fn matrix(
-        &mut self,
-        from: usize,
-        rows: usize,
-        columns: usize,
-        transposed: bool,
-        features: bool,
-    ) {
+    fn matrix(&mut self, from: usize, rows: usize, columns: usize, order: Order, features: bool) {
         let steps = if features { rows.div_ceil(16) } else { 8 };
         let parts = if features { 2 } else { self.parts };
         self.packs.push(Pack {
@@ -292,10 +302,11 @@ impl Packer {
             stride: columns as i32,
             rows: rows as i32,
             columns: columns as i32,
-            transposed: i32::from(transposed),
+            transposed: i32::from(order == Order::Transposed),
             steps: steps as i32,
             features: i32::from(features),
             parts: parts as i32,
+            plain: i32::from(order == Order::Plain),
             to: self.words as i32,
         });
         self.words += parts * steps * UNIT / 8;
@@ -312,7 +323,7 @@ mod tests {
         for name in PAPER_NETWORKS.into_iter().chain(["gns"]) {
             for dimensions in [2, 3] {
                 let config = ModelConfig { dimensions, ..ModelConfig::named(name).unwrap() };
-                let layout = Layout::new(&config, Precision::Bf16);
+                let layout = Layout::new(&config, Precision::Bf16, true);
                 assert_eq!(layout.parameters, config.parameter_count(), "{name}");
             }
         }

@@ -28,14 +28,14 @@ mod trainer;
 mod upload;
 
 pub use ahead::Ahead;
-pub use batch::{BatchBuilder, DeviceBatch, HostWindows};
+pub use batch::{BatchBuilder, DeviceBatch, EDGES_PER_POINT, HostWindows};
 pub use buffers::{DeviceGraph, FrameInput};
 pub use error::CudaError;
 pub use features::{FEATURES_SOURCE, FrameBuilder, features_defines};
 pub use graph::{GRAPH_SOURCE, GraphBuilder, graph_defines};
 pub use integrate::{BLOCK, Frames, INTEGRATE_SOURCE, Integrator, Landing, Motion};
 pub use kernels::{Precision, SOURCES, defines};
-pub use network::{Capacity, CudaNetwork};
-pub use predict::{CudaRollout, Network, supports};
+pub use network::{Capacity, CudaNetwork, supports};
+pub use predict::{CudaRollout, Network, Past};
 pub use trainer::{CudaTrainer, LOSSES, Rates};
 pub use upload::{HostInput, upload};

@@ -31,6 +31,25 @@ pub struct CudaNetwork {
     pub(super) output: CudaSlice<f32>,
 }
 
+/// Whether the kernels can compute networks like this.
+///
+/// # Errors
+/// If one of its sizes is too large: which.
+pub fn supports(config: &ModelConfig) -> Result<(), CudaError> {
+    let mut limits =
+        vec![("width", config.width, WIDTH), ("hidden_layers", config.hidden_layers, MOST_LAYERS)];
+    if config.kind == ModelKind::Gns {
+        let velocities = MOST_FEATURES.saturating_sub(config.first_node_features());
+        limits.push(("frames", config.frames, velocities / config.dimensions + 1));
+    }
+    for (key, value, most) in limits {
+        if value > most {
+            return Err(CudaError::Unsupported { key, value, most });
+        }
+    }
+    Ok(())
+}
+
 /// How much a network has to have room for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capacity {
@@ -64,8 +83,7 @@ impl CudaNetwork {
     /// A network with weights all zero. `training`: with room for what gradients need.
     ///
     /// # Errors
-    /// If the network is wider than 128 or otherwise too large for the kernels, or the GPU's memory
-    /// too small.
+    /// If the kernels do not [support](supports) the network, or the GPU's memory is too small.
     pub fn new(
         device: &Arc<Device>,
         config: &ModelConfig,
@@ -73,16 +91,9 @@ impl CudaNetwork {
         capacity: Capacity,
         training: bool,
     ) -> Result<Self, CudaError> {
-        let at_most = |key, value, most| {
-            if value <= most { Ok(()) } else { Err(CudaError::Unsupported { key, value, most }) }
-        };
-        at_most("width", config.width, WIDTH)?;
-        at_most("hidden_layers", config.hidden_layers, MOST_LAYERS)?;
-        if config.kind == ModelKind::Gns {
-            at_most("frames", config.gns_node_features(), MOST_FEATURES)?;
-        }
-        let layout = Layout::new(config, precision);
-        let kernels = Kernels::load(device, precision)?;
+        supports(config)?;
+        let kernels = Kernels::load(device, precision, training)?;
+        let layout = Layout::new(config, precision, kernels.fused());
         let room = Room::new(device, &layout, &kernels, capacity, training)?;
         Ok(Self {
             parameters: device.zeros(layout.parameters)?,
@@ -106,7 +117,9 @@ impl CudaNetwork {
             return Err(CudaError::Weights { found: weights.len(), expected });
         }
         self.kernels.device.stream().memcpy_htod(weights, &mut self.parameters)?;
-        self.pack()
+        self.pack()?;
+        // Kernels that begin early read them.
+        Ok(self.kernels.device.stream().synchronize()?)
     }
 
     /// Makes room for larger batches, if need be.
@@ -145,11 +158,6 @@ impl CudaNetwork {
         times
     }
 
-    /// Dimensions of space.
-    pub fn dimensions(&self) -> usize {
-        self.layout.dimensions
-    }
-
     /// What there is room for.
     pub fn capacity(&self) -> Capacity {
         self.room.capacity
@@ -168,8 +176,7 @@ impl CudaNetwork {
     /// If there are more points or edges than there is room for.
     pub fn forward(&mut self, frames: &[FrameInput]) -> Result<&CudaSlice<f32>, CudaError> {
         let views = self.views(frames)?;
-        self.encode(&views)?;
-        self.pass_messages(&views)?;
+        self.pass(&views)?;
         Ok(&self.output)
     }
 

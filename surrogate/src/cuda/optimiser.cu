@@ -1,4 +1,6 @@
-// The loss, and from all blocks' sums the gradient of the weights and Adam's step.
+// The loss, and from all blocks' sums the gradient of the weights and Adam's step. Gradients are
+// those of the sum of squared errors until Adam divides them by the sum of squared targets: both
+// stand behind the gradient, and several GPUs add up all of it in between.
 
 // A part of the list of all weights, and the sums of which its gradient consists.
 struct Target {
@@ -54,32 +56,38 @@ __device__ float block_sum(float x) {
     return sum;
 }
 
-// loss = sum (a - a*)^2 / sum (a*)^2 over points x columns, and its gradient in rows of 128. The loss is put where the counter of losses says.
+// sums = { sum (a - a*)^2, sum (a*)^2 } over points x columns, and the gradient of the first in rows
+// of 128.
 extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
     loss_gradient(const float* output, const float* target, int points, int columns,
-                  float* gradient, float* losses, u32* counter, u32 room) {
-    float scale = 0.f, error = 0.f;
+                  float* gradient, float* sums) {
+    float error = 0.f, scale = 0.f;
     for (int n = threadIdx.x; n < points * columns; n += LOSS_THREADS) {
         float e = output[n] - target[n];
-        scale += target[n] * target[n];
+        gradient[n / columns * WIDTH + n % columns] = 2.f * e;
         error += e * e;
+        scale += target[n] * target[n];
     }
-    scale = fmaxf(block_sum(scale), 1e-12f);
     error = block_sum(error);
-    for (int n = threadIdx.x; n < points * columns; n += LOSS_THREADS) {
-        int place = n / columns * WIDTH + n % columns;
-        gradient[place] = 2.f * (output[n] - target[n]) / scale;
+    scale = block_sum(scale);
+    if (threadIdx.x == 0) {
+        sums[0] = error;
+        sums[1] = scale;
     }
-    if (threadIdx.x == 0) losses[atomicAdd(counter, 1) % room] = error / scale;
 }
 
 // One step of Adam (Kingma, Ba, 2015), and of the moving average of the weights if `average` is not
-// null. `rates`: rate, 1 - beta_1^n, 1 - beta_2^n, decay of the average.
+// null. `rates`: rate, 1 - beta_1^n, 1 - beta_2^n, decay of the average. `gradient` ends with the
+// sums of the loss, which goes where the counter of losses says.
 extern "C" __global__ void adam(float* weights, float* mean, float* square, float* average,
-                                const float* gradient, const float* rates, int count) {
+                                const float* gradient, const float* rates, int count,
+                                float* losses, u32* counter, u32 room) {
     const int k = blockIdx.x * blockDim.x + threadIdx.x;
+    // Finite when nothing accelerates.
+    const float scale = fmaxf(gradient[count + 1], 1e-12f);
+    if (k == 0) losses[atomicAdd(counter, 1) % room] = gradient[count] / scale;
     if (k >= count) return;
-    const float beta_1 = 0.9f, beta_2 = 0.999f, g = gradient[k];
+    const float beta_1 = 0.9f, beta_2 = 0.999f, g = gradient[k] / scale;
     const float m = mean[k] = beta_1 * mean[k] + (1.f - beta_1) * g;
     const float s = square[k] = beta_2 * square[k] + (1.f - beta_2) * g * g;
     const float w = weights[k] -= rates[0] * (m / rates[1]) / (sqrtf(s / rates[2]) + 1e-8f);

@@ -7,18 +7,16 @@ use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaGraph, CudaSlice, PinnedHostSlice};
 use gpu::Device;
 
+use super::batch::EDGES_PER_POINT;
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::features::FrameBuilder;
 use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
-use super::kernels::WIDTH;
 use super::network::{Capacity, CudaNetwork};
 use crate::config::{ModelConfig, ModelKind};
 use crate::features::Normalisation;
 use crate::rollout::RolloutError;
-
-/// Room for edges of each point at first; it grows as needed.
-const EDGES_PER_POINT: usize = 48;
+use crate::simulator::mirrored;
 
 /// What computes accelerations in a rollout.
 pub trait Network {
@@ -28,24 +26,21 @@ pub trait Network {
     /// Too little memory.
     fn make_room(&mut self, points: usize, edges: usize) -> Result<(), CudaError>;
 
-    /// Queues the computation of the normalised accelerations of the newest frame, points x
-    /// dimensions, on the device's stream, without waiting, so that it can be captured in a CUDA
-    /// graph.
+    /// Queues the computation of the normalised accelerations, points x dimensions, of the window
+    /// that ends with `frame`, on the device's stream, without waiting, so that it can be captured in
+    /// a CUDA graph.
     ///
-    /// The oldest frame comes first. All have the features of later frames, of which the first one's
-    /// velocities are to be ignored. `moved`: the window is that of the call before, moved on by a
-    /// frame.
+    /// Frames come one after the other, those of the first window too, for which there is nothing to
+    /// be had but for the last. All have the features of later frames, of which the first one's
+    /// velocities are to be ignored. `before` is the frame before.
     ///
     /// # Errors
     /// A launch was refused.
     fn accelerations(
         &mut self,
-        frames: &[&FrameInput],
-        moved: bool,
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError>;
-
-    /// What is queued is the same again after so many calls, for the same frames in the same places.
-    fn period(&self) -> usize;
 }
 
 impl Network for CudaNetwork {
@@ -55,34 +50,20 @@ impl Network for CudaNetwork {
 
     fn accelerations(
         &mut self,
-        frames: &[&FrameInput],
-        moved: bool,
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError> {
-        self.advance(frames, moved)
-    }
-
-    /// The encodings of all frames but the first take turns.
-    fn period(&self) -> usize {
-        self.config.frames - 1
+        self.advance(frame, before)
     }
 }
 
-/// Whether networks like this can be rolled out on a GPU.
-///
-/// # Errors
-/// If not: why.
-pub fn supports(config: &ModelConfig) -> Result<(), CudaError> {
-    let layers = if config.kind == ModelKind::Gns { config.gns_layers } else { 0 };
-    for (key, value, most) in [
-        ("width", config.width, WIDTH),
-        ("node_features", config.node_features.len(), 0),
-        ("gns_layers", layers, 0),
-    ] {
-        if value > most {
-            return Err(CudaError::Unsupported { key, value, most });
-        }
-    }
-    Ok(())
+/// What a rollout begins with.
+#[derive(Clone, Copy, Debug)]
+pub struct Past<'a> {
+    /// Positions (m) in a window of frames, the first of which has number 0.
+    pub window: &'a [Vec<[f64; 2]>],
+    /// Features that never change, of each point.
+    pub statics: &'a [f32],
 }
 
 /// A rollout on the device.
@@ -91,8 +72,12 @@ pub struct CudaRollout<N> {
     network: N,
     builder: FrameBuilder,
     integrator: Integrator,
+    config: ModelConfig,
+    /// Width of the domain, if each frame is followed by its mirror image.
+    mirror: Option<f64>,
     /// The frames of the window take turns: the newest takes the place of the oldest.
     positions: Vec<CudaSlice<f32>>,
+    /// The newest frame and the one before, in turn.
     inputs: Vec<FrameInput>,
     /// The last frames that the host has seen, as many as the window has.
     window: VecDeque<Vec<[f64; 2]>>,
@@ -108,7 +93,7 @@ pub struct CudaRollout<N> {
 }
 
 impl<N: Network> CudaRollout<N> {
-    /// Begins after a window of frames (positions in m), the first of which has number 0.
+    /// Begins after a window of frames.
     ///
     /// # Errors
     /// Too little memory, or no compiler.
@@ -117,12 +102,16 @@ impl<N: Network> CudaRollout<N> {
         config: &ModelConfig,
         norm: &Normalisation,
         motion: &Motion,
-        window: &[Vec<[f64; 2]>],
+        past: Past,
         network: N,
     ) -> Result<Self, CudaError> {
+        let Past { window, statics } = past;
         let points = window[0].len();
         let bounds = motion.constraints.domain().map(|length| [0.0, length]);
-        let builder = FrameBuilder::new(device, config, norm, &bounds, &[points])?;
+        // The images are a second window beside the first.
+        let windows = if motion.mirror { 2 } else { 1 };
+        let mut builder = FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows])?;
+        builder.set_statics(&statics.repeat(windows))?;
         let integrator = Integrator::new(device, config, norm, motion, points)?;
         let landing = || -> Result<_, CudaError> {
             // SAFETY: read after a copy has filled it only.
@@ -133,8 +122,13 @@ impl<N: Network> CudaRollout<N> {
             network,
             landings: [landing()?, landing()?],
             integrator,
-            positions: window.iter().map(|_| device.zeros(2 * points)).collect::<Result<_, _>>()?,
+            positions: window
+                .iter()
+                .map(|_| device.zeros(2 * windows * points))
+                .collect::<Result<_, _>>()?,
             inputs: Vec::new(),
+            config: config.clone(),
+            mirror: motion.mirror.then(|| motion.constraints.domain()[0]),
             builder,
             window: window.iter().cloned().collect(),
             frame: window.len(),
@@ -143,7 +137,7 @@ impl<N: Network> CudaRollout<N> {
             graphs: Vec::new(),
             device: device.clone(),
         };
-        rollout.make_room(EDGES_PER_POINT * points)?;
+        rollout.make_room(EDGES_PER_POINT * rollout.builder.points())?;
         rollout.begin()?;
         Ok(rollout)
     }
@@ -153,7 +147,7 @@ impl<N: Network> CudaRollout<N> {
         self.graphs.clear();
         self.inputs.clear();
         self.network.make_room(self.builder.points(), edges)?;
-        for _ in 0..self.window.len() {
+        for _ in 0..2 {
             self.inputs.push(self.builder.allocate(edges)?);
         }
         Ok(())
@@ -166,12 +160,15 @@ impl<N: Network> CudaRollout<N> {
         (self.queued, self.given) = (0, 0);
         self.integrator.begin([&self.window[frames - 2], &self.window[frames - 1]], self.frame)?;
         for (position, frame) in self.positions.iter_mut().zip(&self.window) {
-            let single: Vec<f32> = frame.as_flattened().iter().map(|&x| x as f32).collect();
+            let mut single: Vec<f32> = frame.as_flattened().iter().map(|&x| x as f32).collect();
+            if let Some(width) = self.mirror {
+                single.extend(mirrored(&single, width));
+            }
             stream.memcpy_htod(&single, position)?;
         }
         loop {
-            for (position, input) in self.positions.iter().zip(&mut self.inputs) {
-                self.builder.graph(&position.as_view(), input)?;
+            for position in &self.positions {
+                self.builder.graph(&position.as_view(), &mut self.inputs[0])?;
             }
             let needed = self.builder.needed()?;
             if needed <= self.room() {
@@ -180,9 +177,14 @@ impl<N: Network> CudaRollout<N> {
             self.make_room(needed + needed / 4)?;
         }
         self.graphs.clear();
-        self.graphs.resize_with(least_common_multiple(frames, self.network.period()), || None);
-        // The first frame's velocities are unknown, and nobody reads them.
-        (0..frames).try_for_each(|k| self.features(k, k.saturating_sub(1)))
+        self.graphs
+            .resize_with(if frames.is_multiple_of(2) { frames } else { 2 * frames }, || None);
+        self.input(0)?;
+        for frame in 1..frames {
+            self.network.accelerations(&self.inputs[(frame - 1) % 2], &self.inputs[frame % 2])?;
+            self.input(frame)?;
+        }
+        Ok(())
     }
 
     /// Edges that a frame has room for.
@@ -190,22 +192,32 @@ impl<N: Network> CudaRollout<N> {
         self.inputs[0].graph.capacity
     }
 
-    fn features(&mut self, place: usize, before: usize) -> Result<(), CudaError> {
-        let [now, before] = [place, before].map(|k| self.positions[k].as_view());
-        Ok(self.builder.features(&now, Some(&before), &mut self.inputs[place])?)
+    /// Queues graph and features of a frame, counted from the first of the window that the host knew.
+    /// That one's velocities are unknown: they are made with the last of the window, and nobody reads
+    /// them.
+    fn input(&mut self, frame: usize) -> Result<(), CudaError> {
+        let frames = self.positions.len();
+        let known = match self.config.kind {
+            ModelKind::Tgnns => 2,
+            ModelKind::Gns => frames,
+        };
+        let history: Vec<_> = (frame + frames + 1 - known..=frame + frames)
+            .map(|frame| self.positions[frame % frames].as_view())
+            .collect();
+        let input = &mut self.inputs[frame % 2];
+        self.builder.graph(&history[known - 1], input)?;
+        Ok(self.builder.features(&history, input)?)
     }
 
     /// Queues one frame: acceleration of the network, semi-implicit Euler, walls and boxes; then the
-    /// new frame's graph and features, in the place of the oldest frame.
+    /// new frame's graph and features.
     fn queue(&mut self) -> Result<(), CudaError> {
-        let frames = self.inputs.len();
-        let oldest = self.queued % frames;
-        let window: Vec<&FrameInput> =
-            (0..frames).map(|k| &self.inputs[(oldest + k) % frames]).collect();
-        let output = self.network.accelerations(&window, self.queued > 0)?;
-        self.integrator.step(output, &mut self.positions[oldest])?;
-        self.builder.graph(&self.positions[oldest].as_view(), &mut self.inputs[oldest])?;
-        self.features(oldest, (oldest + frames - 1) % frames)
+        let frames = self.positions.len();
+        let new = frames + self.queued;
+        let [newest, before] = [1, 2].map(|k| &self.inputs[(new - k) % 2]);
+        let output = self.network.accelerations(newest, before)?;
+        self.integrator.step(output, &mut self.positions[new % frames])?;
+        self.input(new)
     }
 
     /// Queues one frame, as a CUDA graph but for the first, which loads the kernels.
@@ -276,8 +288,4 @@ impl<N: Network> CudaRollout<N> {
         }
         Ok((frames, failure))
     }
-}
-
-fn least_common_multiple(a: usize, b: usize) -> usize {
-    (1..=b).map(|k| a * k).find(|multiple| multiple.is_multiple_of(b)).unwrap_or(a)
 }

@@ -13,20 +13,27 @@ use super::kernels::{Address, Product, Target, WIDTH};
 use super::layout::Input;
 use super::network::{CudaNetwork, Features, View};
 use super::room::Saved;
+use super::trainer::SUMS;
 
 /// Blocks that share the rows of a product over edges, and over nodes.
 const EDGE_BLOCKS: usize = 44;
 const NODE_BLOCKS: usize = 8;
 
+/// Products of one application of an MLP in the list: the first, and their number.
+type Range = (usize, usize);
+
 /// Gradients of all weights, and what it takes to compute them.
 #[derive(Debug)]
 pub struct Products {
-    /// In the order of the weights.
+    /// In the order of the weights, then the sums of the loss ([`SUMS`]).
     pub gradient: CudaSlice<f32>,
     products: CudaSlice<Product>,
     targets: CudaSlice<Target>,
-    /// What is on the device.
+    /// What is on the device: products over edges, those of an application of an MLP from the last
+    /// linear to the first, then those over nodes.
     known: Vec<Product>,
+    /// Of applications to edges, by the address of the gradients.
+    applications: BTreeMap<Address, Range>,
     target_count: usize,
     weight_sums: CudaSlice<f32>,
     bias_sums: CudaSlice<f32>,
@@ -40,6 +47,8 @@ struct Part {
     input: usize,
     /// LayerNorm whose scale and shift the product leaves out; -1 for none.
     norm: i32,
+    /// Of an application of an MLP to edges, the address of the gradients.
+    application: Address,
     product: Product,
 }
 
@@ -90,10 +99,11 @@ impl Products {
             }
         }
         Ok(Self {
-            gradient: device.zeros(layout.parameters)?,
+            gradient: device.zeros(layout.parameters + SUMS)?,
             products: device.upload(&vec![Product::default(); parts.len()])?,
             targets: device.upload(&targets)?,
             known: Vec::new(),
+            applications: BTreeMap::new(),
             target_count: targets.len(),
             weight_sums,
             bias_sums,
@@ -109,8 +119,12 @@ impl Products {
         assign(&mut parts, |weight, bias| {
             (weights + (4 * weight * WIDTH * WIDTH) as u64, biases + (4 * bias * WIDTH) as u64)
         });
-        // The long ones first.
+        // The long ones first, which stay in order.
         parts.sort_by_key(|part| part.product.count == 0);
+        self.applications.clear();
+        for (k, part) in parts.iter().enumerate().filter(|(_, part)| part.product.count != 0) {
+            self.applications.entry(part.application).or_insert((k, 0)).1 += 1;
+        }
         let products: Vec<Product> = parts.into_iter().map(|part| part.product).collect();
         if self.known != products {
             device.stream().memcpy_htod(&products, &mut self.products)?;
@@ -119,10 +133,26 @@ impl Products {
         Ok(())
     }
 
-    /// Computes the gradient of the weights.
+    /// Where the products of an application of an MLP to edges are, and their number.
+    pub fn of(&self, saved: &Saved, device: &Device) -> (Address, usize) {
+        match self.applications.get(&saved.linear) {
+            Some(&(first, count)) => (self.product(first, device), count),
+            None => (0, 0),
+        }
+    }
+
+    fn product(&self, number: usize, device: &Device) -> Address {
+        at(&self.products, device) + (number * size_of::<Product>()) as u64
+    }
+
+    /// Computes the gradient of the weights; in bf16, what the backward pass left of it.
     pub fn launch(&self, network: &CudaNetwork) -> Result<(), CudaError> {
         let device = &network.kernels.device;
-        network.kernels.products(at(&self.products, device), self.known.len(), EDGE_BLOCKS)?;
+        let edges = self.known.iter().take_while(|product| product.count != 0).count();
+        let (first, blocks) =
+            if network.kernels.fused() { (edges, NODE_BLOCKS) } else { (0, EDGE_BLOCKS) };
+        let products = self.product(first, device);
+        network.kernels.products(products, self.known.len() - first, blocks)?;
         let (targets, parameters) = (at(&self.targets, device), at(&network.parameters, device));
         let gradient = at(&self.gradient, device);
         network.kernels.reduce(targets, self.target_count, parameters, gradient)
@@ -146,6 +176,7 @@ struct Assigned {
 /// Gives the products of each part of the weights neighbouring shares; `address` is where the
 /// shares of that number are.
 fn assign(parts: &mut [Part], address: impl Fn(usize, usize) -> (Address, Address)) -> Assigned {
+    let mut parts: Vec<&mut Part> = parts.iter_mut().collect();
     parts.sort_by_key(|part| (part.mlp, part.linear, part.input));
     let mut all = Assigned { weight: 0, bias: 0, shares: BTreeMap::new() };
     for part in parts {
@@ -263,7 +294,8 @@ impl CudaNetwork {
                     blocks: NODE_BLOCKS as i32,
                     ..Product::default()
                 };
-                parts.push(Part { mlp: mlps.message, linear: 0, input, norm: -1, product });
+                let (mlp, application) = (mlps.message, 0);
+                parts.push(Part { mlp, linear: 0, input, norm: -1, application, product });
             }
             let states = vec![state, room.received];
             let read = nodes(mlps.update, &room.update, states, None, &view);
@@ -275,17 +307,31 @@ impl CudaNetwork {
         parts
     }
 
-    /// The products of one application of an MLP.
+    /// The products of one application of an MLP, those of the last linear first.
     fn add_products(&self, parts: &mut Vec<Part>, read: &Read) {
-        let m = &self.layout.mlps[read.mlp];
-        let bytes = self.kernels.precision.bytes() as u64;
-        let stride = bytes * read.saved.stride;
+        let (m, saved) = (&self.layout.mlps[read.mlp], read.saved);
+        let stride = self.kernels.precision.bytes() as u64 * saved.stride;
+        let blocks = match (read.count, self.kernels.fused()) {
+            (0, _) => NODE_BLOCKS,
+            (_, false) => EDGE_BLOCKS,
+            (_, true) => saved.blocks,
+        };
         let common = Product {
             count: read.count,
             rows: read.rows as u32,
-            blocks: if read.count == 0 { NODE_BLOCKS } else { EDGE_BLOCKS } as i32,
+            blocks: blocks as i32,
             ..Product::default()
         };
+        let application = saved.linear;
+        for linear in (1..=m.layers).rev() {
+            let product = Product {
+                x: saved.hidden + (linear as u64 - 1) * stride,
+                dz: saved.linear + linear as u64 * stride,
+                bias: 1,
+                ..common
+            };
+            parts.push(Part { mlp: read.mlp, linear, input: 0, norm: -1, application, product });
+        }
         // The nodes' parts of messages are apart.
         let first = m.inputs.len() - read.states.len() - usize::from(read.features.is_some());
         let mut input = first;
@@ -295,31 +341,23 @@ impl CudaNetwork {
             let product = Product {
                 x: state.at,
                 index: if k == 0 { read.index } else { 0 },
-                dz: read.saved.linear,
+                dz: saved.linear,
                 bias: bias(input),
                 ..common
             };
-            parts.push(Part { mlp: read.mlp, linear: 0, input, norm: state.norm, product });
+            let (mlp, norm) = (read.mlp, state.norm);
+            parts.push(Part { mlp, linear: 0, input, norm, application, product });
             input += 1;
         }
         if let Some(features) = read.features {
             let product = Product {
                 features: features.at,
                 feature_count: features.stride as i32,
-                dz: read.saved.linear,
+                dz: saved.linear,
                 bias: bias(input),
                 ..common
             };
-            parts.push(Part { mlp: read.mlp, linear: 0, input, norm: -1, product });
-        }
-        for linear in 1..=m.layers {
-            let product = Product {
-                x: read.saved.hidden + (linear as u64 - 1) * stride,
-                dz: read.saved.linear + linear as u64 * stride,
-                bias: 1,
-                ..common
-            };
-            parts.push(Part { mlp: read.mlp, linear, input: 0, norm: -1, product });
+            parts.push(Part { mlp: read.mlp, linear: 0, input, norm: -1, application, product });
         }
     }
 

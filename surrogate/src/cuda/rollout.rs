@@ -1,4 +1,4 @@
-//! Predictions frame after frame: encodings are kept while a frame is in the window.
+//! Predictions frame after frame.
 
 use cudarc::driver::CudaSlice;
 
@@ -8,69 +8,57 @@ use super::network::{CudaNetwork, View};
 use crate::config::ModelKind;
 
 impl CudaNetwork {
-    /// Normalised accelerations of a window, the oldest frame first. All frames have the features
-    /// of later ones, whose leading velocities the first one ignores (the GNS reads one frame).
-    /// `moved`: the window is that of the call before, moved on by one frame, and the encodings
-    /// of the frames that both have are used again. Does not wait.
+    /// Takes the next frame, with the features of later ones (the GNS: those of its only one), and
+    /// gives the normalised accelerations of the window that ends with it, once that many frames were
+    /// given. `before` is the frame of the call before. Does not wait.
+    ///
+    /// A layer of a TGNNS reads one frame of the window and the node states that the layer before it
+    /// made of the frame before. So all of them can work on the same frame at once, each for
+    /// another window: the one in which the frame has the layer's place. What they make of it is kept
+    /// for the next frame.
     ///
     /// # Errors
-    /// If there are more points or edges than there is room for, or the number of frames is wrong.
+    /// If there are more points or edges than there is room for.
     pub fn advance(
         &mut self,
-        frames: &[&FrameInput],
-        moved: bool,
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError> {
-        let (found, room) = (frames.len(), self.layout.frames);
-        if found != room {
-            return Err(CudaError::Room { what: "frames", found, room });
+        let frames = self.layout.frames;
+        let (first, view) = (self.frame_view(frame, true)?, self.frame_view(frame, false)?);
+        let before = self.frame_view(before, false)?;
+        // Later places share their encodings, but for `edgemsg`.
+        let encoded = if self.layout.edge_fusion.is_some() { frames } else { frames.min(2) };
+        let views = (0..encoded).map(|k| (k, if k == 0 { &first } else { &view }));
+        self.encode(&views.collect::<Vec<_>>())?;
+        self.fuse(1..frames, &before, &view)?;
+        self.message_layers(0..frames, &view)?;
+        for layer in frames..self.layout.layers.len() {
+            self.message_layers(layer..layer + 1, &view)?;
         }
-        let views = frames
-            .iter()
-            .enumerate()
-            .map(|(k, frame)| self.later_view(k, frame))
-            .collect::<Result<Vec<View>, _>>()?;
-        let newest = views.len() - 1;
-        // `edgemsg` writes the joined edge states over the encoded ones.
-        let kept = moved && newest > 0 && self.room.training.is_none();
-        if kept {
-            self.room.frames[1..].rotate_left(1);
-        }
-        let encoded = |k: &usize| !kept || *k == 0 || *k == newest;
-        let edge_encoded = |k: &usize| encoded(k) || self.layout.edge_fusion.is_some();
-        let all = 0..views.len();
-        let nodes: Vec<_> =
-            all.clone().filter(encoded).map(|k| self.node_encoder(k, &views[k])).collect();
-        let edges: Vec<_> =
-            all.filter(edge_encoded).map(|k| self.edge_encoder(k, &views[k])).collect();
-        self.kernels.forward(&nodes, self.room.capacity.points)?;
-        self.kernels.forward(&edges, self.room.capacity.edges)?;
-        self.pass_messages(&views)?;
+        self.decode(&view)?;
         Ok(&self.output)
     }
 
-    /// Times of the kernels of [`advance`](Self::advance) on a window that has moved: name,
-    /// launches, ms. Waits.
+    /// Times of the kernels of [`advance`](Self::advance): name, launches, ms. Waits.
     ///
     /// # Errors
     /// As [`advance`](Self::advance).
     pub fn profile_advance(
         &mut self,
-        frames: &[&FrameInput],
+        frame: &FrameInput,
+        before: &FrameInput,
     ) -> Result<Vec<(&'static str, usize, f32)>, CudaError> {
         self.kernels.profile.begin();
-        let done = self.advance(frames, true).map(|_| ());
+        let done = self.advance(frame, before).map(|_| ());
         let times = self.kernels.profile.end();
         done?;
         times
     }
 
-    /// What [`advance`](Self::advance) queues on the same frames is the same again after so many
-    /// calls: the encodings take turns.
-    pub fn period(&self) -> usize {
-        (self.layout.frames - 1).max(1)
-    }
-
-    fn later_view(&self, place: usize, frame: &FrameInput) -> Result<View, CudaError> {
+    /// A frame with the features of later ones, as the `first` of a window or a later one. The first
+    /// one has no velocities, which come first in a row.
+    fn frame_view(&self, frame: &FrameInput, first: bool) -> Result<View, CudaError> {
         let config = &self.config;
         match config.kind {
             ModelKind::Gns => {
@@ -78,7 +66,7 @@ impl CudaNetwork {
             }
             ModelKind::Tgnns => {
                 let columns = (config.later_node_features(), config.later_edge_features());
-                self.view(frame, columns, if place == 0 { config.dimensions } else { 0 })
+                self.view(frame, columns, if first { config.dimensions } else { 0 })
             }
         }
     }

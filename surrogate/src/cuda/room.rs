@@ -22,8 +22,10 @@ pub struct Saved {
     /// Output before LayerNorm's scale and shift, and the reciprocal standard deviation.
     pub normal: Address,
     pub deviation: Address,
-    /// Sums of the gradients of scale and shift, 256 for each block.
+    /// Sums of the gradients of scale and shift, 256 for each of the blocks that share the rows in
+    /// the backward pass.
     pub norm_sums: Address,
+    pub blocks: usize,
 }
 
 /// The states of one frame.
@@ -41,8 +43,9 @@ pub struct FrameRoom {
     /// Index of each edge in the previous frame, and of the previous frame's edges in this one.
     pub previous: Address,
     pub next: Address,
-    /// Gradient of the encoded nodes.
+    /// Gradients of the encoded nodes and edges.
     pub node_gradient: Address,
+    pub edge_gradient: Address,
 }
 
 /// The states of one message-passing layer.
@@ -55,7 +58,9 @@ pub struct LayerRoom {
     pub receiver: Address,
     pub sender_gradient: Address,
     pub receiver_gradient: Address,
-    /// The sum of messages.
+    /// The messages before LayerNorm's scale and shift, added up for each node and tile of 16 edges,
+    /// and the sum of messages.
+    pub sums: Address,
     pub received: Address,
     /// Node states, and edge states if not left to be scaled and shifted by who reads them.
     pub node: Address,
@@ -69,6 +74,13 @@ pub struct Passed {
     pub node: [Address; 2],
     pub received: Address,
     pub edge: [Address; 2],
+}
+
+impl Passed {
+    /// The buffer of edges' gradients that is not this one.
+    pub fn other_edge(&self, edge: Address) -> Address {
+        self.edge[usize::from(edge == self.edge[0])]
+    }
 }
 
 /// Sums of the gradients of a LayerNorm's scale and shift, 256 for each block of each application.
@@ -107,7 +119,7 @@ impl Room {
         let mut maker = Maker { layout, kernels, capacity, bytes, training, norms, memory };
         let mut frames = maker.frames()?;
         let mut layers = maker.layers()?;
-        let decoder = maker.saved(layout.decoder, capacity.points)?;
+        let decoder = maker.saved(layout.decoder, capacity.points, 1)?;
         let norm_sums = maker.norm_sums(&mut frames, &mut layers)?;
         let training = if training { Some(maker.passed()?) } else { None };
         Ok(Self { capacity, frames, layers, decoder, norm_sums, training, memory: maker.memory })
@@ -156,7 +168,8 @@ impl Maker<'_> {
         self.memory.take(4 * rows * WIDTH)
     }
 
-    fn saved(&mut self, mlp: usize, rows: usize) -> Result<Saved, CudaError> {
+    /// `together`: applications that share a launch of the backward pass.
+    fn saved(&mut self, mlp: usize, rows: usize, together: usize) -> Result<Saved, CudaError> {
         if !self.training {
             return Ok(Saved::default());
         }
@@ -165,6 +178,7 @@ impl Maker<'_> {
             hidden: self.states(layers * rows)?,
             linear: self.states((layers + 1) * rows)?,
             stride: (rows * WIDTH) as u64,
+            blocks: self.kernels.blocks(rows, together),
             ..Saved::default()
         };
         if norm {
@@ -173,7 +187,7 @@ impl Maker<'_> {
             // For now, the place among the sums of the same MLP.
             let blocks = self.norms.entry(mlp).or_default();
             saved.norm_sums = 1024 * *blocks as u64;
-            *blocks += self.kernels.blocks(rows) as usize;
+            *blocks += saved.blocks;
         }
         Ok(saved)
     }
@@ -217,32 +231,47 @@ impl Maker<'_> {
 
     fn frames(&mut self) -> Result<Vec<FrameRoom>, CudaError> {
         let (layout, Capacity { points, edges }) = (self.layout, self.capacity);
-        let mut frames = Vec::new();
+        let mut frames = Vec::<FrameRoom>::new();
         for k in 0..layout.frames {
             let (node, edge) = match k {
                 0 => (layout.node_first, layout.edge_first),
                 _ => (layout.node_later, layout.edge_later),
             };
+            let fusion = layout.edge_fusion.filter(|_| k > 0);
+            // Without training later frames share what does not depend on their place in the window;
+            // `edgemsg` writes joined states over the encoded ones.
+            let shared = if self.training { None } else { frames.get(1).copied() };
+            let encoded = shared.filter(|_| fusion.is_none());
             let mut frame = FrameRoom {
-                node: self.states(points)?,
-                node_encoder: self.saved(node, points)?,
-                edge_encoder: self.saved(edge, edges)?,
+                node: match encoded {
+                    Some(encoded) => encoded.node,
+                    None => self.states(points)?,
+                },
+                node_encoder: self.saved(node, points, 1)?,
+                edge_encoder: self.saved(edge, edges, layout.frames)?,
                 ..FrameRoom::default()
             };
             if self.training {
                 frame.node_gradient = self.states32(points)?;
+                frame.edge_gradient = self.states(edges)?;
             }
             if k > 0 {
                 frame.fused = self.states(points)?;
-                frame.node_fusion = self.saved(layout.node_fusion, points)?;
+                frame.node_fusion = self.saved(layout.node_fusion, points, 1)?;
             }
-            let fusion = layout.edge_fusion.filter(|_| k > 0);
             if let Some(fusion) = fusion {
-                frame.edge_fusion = self.saved(fusion, edges)?;
-                frame.previous = self.memory.take(4 * edges)?;
-                frame.next = self.memory.take(4 * edges)?;
+                frame.edge_fusion = self.saved(fusion, edges, 1)?;
+                frame.previous = match shared {
+                    Some(shared) => shared.previous,
+                    None => self.memory.take(4 * edges)?,
+                };
+                if self.training {
+                    frame.next = self.memory.take(4 * edges)?;
+                }
             }
-            if layout.residual || fusion.is_some() || !self.training {
+            if let Some(encoded) = encoded {
+                frame.edge = encoded.edge;
+            } else if layout.residual || fusion.is_some() || !self.training {
                 frame.edge = self.states(edges)?;
             }
             frames.push(frame);
@@ -255,10 +284,12 @@ impl Maker<'_> {
         let mut layers = Vec::<LayerRoom>::new();
         for (k, l) in layout.layers.iter().enumerate() {
             let mut layer = LayerRoom {
-                message: self.saved(l.message, edges)?,
-                update: self.saved(l.update, points)?,
+                message: self.saved(l.message, edges, 1)?,
+                update: self.saved(l.update, points, 1)?,
                 sender: self.states(points)?,
                 receiver: self.states(points)?,
+                // A sum for each tile, and one more for each node that begins in the middle of one.
+                sums: self.states32(edges.div_ceil(16) + points)?,
                 received: self.states(points)?,
                 node: self.states(points)?,
                 ..LayerRoom::default()
@@ -266,22 +297,15 @@ impl Maker<'_> {
             if self.training {
                 layer.sender_gradient = self.states(points)?;
                 layer.receiver_gradient = self.states(points)?;
-            } else {
-                // A layer reads the messages of the one before at most.
-                layer.message.normal = match layers.get(k.wrapping_sub(2)) {
-                    Some(before) => before.message.normal,
-                    None => self.states(edges)?,
-                };
-                layer.message.deviation = match layers.first() {
-                    Some(first) => first.message.deviation,
-                    None => self.memory.take(4 * edges)?,
-                };
             }
             // `edgemsg` reads the messages of several layers with one MLP, so that scale and shift
             // cannot be left to the reader.
-            let explicit = layout.residual || layout.edge_fusion.is_some();
-            if explicit && k + 1 < layout.layers.len() {
-                layer.edge = self.states(edges)?;
+            if k + 1 < layout.layers.len() && layout.reads_messages(k + 1) {
+                if layout.residual || layout.edge_fusion.is_some() {
+                    layer.edge = self.states(edges)?;
+                } else if !self.training {
+                    layer.message.normal = self.states(edges)?;
+                }
             }
             layers.push(layer);
         }

@@ -6,18 +6,37 @@ __device__ __forceinline__ void combine(float (&v)[8]) {
     for (int k = 0; k < 8; k++) v[k] += __shfl_xor_sync(ALL, v[k], 16);
 }
 
-// For each node the sum of its edges' messages scale x + shift, given x: points x 128.
-extern "C" __global__ void receive(const u32* start, int points, const Stored* x,
-                                   const float* parameters, int norm, int width, Stored* sum) {
+struct Receive {
+    const u32* start;
+    // Sums of the messages x of runs of edges (forward.cu).
+    const float* sums;
+    const float* parameters;
+    // points x 128.
+    Stored* received;
+    int points;
+    // Offset of LayerNorm's scale in `parameters`.
+    int norm;
+    int width;
+};
+
+struct ReceiveBatch {
+    Receive item[RECEIVE_BATCH];
+};
+
+// For each node the sum of its edges' messages scale x + shift.
+extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
+    wait_for_kernel_before();
+    const Receive& a = batch.item[blockIdx.y];
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
-    if (node >= points) return;
+    if (node >= a.points) return;
     const int column = lane % 16 * 8;
-    const u32 first = start[node], end = start[node + 1];
+    const u32 first = a.start[node], end = a.start[node + 1];
     float total[8] = {};
-#pragma unroll 4
-    for (u32 edge = first + lane / 16; edge < end; edge += 2) {
+    // Runs of this node: one in each tile of 16 edges.
+#pragma unroll 2
+    for (u32 tile = first / 16 + lane / 16; 16 * tile < end && first < end; tile += 2) {
         float v[8];
-        load8(x + (size_t)edge * WIDTH + column, v);
+        load8(a.sums + (size_t)(tile + node) * WIDTH + column, v);
 #pragma unroll
         for (int k = 0; k < 8; k++) total[k] += v[k];
     }
@@ -25,12 +44,12 @@ extern "C" __global__ void receive(const u32* start, int points, const Stored* x
     const float degree = end - first;
 #pragma unroll
     for (int k = 0; k < 8; k++) {
-        bool real = column + k < width;
-        float scale = real ? parameters[norm + column + k] : 0.f;
-        float shift = real ? parameters[norm + width + column + k] : 0.f;
+        bool real = column + k < a.width;
+        float scale = real ? a.parameters[a.norm + column + k] : 0.f;
+        float shift = real ? a.parameters[a.norm + a.width + column + k] : 0.f;
         total[k] = scale * total[k] + degree * shift;
     }
-    if (lane < 16) store8(sum + (size_t)node * WIDTH + column, total);
+    if (lane < 16) store8(a.received + (size_t)node * WIDTH + column, total);
 }
 
 // For each node the sum of an edge quantity over the edges that it receives, and over those that it

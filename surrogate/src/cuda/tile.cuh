@@ -14,9 +14,13 @@
 constexpr int WIDTH = 128;
 // u32 words of a packed bf16 matrix of 128 x 128, divided by 4.
 constexpr int UNIT = 2048;
+// The same of 16 of its rows.
+constexpr int STEP = UNIT / 8;
 constexpr u32 ALL = 0xffffffffu;
 // Index of a row that does not exist.
 constexpr u32 NONE = 0xffffffffu;
+// Warps that have to go through their tiles together: the GPU may multiply those of four at once.
+constexpr u32 TEAM = 4;
 
 #if PARTS == 1
 typedef unsigned short Stored;
@@ -47,10 +51,9 @@ __device__ __forceinline__ void split_f16(float a, float b, u32 (&part)[2]) {
     part[1] = pack_f16(a - x, b - y);
 }
 
-// Eight consecutive numbers.
-__device__ __forceinline__ void load8(const unsigned short* from, float (&v)[8]) {
-    uint4 u = *(const uint4*)from;
-    u32 word[4] = {u.x, u.y, u.z, u.w};
+// Eight numbers, as they are stored.
+__device__ __forceinline__ void unpack8(const uint4 (&u)[1], float (&v)[8]) {
+    u32 word[4] = {u[0].x, u[0].y, u[0].z, u[0].w};
 #pragma unroll
     for (int k = 0; k < 4; k++) {
         v[2 * k] = low(word[k]);
@@ -58,10 +61,19 @@ __device__ __forceinline__ void load8(const unsigned short* from, float (&v)[8])
     }
 }
 
-__device__ __forceinline__ void load8(const float* from, float (&v)[8]) {
-    float4 a = *(const float4*)from, b = *(const float4*)(from + 4);
-    v[0] = a.x, v[1] = a.y, v[2] = a.z, v[3] = a.w;
-    v[4] = b.x, v[5] = b.y, v[6] = b.z, v[7] = b.w;
+__device__ __forceinline__ void unpack8(const uint4 (&u)[2], float (&v)[8]) {
+    u32 word[8] = {u[0].x, u[0].y, u[0].z, u[0].w, u[1].x, u[1].y, u[1].z, u[1].w};
+#pragma unroll
+    for (int k = 0; k < 8; k++) v[k] = __uint_as_float(word[k]);
+}
+
+// Eight consecutive numbers.
+template <class Number>
+__device__ __forceinline__ void load8(const Number* from, float (&v)[8]) {
+    uint4 u[sizeof(Number) / 2];
+#pragma unroll
+    for (int k = 0; k < sizeof(Number) / 2; k++) u[k] = ((const uint4*)from)[k];
+    unpack8(u, v);
 }
 
 __device__ __forceinline__ void store8(unsigned short* to, const float (&v)[8]) {
@@ -83,6 +95,27 @@ __device__ __forceinline__ void add_chunk(Tile& z, int q, int half, const float 
 #pragma unroll
     for (int k = 0; k < 8; k++) z[4 * q + k / 2][2 * half + k % 2] += v[k];
 }
+
+// The tiles of a warp: teams of warps take TEAM tiles at a time, the teams of all blocks in turn. Those
+// beyond the last have no rows; with `resident` weights a team that has only such does not go on, while
+// without them the block stays together.
+struct Tiles {
+    u32 index, first, end;
+    bool resident;
+
+    __device__ Tiles(u32 rows, bool resident)
+        : first(0), end((rows + 16 * TEAM - 1) / (16 * TEAM)), resident(resident) {}
+
+    // Goes on to the next tile, if there is one.
+    __device__ bool next() {
+        const u32 warp = threadIdx.x / 32, teams = blockDim.x / (32 * TEAM);
+        const u32 team = first + warp / TEAM * gridDim.x + blockIdx.x;
+        index = TEAM * team + warp % TEAM;
+        const bool more = resident ? team < end : first < end;
+        first += teams * gridDim.x;
+        return more;
+    }
+};
 
 // Which lane, and which of its two rows exist.
 struct Place {
@@ -125,20 +158,44 @@ __device__ __forceinline__ void clear(Tile& z) {
         for (int k = 0; k < 4; k++) z[j][k] = 0.f;
 }
 
-// Rows of a matrix; `row` is NONE for a row of zeros.
+// What a lane has of two rows of a matrix, as it is stored; zeros for a row that is NONE. There are no
+// branches, so that all of it is on its way before the first is needed.
+template <class Number>
+struct Rows {
+    uint4 word[2][4][sizeof(Number) / 2];
+
+    __device__ __forceinline__ Rows(const Number* from, const u32 (&row)[2], int t) {
+#pragma unroll
+        for (int half = 0; half < 2; half++) {
+            const bool live = row[half] != NONE;
+            const uint4* start = (const uint4*)(from + (size_t)(live ? row[half] : 0) * WIDTH + 8 * t);
+#pragma unroll
+            for (int q = 0; q < 4; q++)
+#pragma unroll
+                for (int k = 0; k < sizeof(Number) / 2; k++) {
+                    uint4 u = start[q * 4 * (sizeof(Number) / 2) + k];
+                    word[half][q][k] = live ? u : make_uint4(0, 0, 0, 0);
+                }
+        }
+    }
+
+    // Chunk q of a row.
+    __device__ __forceinline__ void numbers(int half, int q, float (&v)[8]) const {
+        unpack8(word[half][q], v);
+    }
+};
+
 template <class Number>
 __device__ __forceinline__ void add_rows(Tile& z, const Number* from, const u32 (&row)[2], int t) {
+    const Rows<Number> rows(from, row, t);
 #pragma unroll
-    for (int half = 0; half < 2; half++) {
-        if (row[half] == NONE) continue;
-        const Number* start = from + (size_t)row[half] * WIDTH + 8 * t;
+    for (int half = 0; half < 2; half++)
 #pragma unroll
         for (int q = 0; q < 4; q++) {
             float v[8];
-            load8(start + 32 * q, v);
+            rows.numbers(half, q, v);
             add_chunk(z, q, half, v);
         }
-    }
 }
 
 template <class Number>
@@ -204,28 +261,39 @@ __device__ __forceinline__ void to_operand(const Tile& z, Operand& x) {
         }
 }
 
-// Rows of a matrix as an operand; with `scale` (and after it, 128 numbers on, the shift) each
-// column is scaled and shifted.
+// Rows of a matrix as an operand, scaled and shifted column by column if `scale` (and after it, 128
+// numbers on, the shift) is not null.
 __device__ __forceinline__ void load_operand(
     Operand& x, const Stored* from, const u32 (&row)[2], const float* scale, int t) {
-#if PARTS == 2
+    const Rows<Stored> rows(from, row, t);
+#if PARTS == 1
+    // As it is stored it can be multiplied.
+    if (!scale) {
+#pragma unroll
+        for (int half = 0; half < 2; half++)
+#pragma unroll
+            for (int q = 0; q < 4; q++) {
+                const uint4 u = rows.word[half][q][0];
+                element(x, 0, q, 0, half) = u.x, element(x, 0, q, 1, half) = u.y;
+                element(x, 0, q, 2, half) = u.z, element(x, 0, q, 3, half) = u.w;
+            }
+        return;
+    }
+#else
     Tile z;
 #endif
 #pragma unroll
     for (int half = 0; half < 2; half++)
 #pragma unroll
         for (int q = 0; q < 4; q++) {
-            float v[8] = {};
-            if (row[half] != NONE) {
-                int column = 32 * q + 8 * t;
-                load8(from + (size_t)row[half] * WIDTH + column, v);
-                if (scale) {
-                    float s[8], b[8];
-                    load8(scale + column, s);
-                    load8(scale + WIDTH + column, b);
+            float v[8];
+            rows.numbers(half, q, v);
+            if (scale) {
+                float s[8], b[8];
+                load8(scale + 32 * q + 8 * t, s);
+                load8(scale + WIDTH + 32 * q + 8 * t, b);
 #pragma unroll
-                    for (int k = 0; k < 8; k++) v[k] = s[k] * v[k] + b[k];
-                }
+                for (int k = 0; k < 8; k++) v[k] = s[k] * v[k] + b[k];
             }
 #if PARTS == 1
             to_operand(v, x, q, half);
@@ -244,50 +312,31 @@ __device__ __forceinline__ void scale_rows(Tile& z, float first, float second) {
     for (int j = 0; j < 16; j++) z[j][0] *= first, z[j][1] *= first, z[j][2] *= second, z[j][3] *= second;
 }
 
-// z += x W with packed weights in shared memory, for several tiles at a time: what is read from
-// shared memory, and not the tensor cores, bounds a single one.
-template <int GROUPS>
-__device__ __forceinline__ void multiply(Tile (&z)[GROUPS], const Operand (&x)[GROUPS],
-                                         const uint4* weights) {
-    const uint4* mine = weights + threadIdx.x % 32;
+// z += x W with packed weights in shared memory.
+__device__ __forceinline__ void multiply(Tile& z, const Operand& x, const uint4* weights) {
+#if PARTS == 2
+    scale_rows(z, WEIGHT_SCALE / x.scale[0], WEIGHT_SCALE / x.scale[1]);
+#endif
+    begin_products();
+#pragma unroll
+    for (int k = 0; k < 8; k++) {
+        const uint4* w = weights + k * STEP;
 #if PARTS == 1
-#pragma unroll
-    for (int k = 0; k < 8; k++)
-#pragma unroll
-        for (int j = 0; j < 8; j++) {
-            uint4 w = mine[(k * 8 + j) * 32];
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
-                multiply_add(z[g][2 * j], x[g].part[0][k], w.x, w.y);
-                multiply_add(z[g][2 * j + 1], x[g].part[0][k], w.z, w.w);
-            }
-        }
+        add_product<false>(z, x.part[0][k], w);
 #else
-#pragma unroll
-    for (int g = 0; g < GROUPS; g++)
-        scale_rows(z[g], WEIGHT_SCALE / x[g].scale[0], WEIGHT_SCALE / x[g].scale[1]);
-#pragma unroll
-    for (int k = 0; k < 8; k++)
-#pragma unroll
-        for (int j = 0; j < 8; j++) {
-            uint4 w = mine[(k * 8 + j) * 32], v = mine[UNIT + (k * 8 + j) * 32];
-#pragma unroll
-            for (int g = 0; g < GROUPS; g++) {
-                multiply_add_f16(z[g][2 * j], x[g].part[0][k], v.x, v.y);
-                multiply_add_f16(z[g][2 * j + 1], x[g].part[0][k], v.z, v.w);
-                multiply_add_f16(z[g][2 * j], x[g].part[1][k], w.x, w.y);
-                multiply_add_f16(z[g][2 * j + 1], x[g].part[1][k], w.z, w.w);
-                multiply_add_f16(z[g][2 * j], x[g].part[0][k], w.x, w.y);
-                multiply_add_f16(z[g][2 * j + 1], x[g].part[0][k], w.z, w.w);
-            }
-        }
-#pragma unroll
-    for (int g = 0; g < GROUPS; g++)
-        scale_rows(z[g], x[g].scale[0] / WEIGHT_SCALE, x[g].scale[1] / WEIGHT_SCALE);
+        add_product<true>(z, x.part[0][k], w + UNIT);
+        add_product<true>(z, x.part[1][k], w);
+        add_product<true>(z, x.part[0][k], w);
+#endif
+    }
+    end_products();
+#if PARTS == 2
+    scale_rows(z, x.scale[0] / WEIGHT_SCALE, x.scale[1] / WEIGHT_SCALE);
 #endif
 }
 
-__device__ __forceinline__ float leaky(float x, float slope) { return x > 0.f ? x : slope * x; }
+// LeakyReLU, with a slope of at most 1.
+__device__ __forceinline__ float leaky(float x, float slope) { return fmaxf(x, slope * x); }
 
 // Sum over the four lanes that share rows.
 __device__ __forceinline__ float row_sum(float x) {
@@ -316,6 +365,7 @@ struct Weights {
 
     __device__ void wait() {
         wait_for_copies<0>();
+        show_to_products();
         __syncthreads();
     }
 

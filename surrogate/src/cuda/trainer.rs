@@ -5,6 +5,7 @@ use std::sync::Arc;
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaGraph, CudaSlice};
 use gpu::Device;
+use gpu::ranks::Ranks;
 
 use super::buffers::FrameInput;
 use super::error::CudaError;
@@ -15,11 +16,18 @@ use crate::config::ModelConfig;
 
 /// Losses that can wait on the device to be read.
 pub const LOSSES: usize = 4096;
+/// Numbers behind the gradient: the sums of squared errors and of squared targets, whose ratio is the
+/// loss.
+pub const SUMS: usize = 2;
+/// Keeps the loss finite when nothing accelerates.
+const SMALLEST_TARGET: f32 = 1e-12;
 
 /// A network in training.
 pub struct CudaTrainer {
     network: CudaNetwork,
     products: Products,
+    /// Other GPUs, whose gradients are added to that of this one.
+    ranks: Option<Arc<Ranks>>,
     /// Moving averages of the gradient and of its square.
     mean: CudaSlice<f32>,
     square: CudaSlice<f32>,
@@ -51,7 +59,8 @@ pub struct Rates {
 
 impl CudaTrainer {
     /// A network with weights all zero and an optimiser without memory. `averaging`: with a moving
-    /// average of the weights.
+    /// average of the weights. `ranks`: steps are made together with other GPUs, each on a batch of
+    /// its own.
     ///
     /// # Errors
     /// As [`CudaNetwork::new`].
@@ -61,11 +70,13 @@ impl CudaTrainer {
         precision: Precision,
         capacity: Capacity,
         averaging: bool,
+        ranks: Option<Arc<Ranks>>,
     ) -> Result<Self, CudaError> {
         let network = CudaNetwork::new(device, config, precision, capacity, true)?;
         let count = network.layout.parameters;
         Ok(Self {
             products: Products::new(&network, device)?,
+            ranks,
             mean: device.zeros(count)?,
             square: device.zeros(count)?,
             average: if averaging { Some(device.zeros(count)?) } else { None },
@@ -120,7 +131,7 @@ impl CudaTrainer {
             // What is captured must not wait for what was queued before.
             stream.synchronize()?;
             stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
-            let queued = self.queue_step(&key);
+            let queued = self.queue_captured(&key);
             let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
             queued?;
             self.graph = graph.map(|graph| (key, graph));
@@ -128,11 +139,22 @@ impl CudaTrainer {
         if let Some((_, graph)) = &self.graph {
             graph.launch()?;
         }
+        if let Some(ranks) = &self.ranks {
+            ranks.all_reduce(&mut self.products.gradient)?;
+            self.queue_update()?;
+        }
         Ok(())
     }
 
-    fn queue_step(&self, key: &Key) -> Result<(), CudaError> {
+    /// What a CUDA graph repeats: the step, or the gradient where ranks add theirs. To capture that
+    /// too, all would have to do so at the same time, but each has batches of its own.
+    fn queue_captured(&self, key: &Key) -> Result<(), CudaError> {
         self.queue_gradient(&key.views, key.target)?;
+        if self.ranks.is_none() { self.queue_update() } else { Ok(()) }
+    }
+
+    /// Queues Adam's step with the gradient.
+    fn queue_update(&self) -> Result<(), CudaError> {
         let network = &self.network;
         let lists = [
             network.address(&network.parameters),
@@ -142,30 +164,28 @@ impl CudaTrainer {
             network.address(&self.products.gradient),
             network.address(&self.rates),
         ];
-        network.kernels.adam(lists, network.layout.parameters)?;
+        let ring = [network.address(&self.losses), network.address(&self.counter)];
+        network.kernels.adam(lists, network.layout.parameters, ring, LOSSES)?;
         network.pack()
     }
 
     fn queue_gradient(&self, views: &[View], target: Address) -> Result<(), CudaError> {
         let network = &self.network;
-        network.encode(views)?;
-        network.pass_messages(views)?;
+        network.pass(views)?;
         let Some(passed) = &network.room.training else { return Ok(()) };
         network.kernels.loss(
-            network.address(&network.output),
-            target,
+            [network.address(&network.output), target],
             views[0].points,
             network.layout.dimensions,
             passed.output,
-            network.address(&self.losses),
-            network.address(&self.counter),
-            LOSSES,
+            network.address(&self.products.gradient) + 4 * network.layout.parameters as u64,
         )?;
-        network.propagate(views, passed)?;
+        network.propagate(views, passed, &self.products)?;
         self.products.launch(network)
     }
 
-    /// The gradient of the loss, in the order of the weights, which stay as they are.
+    /// The loss and its gradient, in the order of the weights, which stay as they are. Other GPUs
+    /// have no part in it.
     ///
     /// # Errors
     /// As [`step`](Self::step).
@@ -173,13 +193,17 @@ impl CudaTrainer {
         &mut self,
         frames: &[FrameInput],
         target: &CudaSlice<f32>,
-    ) -> Result<Vec<f32>, CudaError> {
+    ) -> Result<(f32, Vec<f32>), CudaError> {
         let views = self.network.views(frames)?;
         // Another step may have other products.
         self.graph = None;
         self.products.prepare(&self.network, &views)?;
         self.queue_gradient(&views, self.network.address(target))?;
-        Ok(self.device().stream().clone_dtoh(&self.products.gradient)?)
+        let mut list = self.device().stream().clone_dtoh(&self.products.gradient)?;
+        let sums = list.split_off(self.network.layout.parameters);
+        let scale = sums[1].max(SMALLEST_TARGET);
+        list.iter_mut().for_each(|sum| *sum /= scale);
+        Ok((sums[0] / scale, list))
     }
 
     /// Times of the kernels of a step without the optimiser: name, launches, ms. Waits.

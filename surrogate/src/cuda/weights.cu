@@ -13,6 +13,8 @@ struct Pack {
     int steps, features;
     // 1: bf16; 2: two f16 whose sum is the weight times WEIGHT_SCALE.
     int parts;
+    // bf16, row after row as they are.
+    int plain;
     // Place among the packed weights, in words of 16 bytes.
     int to;
 };
@@ -25,31 +27,39 @@ __device__ float element_of(const float* all, const Pack& p, int row, int column
     return r < p.rows && c < p.columns ? all[p.from + r * p.stride + c] : 0.f;
 }
 
-// The two registers that a lane gives the tensor cores for step k and matrix j.
-__device__ void registers(const float* all, const Pack& p, int part, int k, int j, int lane,
-                          u32 (&b)[2]) {
-    int g = lane / 4, t = lane % 4, column = tile_column(j, g / 2, g % 2);
-    for (int half = 0; half < 2; half++) {
+// Word `n` of 16 bytes of a packed matrix: eight rows of a column. Of each step of 16 rows there are
+// 16 x 2 matrices of 8 columns and 8 rows, one after the other (ptx.cuh, `describe`).
+__device__ uint4 word(const float* all, const Pack& p, int part, int n) {
+    const int step = n / STEP, j = n % STEP / 16, half = n % 16 / 8, c = n % 8;
+    const int column = tile_column(j, c / 2, c % 2);
+    u32 pairs[4];
+    for (int t = 0; t < 4; t++) {
         float v[2];
         for (int i = 0; i < 2; i++) {
-            int row = p.features ? 16 * k + 8 * half + 2 * t + i : tile_column(2 * k + half, t, i);
+            int row = p.features ? 16 * step + 8 * half + 2 * t + i
+                                 : tile_column(2 * step + half, t, i);
             v[i] = element_of(all, p, row, column);
         }
         u32 both[2];
         if (p.parts == 1) both[0] = pack(v[0], v[1]);
         else split_f16(WEIGHT_SCALE * v[0], WEIGHT_SCALE * v[1], both);
-        b[half] = both[part];
+        pairs[t] = both[part];
     }
+    return make_uint4(pairs[0], pairs[1], pairs[2], pairs[3]);
+}
+
+// Eight columns of a row.
+__device__ uint4 plain_columns(const float* all, const Pack& p, int row, int column) {
+    u32 word[4];
+    for (int k = 0; k < 4; k++)
+        word[k] = pack(element_of(all, p, row, column + 2 * k), element_of(all, p, row, column + 2 * k + 1));
+    return make_uint4(word[0], word[1], word[2], word[3]);
 }
 
 extern "C" __global__ void pack_weights(const Pack* packs, const float* all, uint4* packed) {
     const Pack p = packs[blockIdx.x];
-    const int size = p.steps * 256;
-    for (int n = threadIdx.x; n < p.parts * size; n += blockDim.x) {
-        int part = n / size, k = n % size / 256, j = n % 256 / 32, lane = n % 32;
-        u32 b[2], c[2];
-        registers(all, p, part, k, 2 * j, lane, b);
-        registers(all, p, part, k, 2 * j + 1, lane, c);
-        packed[p.to + n] = make_uint4(b[0], b[1], c[0], c[1]);
-    }
+    const int size = p.steps * STEP;
+    for (int n = threadIdx.x; n < p.parts * size; n += blockDim.x)
+        packed[p.to + n] = p.plain ? plain_columns(all, p, n / 16, n % 16 * 8)
+                                   : word(all, p, n / size, n % size);
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::trajectory::{Trajectory, TrajectoryError, WriteError, write_atomically};
+use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError, WriteError, write_atomically};
 use miette::{Context, IntoDiagnostic, bail};
 
 use self::tables::{chart, frames_table, report, summary_table};
@@ -15,6 +15,7 @@ use crate::metrics::{Errors, FrameError};
 use crate::rollout::Rollout;
 use crate::simulator::Simulator;
 use crate::start::{Start, StartError, stride};
+use crate::train::Precision;
 
 /// Arguments of `surrogate eval`.
 #[derive(clap::Args)]
@@ -37,6 +38,9 @@ pub struct EvalArgs {
     /// Where to compute: auto, cpu, cuda or cuda:N
     #[arg(long, default_value = "auto")]
     device: Device,
+    /// Precision of products on a GPU; bf16 is faster and less exact
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    precision: Precision,
     /// Average each prediction with the mirrored one of the mirrored window
     #[arg(long)]
     mirror: bool,
@@ -78,13 +82,7 @@ pub fn errors(
         };
         let truth = truth.frame(frame * stride)?;
         errors.frames.push(frame);
-        errors.errors.push(FrameError::between(
-            predicted,
-            &truth.position,
-            truth.time,
-            header.domain[0],
-            header.point_spacing,
-        ));
+        errors.errors.push(error_of(predicted, &truth, header));
     }
     Ok(errors)
 }
@@ -114,15 +112,15 @@ fn noise_floor(
     for frame in simulator.config.frames..frames.unwrap_or(made).min(made) {
         let (one, another) = (truth.frame(frame * stride)?, other.frame(frame * stride)?);
         errors.frames.push(frame);
-        errors.errors.push(FrameError::between(
-            &another.position,
-            &one.position,
-            one.time,
-            header.domain[0],
-            header.point_spacing,
-        ));
+        errors.errors.push(error_of(&another.position, &one, header));
     }
     Ok(errors)
+}
+
+/// The error of positions that should be those of a frame.
+fn error_of(positions: &[[f64; 2]], truth: &Frame, header: &Header) -> FrameError {
+    let (width, spacing) = (header.domain[0], header.point_spacing);
+    FrameError::between(positions, &truth.position, truth.time, width, spacing)
 }
 
 /// Why two runs have no noise floor.
@@ -143,7 +141,8 @@ enum FloorError {
 /// # Errors
 /// If a file is wrong or the results cannot be written.
 pub fn eval(args: &EvalArgs) -> miette::Result<()> {
-    let mut simulator = Simulator { mirror: args.mirror, ..Simulator::load(&args.model)? };
+    let (mirror, precision) = (args.mirror, args.precision);
+    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     simulator.place(args.device).into_diagnostic().wrap_err("--device")?;
     let mut cases = Vec::new();
     for path in trajectories_in(&args.data)? {

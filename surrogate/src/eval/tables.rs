@@ -52,6 +52,21 @@ impl<'a> Row<'a> {
         }
     }
 
+    /// What stands in the columns, given how to write a mean square and a length.
+    fn cells(&self, mse: fn(f64) -> String, length: fn(f64) -> String) -> [String; 9] {
+        [
+            self.case.to_owned(),
+            mse(self.mean),
+            mse(self.peak),
+            self.peak_frame.to_string(),
+            mse(self.last.mse),
+            length(self.last.front),
+            length(self.last.height),
+            length(self.last.centre),
+            self.failure.to_owned(),
+        ]
+    }
+
     /// The mean of several rows, the latest peak, and no sign of the front's error.
     fn mean(case: &'a str, rows: &[Self]) -> Self {
         let mean = |value: &dyn Fn(&Self) -> f64| {
@@ -92,30 +107,29 @@ pub fn summary_table(cases: &[Case]) -> String {
     let mut text = "case,mse_mean,mse_peak,peak_frame,mse_final,front_error_final,\
                     height_error_final,centre_error_final,failure\n"
         .to_owned();
+    let number = |x: f64| format!("{x:.6e}");
     for row in rows(cases) {
-        let Row { case, mean, peak, peak_frame, last, failure } = row;
-        let _ = writeln!(
-            text,
-            "{case},{mean:.6e},{peak:.6e},{peak_frame},{:.6e},{:.6e},{:.6e},{:.6e},{failure}",
-            last.mse, last.front, last.height, last.centre
-        );
+        text += &row.cells(number, number).join(",");
+        text.push('\n');
     }
     text
 }
 
 /// The same for people.
 pub fn report(cases: &[Case]) -> String {
-    let mut text = format!(
-        "{:<22}{:>11}{:>11}{:>7}{:>11}{:>11}{:>11}{:>11}\n",
-        "case", "MSE mean", "peak", "frame", "final", "front [m]", "height [m]", "centre [m]"
-    );
-    for row in rows(cases) {
-        let Row { case, mean, peak, peak_frame, last, failure } = row;
-        let _ = writeln!(
-            text,
-            "{case:<22}{mean:>11.2e}{peak:>11.2e}{peak_frame:>7}{:>11.2e}{:>11.4}{:>11.4}{:>11.4}  {failure}",
-            last.mse, last.front, last.height, last.centre
+    let titles =
+        ["case", "MSE mean", "peak", "frame", "final", "front [m]", "height [m]", "centre [m]", ""];
+    let mut text = String::new();
+    let rows = rows(cases);
+    let rows = rows.iter().map(|row| row.cells(|mse| format!("{mse:.2e}"), |m| format!("{m:.4}")));
+    for [case, mean, peak, frame, last, front, height, centre, failure] in
+        [titles.map(str::to_owned)].into_iter().chain(rows)
+    {
+        let line = format!(
+            "{case:<22}{mean:>11}{peak:>11}{frame:>7}{last:>11}{front:>11}{height:>11}{centre:>11}  {failure}"
         );
+        text += line.trim_end();
+        text.push('\n');
     }
     text
 }

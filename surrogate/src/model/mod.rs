@@ -5,6 +5,7 @@ mod blocks;
 mod gns;
 mod message;
 mod mlp;
+mod start;
 mod tgnns;
 
 use burn::module::Module;
@@ -16,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 pub use gns::Gns;
 pub use message::MessageLayer;
 pub use mlp::{Mlp, MlpShape};
+pub use start::Start;
 pub use tgnns::Tgnns;
 
 use crate::config::{ModelConfig, ModelKind};
@@ -41,23 +43,6 @@ impl<B: Backend> Model<B> {
             ModelKind::Tgnns => Self::Tgnns(Tgnns::new(config, &mut rng, device)),
             ModelKind::Gns => Self::Gns(Gns::new(config, &mut rng, device)),
         }
-    }
-
-    /// Multiplies LayerNorm's scale of all messages, which a node adds up.
-    pub fn scale_messages(mut self, factor: f64) -> Self {
-        let layers: Vec<&mut MessageLayer<B>> = match &mut self {
-            Self::Tgnns(network) => {
-                network.frame_layers.iter_mut().chain(&mut network.message_layers).collect()
-            }
-            Self::Gns(network) => network.layers.iter_mut().collect(),
-        };
-        for norm in layers.into_iter().filter_map(|layer| layer.message.norm.as_mut()) {
-            norm.gamma = norm.gamma.clone().map(|gamma| {
-                let learns = gamma.is_require_grad();
-                gamma.mul_scalar(factor).detach().set_require_grad(learns)
-            });
-        }
-        self
     }
 
     /// Normalised acceleration of the last frame, points x dimensions.

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use dempm::trajectory::{WriteError, write_atomically};
+use gpu::ranks::Fingerprint;
 use serde::{Deserialize, Serialize};
 
 use super::config::TrainConfig;
 use super::engine::State;
 use super::log::Log;
-use super::tcp::Fingerprint;
 use crate::data::{DataError, DataSet, Statistics, further_features};
 use crate::features::Normalisation;
 
@@ -62,9 +62,10 @@ impl Identity {
         })
     }
 
-    /// A hash by which processes know that they are about to make the same step.
-    pub fn fingerprint(&self, step: u64) -> Fingerprint {
-        let bytes = postcard::to_allocvec(&(self, step)).expect("an identity is plain data");
+    /// A hash by which processes know that they are about to make the same step in the same way.
+    pub fn fingerprint(&self, step: u64, on_gpus: bool) -> Fingerprint {
+        let bytes =
+            postcard::to_allocvec(&(self, step, on_gpus)).expect("an identity is plain data");
         *blake3::hash(&bytes).as_bytes()
     }
 }

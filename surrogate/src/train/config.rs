@@ -3,11 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use burn::tensor::backend::Backend;
 use miette::{NamedSource, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::schedule::Schedule;
 use crate::config::{ModelConfig, PAPER_NETWORKS};
+use crate::cuda;
+use crate::model::{Model, Start};
 
 /// A training. The defaults are those of the paper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,8 +26,8 @@ pub struct TrainConfig {
     pub steps: u64,
     /// Windows in a step.
     pub batch: usize,
-    /// LayerNorm's scale of messages at the start.
-    pub message_scale: f64,
+    /// Weights to start from.
+    pub start: Start,
     /// Decay of a moving average of the weights, which then is what is validated and saved; 0
     /// for none.
     pub ema: f64,
@@ -54,14 +57,23 @@ pub struct Data {
     pub memory: usize,
 }
 
-/// Precision of products in training; weights and sums are single precision in any case.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// Precision of products; weights and sums are single precision in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
     #[default]
     F32,
     /// Tensor cores of a GPU.
     Bf16,
+}
+
+impl From<Precision> for cuda::Precision {
+    fn from(precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32,
+            Precision::Bf16 => Self::Bf16,
+        }
+    }
 }
 
 /// Windows that the model itself has moved on, so that it learns to go on from its own errors.
@@ -92,7 +104,7 @@ impl Default for TrainConfig {
             model: None,
             steps: 1_000_000,
             batch: 2,
-            message_scale: 1.0,
+            start: Start::default(),
             ema: 0.0,
             precision: Precision::default(),
             data: Data::default(),
@@ -182,6 +194,15 @@ impl TrainConfig {
         }
     }
 
+    /// The weights that the training of a network starts from, the same on every device.
+    pub fn start<B: Backend>(&self, model: &ModelConfig, device: &B::Device) -> Model<B> {
+        let random = Model::new(model, self.seed, device);
+        match self.start {
+            Start::Random => random,
+            Start::Identity => random.near_identity(),
+        }
+    }
+
     /// The network of a validated training.
     pub fn model(&self) -> ModelConfig {
         self.network("").expect("the configuration is valid")
@@ -194,7 +215,6 @@ impl TrainConfig {
         let limits = [
             ("steps", self.steps as f64, 1.0, 1e12),
             ("batch", self.batch as f64, 1.0, 4096.0),
-            ("message_scale", self.message_scale, 1e-6, 1e6),
             ("ema", self.ema, 0.0, 0.999_999_9),
             ("log_every", self.log_every as f64, 1.0, 1e9),
             ("data.stride", self.data.stride as f64, 1.0, 1e4),

@@ -1,13 +1,14 @@
 //! What computes a training step on the processor: network, gradients and optimiser.
 
 use burn::module::AutodiffModule;
-use burn::tensor::backend::Backend;
 use burn::tensor::{Tensor, TensorData};
+use gpu::ranks::RanksError;
 use serde::{Deserialize, Serialize};
 
 use super::adam::Adam;
+use super::config::TrainConfig;
 use super::parameters::{gradients, weights, with_weights};
-use super::ranks::{AllReduce, RankError};
+use super::ranks::AllReduce;
 use crate::backend::{Cpu, CpuAutodiff, Device, device};
 use crate::config::ModelConfig;
 use crate::data::Batch;
@@ -26,21 +27,6 @@ pub struct State {
     pub average: Option<Vec<f32>>,
     /// Steps made.
     pub step: u64,
-}
-
-/// The weights that a training starts from.
-#[derive(Clone, Copy, Debug)]
-pub struct Random {
-    pub seed: u64,
-    /// LayerNorm's scale of messages.
-    pub message_scale: f64,
-}
-
-impl Random {
-    /// A network with such weights, the same on every device.
-    pub fn model<B: Backend>(self, config: &ModelConfig) -> Model<B> {
-        Model::new(config, self.seed, &B::Device::default()).scale_messages(self.message_scale)
-    }
 }
 
 /// Network and optimiser in training.
@@ -91,14 +77,14 @@ pub fn average_decay(decay: f64, step: u64) -> f32 {
 }
 
 impl CpuEngine {
-    /// A network with random weights. `decay` is that of the moving average, 0 for none.
-    pub fn new(config: &ModelConfig, random: Random, decay: f64) -> Self {
-        let model = random.model(config);
+    /// The network that a training starts from.
+    pub fn new(model: &ModelConfig, config: &TrainConfig) -> Self {
+        let model = config.start(model, &device());
         let weights = weights(&model);
         let adam = Adam::new(weights.len());
-        let average = (decay > 0.0).then(|| weights.clone());
+        let average = (config.ema > 0.0).then(|| weights.clone());
         let state = State { weights, adam, average, step: 0 };
-        Self { model, state, decay, losses: Vec::new() }
+        Self { model, state, decay: config.ema, losses: Vec::new() }
     }
 
     /// Continues from a state; `false` if it is that of another network.
@@ -131,7 +117,7 @@ impl CpuEngine {
         batch: Prepared,
         rate: f64,
         ranks: &mut dyn AllReduce,
-    ) -> Result<(), RankError> {
+    ) -> Result<(), RanksError> {
         let targets = batch.targets.clone().powi_scalar(2).sum().into_scalar();
         let error = self.model.forward(&batch.input) - batch.targets;
         let errors = error.powi_scalar(2).sum();

@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use dempm::device::Device;
-use miette::{IntoDiagnostic, bail};
+use gpu::ranks::{Launch, Ranks};
+use miette::IntoDiagnostic;
 
-use super::config::{Precision, TrainConfig};
+use super::config::TrainConfig;
 use super::cuda::{CudaEngine, HostBatch};
-use super::engine::{CpuEngine, Preparation, Prepared, Random, State};
+use super::engine::{CpuEngine, Preparation, Prepared, State};
 use super::ranks::AllReduce;
 use crate::backend::Cpu;
 use crate::config::ModelConfig;
-use crate::cuda;
 use crate::data::Batch;
 use crate::model::Model;
 
@@ -28,44 +28,37 @@ pub enum EngineBatch {
     Cuda(HostBatch),
 }
 
+/// The GPU to compute on, `None` for the processor. Of several processes each takes one of its own.
+///
+/// # Errors
+/// When a GPU that was asked for cannot be used.
+pub fn open(device: Device, launch: &Launch) -> miette::Result<Option<Arc<gpu::Device>>> {
+    let opened = match device {
+        _ if !launch.is_shared() => device.open(),
+        Device::Cpu => Ok(None),
+        Device::Auto if gpu::Device::count() == 0 => Ok(None),
+        _ => device.open_for_rank(launch.local_rank).map(Some),
+    };
+    opened.into_diagnostic()
+}
+
 impl Engine {
-    /// A network with random weights, the same in all places, for one of `ranks` processes.
+    /// A network with random weights, the same in all places, for batches of at most so many
+    /// points; `ranks` are other GPUs that train it too.
     ///
     /// # Errors
-    /// If the place cannot compute the network.
+    /// If the GPU cannot compute the network.
     pub fn new(
-        place: Device,
-        ranks: usize,
+        device: Option<&Arc<gpu::Device>>,
+        ranks: Option<Arc<Ranks>>,
         model: &ModelConfig,
         config: &TrainConfig,
+        points: usize,
     ) -> miette::Result<Self> {
-        let device = match place {
-            Device::Cuda(_) if ranks > 1 => {
-                bail!(
-                    help = "--device cpu trains with all of them",
-                    "several processes train on processors, not on GPUs"
-                )
-            }
-            Device::Auto if ranks > 1 => None,
-            _ => place.open().into_diagnostic()?,
-        };
-        let random = Random { seed: config.seed, message_scale: config.message_scale };
         let Some(device) = device else {
-            if config.precision == Precision::Bf16 {
-                bail!(
-                    help = "leave `precision` out, or say \"f32\"",
-                    "`precision` is \"bf16\", which only tensor cores of a GPU have; this training \
-                     computes on the CPU"
-                );
-            }
-            return Ok(Self::Cpu(CpuEngine::new(model, random, config.ema)));
+            return Ok(Self::Cpu(CpuEngine::new(model, config)));
         };
-        eprintln!("on {}", device.name());
-        let precision = match config.precision {
-            Precision::F32 => cuda::Precision::F32,
-            Precision::Bf16 => cuda::Precision::Bf16,
-        };
-        let engine = CudaEngine::new(&device, model, random, config.ema, precision);
+        let engine = CudaEngine::new(device, model, config, points, ranks);
         Ok(Self::Cuda(engine.into_diagnostic()?))
     }
 
@@ -123,7 +116,8 @@ impl Engine {
         }
     }
 
-    /// One step on a batch of [`prepare`](Self::prepare).
+    /// One step on a batch of [`prepare`](Self::prepare), together with other processes; those on
+    /// GPUs have been known from the start.
     ///
     /// # Errors
     /// If the GPU failed, or another rank is gone.
@@ -192,7 +186,7 @@ mod tests {
     #[test]
     fn engines_predict_alike_and_are_judged_by_it() {
         let model = ModelConfig { width: 16, frames: 3, ..Default::default() };
-        let random = Random { seed: 3, message_scale: 0.5 };
+        let config = TrainConfig { seed: 3, ..TrainConfig::default() };
         let normalisation = Normalisation {
             velocity_mean: vec![0.0; 2],
             velocity_std: vec![0.01; 2],
@@ -218,9 +212,9 @@ mod tests {
             let errors: f64 = said.iter().zip(&batch.targets).map(|(a, b)| square(a - b)).sum();
             errors / batch.targets.iter().map(|&b| square(b)).sum::<f64>()
         };
-        let mut engines = vec![Engine::Cpu(CpuEngine::new(&model, random, 0.0))];
+        let mut engines = vec![Engine::Cpu(CpuEngine::new(&model, &config))];
         if let Some(device) = gpu::for_tests() {
-            let engine = CudaEngine::new(&device, &model, random, 0.0, cuda::Precision::F32);
+            let engine = CudaEngine::new(&device, &model, &config, 65, None);
             engines.push(Engine::Cuda(engine.unwrap()));
         }
         let mut first: Option<Vec<f32>> = None;

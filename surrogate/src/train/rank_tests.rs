@@ -1,17 +1,23 @@
 //! Ranks hold equal weights, and learn what one process with all windows would.
 
 use std::net::TcpListener;
+use std::ops::Range;
+use std::sync::Arc;
 use std::thread;
 
-use super::engine::{CpuEngine, Preparation, Random, State};
-use super::ranks::{AllReduce, Alone, Place};
+use gpu::Device;
+use gpu::ranks::{Launch, Ranks, RanksError};
+
+use super::config::TrainConfig;
+use super::cuda::{CudaEngine, HostBatch};
+use super::engine::{CpuEngine, Preparation, State};
+use super::ranks::{AllReduce, Alone};
 use super::tcp::Tcp;
 use crate::config::ModelConfig;
 use crate::data::Batch;
 use crate::features::Normalisation;
 
 const STEPS: u64 = 20;
-const RANDOM: Random = Random { seed: 3, message_scale: 1.0 };
 
 fn preparation() -> Preparation {
     let config = ModelConfig { width: 8, frames: 3, connection_radius: 0.3, ..Default::default() };
@@ -25,8 +31,12 @@ fn preparation() -> Preparation {
     Preparation { config, normalisation, bounds: [[0.0, 1.0]; 2] }
 }
 
+fn config() -> TrainConfig {
+    TrainConfig { seed: 3, ema: 0.9, ..TrainConfig::default() }
+}
+
 /// Windows of different sizes, so that they weigh differently in the loss.
-fn batch(step: u64, windows: std::ops::Range<u64>) -> Batch {
+fn batch(step: u64, windows: Range<u64>) -> Batch {
     let mut batch = Batch::default();
     for window in windows {
         let number = (4 * step + window) as f32;
@@ -43,9 +53,9 @@ fn batch(step: u64, windows: std::ops::Range<u64>) -> Batch {
 }
 
 /// Trains on some of the four windows of each step.
-fn train(windows: std::ops::Range<u64>, ranks: &mut dyn AllReduce) -> (State, Vec<f64>) {
+fn train(windows: Range<u64>, ranks: &mut dyn AllReduce) -> (State, Vec<f64>) {
     let preparation = preparation();
-    let mut engine = CpuEngine::new(&preparation.config, RANDOM, 0.9);
+    let mut engine = CpuEngine::new(&preparation.config, &config());
     for step in 0..STEPS {
         let graph = preparation.prepare(&batch(step, windows.clone()));
         engine.step(graph, 1e-3, ranks).unwrap();
@@ -53,30 +63,95 @@ fn train(windows: std::ops::Range<u64>, ranks: &mut dyn AllReduce) -> (State, Ve
     (engine.state().clone(), engine.take_losses())
 }
 
-#[test]
-fn ranks_hold_equal_weights_and_learn_like_one() {
-    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
-    let ranks: Vec<_> = (0..2)
-        .map(|rank| {
-            let place = Place { rank, ranks: 2, address: address.clone() };
-            thread::spawn(move || {
-                let first = 2 * rank as u64;
-                train(first..first + 2, &mut Tcp::join(place, &[0; 32]).unwrap())
-            })
-        })
-        .collect();
-    let [first, second] =
-        ranks.into_iter().map(|rank| rank.join().unwrap()).collect::<Vec<_>>().try_into().unwrap();
-    assert_eq!(first, second);
+/// The same on a GPU, alone or with others.
+fn train_on(
+    device: &Arc<Device>,
+    windows: Range<u64>,
+    ranks: Option<Arc<Ranks>>,
+) -> (State, Vec<f64>) {
+    let preparation = preparation();
+    let mut engine = CudaEngine::new(device, &preparation.config, &config(), 42, ranks).unwrap();
+    for step in 0..STEPS {
+        let batch = HostBatch::new(batch(step, windows.clone()), &preparation);
+        engine.step(&batch, 1e-3).unwrap();
+    }
+    (engine.state().unwrap(), engine.take_losses().unwrap())
+}
 
-    let start = CpuEngine::new(&preparation().config, RANDOM, 0.9).state().clone();
-    let (one, losses) = train(0..4, &mut Alone);
-    let distance =
-        |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(distance(&start.weights, &one.weights) > 1e-3, "nothing was learnt");
-    // Sums in another order; Adam's first steps divide small gradients by their own size.
-    assert!(distance(&first.0.weights, &one.weights) < 2e-5);
+/// Ranks that meet at a port that was free a moment ago.
+fn launches(size: usize) -> Vec<Launch> {
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let address = ("127.0.0.1".to_owned(), port);
+    (0..size)
+        .map(|rank| Launch { rank, size, local_rank: rank, address: address.clone() })
+        .collect()
+}
+
+/// Runs two ranks, each with two of the four windows.
+fn two_ranks(
+    train: impl Fn(Launch, Range<u64>) -> (State, Vec<f64>) + Sync,
+) -> [(State, Vec<f64>); 2] {
+    let train = &train;
+    let [first, second] = launches(2).try_into().unwrap();
+    thread::scope(|scope| {
+        let ranks = [(first, 0..2), (second, 2..4)];
+        let ranks = ranks.map(|(launch, windows)| scope.spawn(|| train(launch, windows)));
+        ranks.map(|rank| rank.join().unwrap())
+    })
+}
+
+/// What two ranks learnt is the same, and what one has learnt from all windows but for rounding:
+/// sums are in another order, and Adam's first steps divide small gradients by their own size.
+fn compare([first, second]: [(State, Vec<f64>); 2], (one, losses): (State, Vec<f64>)) {
+    assert_eq!(first, second);
+    let start = CpuEngine::new(&preparation().config, &config()).state().clone();
+    let distance = |a: &[f32], b: &[f32]| {
+        a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+    };
+    let moved = distance(&start.weights, &one.weights);
+    assert!(moved > 0.1, "nothing was learnt: {moved}");
+    let apart = distance(&first.0.weights, &one.weights) / moved;
+    assert!(apart < 1e-3, "{apart:e}");
+    assert_eq!(losses.len() as u64, STEPS);
     for (a, b) in losses.iter().zip(&first.1) {
         assert!((a / b - 1.0).abs() < 1e-4, "{a} {b}");
     }
+}
+
+#[test]
+fn ranks_hold_equal_weights_and_learn_like_one() {
+    let two =
+        two_ranks(|launch, windows| train(windows, &mut Tcp::join(launch, &[0; 32]).unwrap()));
+    compare(two, train(0..4, &mut Alone));
+}
+
+/// The way through NCCL changes nothing for one rank, which needs no second GPU.
+#[test]
+fn one_rank_on_a_gpu_is_alone() {
+    let Some(device) = gpu::for_tests() else { return };
+    let ranks = match Ranks::join(&launches(1)[0], &device, &[0; 32]) {
+        Err(RanksError::NcclMissing) => {
+            eprintln!("skipped: {}", RanksError::NcclMissing);
+            return;
+        }
+        ranks => Arc::new(ranks.unwrap()),
+    };
+    assert_eq!(train_on(&device, 0..4, Some(ranks)), train_on(&device, 0..4, None));
+}
+
+#[test]
+fn gpus_hold_equal_weights_and_learn_like_one() {
+    let Some(device) = gpu::for_tests() else { return };
+    if Device::count() < 2 {
+        eprintln!("skipped: one GPU, two are needed");
+        return;
+    }
+    let two = two_ranks(|launch, windows| {
+        let device = Device::new(launch.rank).unwrap();
+        let ranks = Arc::new(Ranks::join(&launch, &device, &[0; 32]).unwrap());
+        let learnt = train_on(&device, windows, Some(ranks.clone()));
+        ranks.all_done();
+        learnt
+    });
+    compare(two, train_on(&device, 0..4, None));
 }

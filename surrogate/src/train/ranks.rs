@@ -1,23 +1,12 @@
 //! Several processes that train one network: each learns from its own windows of every step, and
 //! the sums of their gradients move the weights of all of them alike.
 
-/// What can be wrong between processes.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
-pub enum RankError {
-    #[error("{name} is `{value}`, but it must be {range}")]
-    #[diagnostic(help(
-        "processes of one training are told apart by RANK, and all have the same WORLD_SIZE, \
-         MASTER_ADDR and MASTER_PORT"
-    ))]
-    Environment { name: &'static str, value: String, range: String },
-    #[error("rank {rank} cannot {action} {address}")]
-    Connect { rank: usize, action: &'static str, address: String, source: std::io::Error },
-    #[error("rank {rank} has lost rank {other}")]
-    Lost { rank: usize, other: usize, source: std::io::Error },
-    #[error("rank {other} and rank 0 do not train the same")]
-    #[diagnostic(help("all processes need the same configuration, data and number of processes"))]
-    Differs { other: usize },
-}
+use std::sync::Arc;
+
+use gpu::Device;
+use gpu::ranks::{Fingerprint, Launch, Ranks, RanksError};
+
+use super::tcp::Tcp;
 
 /// Sums over all processes of a training.
 pub trait AllReduce {
@@ -31,7 +20,32 @@ pub trait AllReduce {
     ///
     /// # Errors
     /// If another process is gone.
-    fn sum(&mut self, values: &mut [f32]) -> Result<(), RankError>;
+    fn sum(&mut self, values: &mut [f32]) -> Result<(), RanksError>;
+
+    /// All processes have come to the end, and each may end.
+    fn done(&mut self) {}
+
+    /// Whether any process says so.
+    ///
+    /// # Errors
+    /// As [`sum`](Self::sum).
+    fn any(&mut self, own: bool) -> Result<bool, RanksError> {
+        let mut number = [f32::from(u8::from(own))];
+        self.sum(&mut number)?;
+        Ok(number[0] > 0.0)
+    }
+
+    /// Whether all processes have the same hash: each byte is the mean of those of all.
+    ///
+    /// # Errors
+    /// As [`sum`](Self::sum).
+    fn all_equal(&mut self, own: &[u8; 32]) -> Result<bool, RanksError> {
+        let own = own.map(f32::from);
+        let mut sums = own;
+        self.sum(&mut sums)?;
+        let ranks = self.ranks() as f32;
+        Ok(own.iter().zip(sums).all(|(byte, sum)| byte * ranks == sum))
+    }
 }
 
 /// One process.
@@ -46,78 +60,46 @@ impl AllReduce for Alone {
         1
     }
 
-    fn sum(&mut self, _: &mut [f32]) -> Result<(), RankError> {
+    fn sum(&mut self, _: &mut [f32]) -> Result<(), RanksError> {
         Ok(())
     }
 }
 
-/// Where a process is among others, from the variables that launchers of PyTorch and MPI jobs set.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
-    pub rank: usize,
-    pub ranks: usize,
-    /// Where rank 0 listens, host:port.
-    pub address: String,
-}
+/// Processes with a GPU each.
+impl AllReduce for Arc<Ranks> {
+    fn rank(&self) -> usize {
+        Ranks::rank(self)
+    }
 
-impl Place {
-    /// Reads RANK, WORLD_SIZE, MASTER_ADDR and MASTER_PORT; without WORLD_SIZE there is one process.
-    ///
-    /// # Errors
-    /// If a variable is missing or no number, or the rank is not below the number of processes.
-    pub fn from_variables(
-        variable: impl Fn(&str) -> Option<String>,
-    ) -> Result<Option<Self>, RankError> {
-        let Some(size) = variable("WORLD_SIZE") else { return Ok(None) };
-        let wrong = |name, value: Option<String>, range: &str| RankError::Environment {
-            name,
-            value: value.unwrap_or_default(),
-            range: range.to_owned(),
-        };
-        let ranks = size.parse().ok().filter(|&n| (1..=1024).contains(&n));
-        let ranks = ranks.ok_or_else(|| wrong("WORLD_SIZE", Some(size), "from 1 to 1024"))?;
-        if ranks == 1 {
-            return Ok(None);
-        }
-        let rank = variable("RANK");
-        let number = rank.as_deref().and_then(|rank| rank.parse().ok()).filter(|&r| r < ranks);
-        let number =
-            number.ok_or_else(|| wrong("RANK", rank, &format!("from 0 to {}", ranks - 1)))?;
-        let host = variable("MASTER_ADDR").unwrap_or_else(|| "127.0.0.1".to_owned());
-        let port = variable("MASTER_PORT");
-        let address = match port.as_deref().and_then(|port| port.parse::<u16>().ok()) {
-            Some(port) => format!("{host}:{port}"),
-            None => return Err(wrong("MASTER_PORT", port, "a port, such as 29500")),
-        };
-        Ok(Some(Self { rank: number, ranks, address }))
+    fn ranks(&self) -> usize {
+        self.size()
+    }
+
+    fn sum(&mut self, values: &mut [f32]) -> Result<(), RanksError> {
+        self.sum_on_host(values)
+    }
+
+    fn done(&mut self) {
+        self.all_done();
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn place(variables: &[(&str, &str)]) -> Result<Option<Place>, RankError> {
-        Place::from_variables(|name| {
-            let found = variables.iter().find(|(key, _)| *key == name);
-            found.map(|(_, value)| (*value).to_owned())
-        })
-    }
-
-    #[test]
-    fn places_come_from_the_environment() {
-        assert_eq!(place(&[]).unwrap(), None);
-        assert_eq!(place(&[("WORLD_SIZE", "1"), ("RANK", "0")]).unwrap(), None);
-        let all = [("WORLD_SIZE", "3"), ("RANK", "2"), ("MASTER_PORT", "29500")];
-        let expected = Place { rank: 2, ranks: 3, address: "127.0.0.1:29500".to_owned() };
-        assert_eq!(place(&all).unwrap(), Some(expected));
-        for (wrong, name) in [
-            ([("WORLD_SIZE", "many"), ("RANK", "0"), ("MASTER_PORT", "1")], "WORLD_SIZE"),
-            ([("WORLD_SIZE", "2"), ("RANK", "2"), ("MASTER_PORT", "1")], "RANK"),
-            ([("WORLD_SIZE", "2"), ("RANK", "1"), ("MASTER_PORT", "x")], "MASTER_PORT"),
-        ] {
-            let error = place(&wrong).unwrap_err().to_string();
-            assert!(error.contains(name), "{error}");
+/// Joins the other processes of a launch, if there are any, who are about to train what has the same
+/// fingerprint. Those with a GPU are given as GPUs too.
+///
+/// # Errors
+/// If they do not meet, or train different things.
+pub fn join(
+    launch: Launch,
+    device: Option<&Arc<Device>>,
+    fingerprint: &Fingerprint,
+) -> Result<(Box<dyn AllReduce>, Option<Arc<Ranks>>), RanksError> {
+    match device {
+        _ if !launch.is_shared() => Ok((Box::new(Alone), None)),
+        None => Ok((Box::new(Tcp::join(launch, fingerprint)?), None)),
+        Some(device) => {
+            let gpus = Arc::new(Ranks::join(&launch, device, fingerprint)?);
+            Ok((Box::new(gpus.clone()), Some(gpus)))
         }
     }
 }

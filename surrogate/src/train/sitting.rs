@@ -5,19 +5,18 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use gpu::ranks::Launch;
 use indicatif::ProgressBar;
-use miette::bail;
+use miette::{IntoDiagnostic, bail};
 
 use super::checkpoint::{Checkpoint, Identity};
-use super::config::TrainConfig;
+use super::config::{Precision, TrainConfig};
 use super::engine::Preparation;
 use super::log::Log;
-use super::place::{Engine, EngineBatch};
-use super::ranks::{AllReduce, Alone, Place};
-use super::tcp::Tcp;
+use super::place::{Engine, EngineBatch, open};
+use super::ranks::{self, AllReduce};
 use super::{TrainArgs, progress};
 use crate::backend::{Cpu, device};
-use crate::cuda::supports;
 use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
 use crate::model::Model;
@@ -25,6 +24,9 @@ use crate::simulator::{Simulator, Training};
 
 /// Exit code after Ctrl-C, as shells use it.
 const INTERRUPTED: u8 = 130;
+
+/// Steps after which GPUs agree on whether to stop, since they wait for one another then.
+const AGREE_EVERY: u64 = 16;
 
 /// The checkpoint of a training in `folder`.
 pub fn checkpoint_in(folder: &Path) -> PathBuf {
@@ -59,8 +61,8 @@ impl Sitting {
     /// Opens the data and prepares everything.
     pub fn start(args: &TrainArgs, config: TrainConfig) -> miette::Result<Self> {
         let (data, folder) = (&args.data, &args.output);
-        let place = Place::from_variables(|name| std::env::var(name).ok())?;
-        let (rank, size) = place.as_ref().map_or((0, 1), |place| (place.rank, place.ranks));
+        let launch = Launch::from_environment().into_diagnostic()?;
+        let Launch { rank, size, .. } = launch;
         let model = config.model();
         let files = DataFolder::open(data)?;
         let frames = model.frames + config.pushforward.steps;
@@ -70,21 +72,36 @@ impl Sitting {
         let frame_interval = data.frame_interval();
         let identity = Identity::of(&config, &data, size)?;
 
-        let mut engine = Engine::new(args.device, size, &model, &config)?;
-        let (mut log, mut best) = (Log::default(), None);
-        if args.resume {
-            let path = checkpoint_in(folder);
-            let checkpoint = Checkpoint::read(&path, &identity)?;
-            (log, best) = (checkpoint.log, checkpoint.best);
-            if !engine.resume(checkpoint.state)? {
-                bail!("{}: the checkpoint is that of another network", path.display());
-            }
+        let device = open(args.device, &launch)?;
+        if device.is_none() && config.precision == Precision::Bf16 {
+            bail!(
+                help = "leave it out, or say \"f32\"",
+                "{}: `precision` is \"bf16\", which only tensor cores of a GPU have; this training \
+                 computes on the CPU",
+                args.config.display()
+            );
         }
-        let step = engine.step_number();
-        let ranks: Box<dyn AllReduce> = match place {
-            Some(place) => Box::new(Tcp::join(place, &identity.fingerprint(step))?),
-            None => Box::new(Alone),
-        };
+        let (mut log, mut best, mut state) = (Log::default(), None, None);
+        if args.resume {
+            let checkpoint = Checkpoint::read(&checkpoint_in(folder), &identity)?;
+            (log, best, state) = (checkpoint.log, checkpoint.best, Some(checkpoint.state));
+        }
+        let step = state.as_ref().map_or(0, |state| state.step);
+        let fingerprint = identity.fingerprint(step, device.is_some());
+        let (ranks, gpus) = ranks::join(launch, device.as_ref(), &fingerprint)?;
+        if let Some(device) = device.as_ref().filter(|_| rank == 0) {
+            let count = if size > 1 { format!("{size} x ") } else { String::new() };
+            eprintln!("on {count}{}", device.name());
+        }
+        let largest = data.recordings().iter().map(|file| file.points()).max().unwrap_or(0);
+        let points = config.batch * largest;
+        let mut engine = Engine::new(device.as_ref(), gpus, &model, &config, points)?;
+        if let Some(state) = state
+            && !engine.resume(state)?
+        {
+            let path = checkpoint_in(folder);
+            bail!("{}: the checkpoint is that of another network", path.display());
+        }
         let recipe = Recipe {
             seed: config.seed,
             batch: config.batch,
@@ -144,14 +161,14 @@ impl Sitting {
         let began = (Instant::now(), self.engine.step_number());
         let mut saved = Instant::now();
         while self.engine.step_number() < steps {
-            // All processes stop after the same step.
-            let mut stop = [f32::from(u8::from(interrupted.load(Ordering::Relaxed)))];
-            self.ranks.sum(&mut stop)?;
-            if stop[0] > 0.0 {
+            if self.asked_to_stop(interrupted)? {
                 self.save()?;
+                self.part()?;
                 self.bar.finish_and_clear();
-                let step = self.engine.step_number();
-                eprintln!("interrupted at step {step} of {steps}; --resume continues");
+                if self.ranks.rank() == 0 {
+                    let step = self.engine.step_number();
+                    eprintln!("interrupted at step {step} of {steps}; --resume continues");
+                }
                 return Ok(ExitCode::from(INTERRUPTED));
             }
             self.step()?;
@@ -161,6 +178,7 @@ impl Sitting {
             }
         }
         self.save()?;
+        self.part()?;
         self.bar.finish_and_clear();
         if self.ranks.rank() > 0 {
             return Ok(ExitCode::SUCCESS);
@@ -174,12 +192,39 @@ impl Sitting {
         match self.best {
             Some(best) => println!("best validation MSE {best:.3e} [box²]: best.safetensors"),
             None if self.valid.is_empty() => {
-                println!("no valid/ beside train/, so no best.safetensors: last.safetensors");
+                println!("no valid/ in the data, so no best.safetensors: last.safetensors");
             }
             None => println!("no validation rollout came to its end: last.safetensors"),
         }
         println!("written: {}", self.folder.display());
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Whether any process was asked to; all stop after the same step.
+    fn asked_to_stop(&mut self, interrupted: &AtomicBool) -> miette::Result<bool> {
+        let own = interrupted.load(Ordering::Relaxed);
+        if self.ranks.ranks() == 1 {
+            return Ok(own);
+        }
+        let due =
+            self.engine.gpu().is_none() || self.engine.step_number().is_multiple_of(AGREE_EVERY);
+        Ok(due && self.ranks.any(own)?)
+    }
+
+    /// Lets the other processes go, after a last look at whether all have the same.
+    fn part(&mut self) -> miette::Result<()> {
+        if self.ranks.ranks() > 1 {
+            let state = postcard::to_allocvec(&self.engine.state()?).into_diagnostic()?;
+            if !self.ranks.all_equal(blake3::hash(&state).as_bytes())? {
+                let rank = self.ranks.rank();
+                bail!(
+                    help = "an error of the program or of a GPU: do not trust this training",
+                    "rank {rank} does not hold the same weights as the others"
+                );
+            }
+        }
+        self.ranks.done();
+        Ok(())
     }
 
     fn step(&mut self) -> miette::Result<()> {
@@ -277,7 +322,8 @@ impl Sitting {
             },
             mirror: false,
             device: device(),
-            gpu: self.engine.gpu().filter(|_| supports(&self.preparation.config).is_ok()),
+            gpu: self.engine.gpu(),
+            precision: Precision::F32,
         }
     }
 }

@@ -3,6 +3,7 @@
 use rstest::rstest;
 use surrogate::features::Window;
 use surrogate::simulator::{Simulator, Training};
+use surrogate::train::Precision;
 
 use super::{Cpu, cloud, model, normalisation, small};
 
@@ -20,6 +21,7 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
         mirror,
         device: Default::default(),
         gpu: None,
+        precision: Precision::F32,
     };
     let points = 40;
     let run = |positions: &[f32], gravity| {

@@ -7,9 +7,9 @@ use plotters::style::RGBColor;
 pub(super) const INK: RGBColor = RGBColor(0x1C, 0x1C, 0x1A);
 pub(super) const GRID: RGBColor = RGBColor(0xDC, 0xDB, 0xD4);
 
-/// Colours that people with any kind of colour vision tell apart (after Okabe and Ito), and their
-/// brighter twins for a dark page.
-pub(super) const COLOURS: [(RGBColor, &str); 8] = [
+/// Colours that people with any kind of colour vision tell apart (after Okabe and Ito), the last ones
+/// less well, and their brighter twins for a dark page. Ten, for as many networks.
+pub(super) const COLOURS: [(RGBColor, &str); 10] = [
     (RGBColor(0x00, 0x72, 0xB2), "#4FB0EC"),
     (RGBColor(0xD5, 0x5E, 0x00), "#FF8A3D"),
     (RGBColor(0x00, 0x8F, 0x68), "#2FCFA2"),
@@ -18,6 +18,8 @@ pub(super) const COLOURS: [(RGBColor, &str); 8] = [
     (RGBColor(0x6A, 0x4C, 0xA8), "#B39DEB"),
     (RGBColor(0x6B, 0x6B, 0x66), "#A9A79F"),
     (RGBColor(0x9B, 0x22, 0x26), "#F07B78"),
+    (RGBColor(0x6F, 0x8F, 0x00), "#BFDC4A"),
+    (RGBColor(0x00, 0x9F, 0xC0), "#6ADDF2"),
 ];
 
 /// Style that exchanges the colours of charts on a dark screen.

@@ -110,6 +110,7 @@ mod tests {
         Measured {
             family: Family::Packings,
             name: name.to_owned(),
+            model: None,
             seconds,
             error: Some(Error { front, ..Error::default() }),
             failure: String::new(),

@@ -20,17 +20,20 @@ impl Section for Column {
         if context.models.is_empty() {
             return Ok(vec![no_model()]);
         }
-        let [truth, other] = Case::quick().run_references(context)?;
+        // The first case of every suite.
+        let case = Case::of(context.suite).remove(0);
+        let [truth, other] = case.run_references(context)?;
         let models = context.models.clone();
         let rollouts = roll_out(context, &models, &[("column".to_owned(), truth.output.clone())])?;
         let floor = difference(&other.output, &truth.output)?;
         let all: Vec<_> = rollouts.iter().collect();
         let mut blocks = vec![
-            Block::text(
-                "Every model starts from the first frames of the direct solver's column with 400 \
-                 discs a point and predicts the rest. No deterministic model can be better than \
-                 half of the difference between two seeds.",
-            ),
+            Block::text(format!(
+                "Every model starts from the first frames of the direct solver's column ({}) and \
+                     predicts the rest. No deterministic model can be better than half of the \
+                     difference between two seeds.",
+                case.reference_words
+            )),
             chart("Error over time", &all, Some(&floor))?,
             Block::Table(table(&rollouts)),
         ];

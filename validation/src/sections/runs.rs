@@ -12,17 +12,30 @@ impl Section for Runs {
         "Runs behind this report"
     }
 
+    fn always(&self) -> bool {
+        true
+    }
+
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let columns =
-            ["run", "command", "ended", "wall time", "processor time", "load per core", "build"];
+        let columns = [
+            "run",
+            "command",
+            "ran on",
+            "ended",
+            "wall time",
+            "processor time",
+            "load per core",
+            "build",
+        ];
         let mut table = Table::new("Runs", columns).note(
             "Wall time of the process with everything, which speed is not judged by. Where more \
              than one process wanted each core, wall times are longer than they would be alone.",
         );
-        for (place, run) in context.work.used().iter().enumerate() {
+        for (place, run) in context.runs.iter().enumerate() {
             table.row([
                 (place + 1).to_string(),
                 format!("`{}`", run.command),
+                run.about.as_ref().map_or(String::new(), |about| about.device.clone()),
                 if run.succeeded { "well" } else { "with an error" }.to_owned(),
                 seconds(run.seconds),
                 run.processor_seconds.map_or(String::new(), seconds),

@@ -46,13 +46,11 @@ impl Section for SpeedAccuracy {
         let sweep = case.measure(context)?;
         let mut blocks = vec![Block::text(format!(
             "Scene: {}. The reference ({}) ran with two seeds; errors are means of those \
-                 against each, and what lies below the difference between the two (the shade) \
-                 cannot be told from it. All other runs have a third seed. Time is wall time of the \
-                 computation on {}, one run at a time, packings prepared and files not counted; \
-                 for a network it includes the frames that it starts from.",
-            case.description,
-            case.reference_name(),
-            context.device_name
+             against each, and what lies below the difference between the two (the shade) \
+             cannot be told from it. All other runs have a third seed. Time is wall time of the \
+             computation on {}, one run at a time: preparing packings and kernels and writing \
+             files are not counted, the frames that a network starts from are.",
+            case.description, case.reference_words, context.device_name
         ))];
         blocks.extend(busy(&sweep));
         for (name, unit, measure) in MEASURES {
@@ -68,14 +66,14 @@ impl Section for SpeedAccuracy {
         blocks.extend(failures(&sweep));
         blocks.push(Block::heading("At equal error, at equal time"));
         blocks.extend(comparisons(&sweep));
-        blocks.extend(pay_back(context, &sweep));
+        blocks.extend(pay_back(&sweep));
         if context.models.is_empty() {
             blocks.push(no_model());
-        } else {
+        } else if context.device == "cpu" {
             blocks.push(Block::missing(
                 "Networks in bf16",
-                "the report predicts as `surrogate rollout` does by default.",
-                "",
+                "only a GPU computes in it.",
+                "`--device cuda` uses one.",
             ));
         }
         Ok(blocks)
@@ -143,6 +141,7 @@ fn all(sweep: &Sweep) -> Table {
         "",
         "method",
         "wall time [s]",
+        "on",
         "processor time [s]",
         "MSE [box²]",
         "front [m]",
@@ -164,6 +163,7 @@ fn all(sweep: &Sweep) -> Table {
             (place + 1).to_string(),
             m.name.clone(),
             if m.error.is_some() { number(m.seconds) } else { "failed".to_owned() },
+            m.device.clone(),
             m.processor_seconds.map_or(String::new(), number),
             error(|e| e.mse),
             error(|e| e.front),

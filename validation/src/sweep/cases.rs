@@ -10,6 +10,9 @@ pub struct Case {
     pub name: &'static str,
     /// What is simulated, in words.
     pub description: &'static str,
+    /// Name of the reference among the settings, and what it is computed with, in words.
+    pub reference_name: &'static str,
+    pub reference_words: &'static str,
     /// Scene with the settings of the reference, which runs with two seeds.
     reference: String,
     /// Scene whose first frames networks start from: one of the settings, so that its packings are
@@ -21,44 +24,78 @@ pub struct Case {
     pub(super) size: [f64; 2],
 }
 
-/// What the reference is computed with, in words, and the keys that say so.
-const REFERENCE: (&str, &str) = (
-    "400 discs, f32, step 0.1 ms, cells of 0.125 m",
-    "rve.discs = 400\nmaterial.precision = \"f32\"\nstep = 1e-4\ndomain.cell = 0.125\noutput.fields = []",
-);
+/// What a suite tries with packings.
+struct Settings {
+    /// Name of the reference, what it is computed with in words, and the keys that say so.
+    reference: [&'static str; 3],
+    /// Discs in a packing unless a setting says otherwise.
+    discs: i64,
+    /// Names, and keys that differ from the reference with these discs.
+    packings: &'static [(&'static str, &'static str)],
+}
 
-/// Settings of the quick suite with packings: names, and keys that differ from the reference.
-const QUICK: [(&str, &str); 9] = [
-    ("200 discs", "rve.discs = 200"),
-    ("100 discs", "rve.discs = 100"),
-    ("50 discs", "rve.discs = 50"),
-    ("100 discs + f64", "rve.discs = 100\nmaterial.precision = \"f64\""),
-    ("100 discs + long substeps", "rve.discs = 100\nrve.step_factor = 0.4"),
-    ("50 discs + long substeps", "rve.discs = 50\nrve.step_factor = 0.4"),
-    ("100 discs + mass x 10", "rve.discs = 100\nrve.mass_scale = 10"),
-    ("100 discs + mass x 100", "rve.discs = 100\nrve.mass_scale = 100"),
-    ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
-];
+const QUICK: Settings = Settings {
+    reference: [
+        "400 discs (reference)",
+        "400 discs, f32, step 0.1 ms, cells of 0.125 m",
+        "rve.discs = 400",
+    ],
+    discs: 100,
+    packings: &[
+        ("200 discs", "rve.discs = 200"),
+        ("100 discs", ""),
+        ("50 discs", "rve.discs = 50"),
+        ("100 discs + f64", "material.precision = \"f64\""),
+        ("100 discs + long substeps", "rve.step_factor = 0.4"),
+        ("50 discs + long substeps", "rve.discs = 50\nrve.step_factor = 0.4"),
+        ("100 discs + mass x 10", "rve.mass_scale = 10"),
+        ("100 discs + mass x 100", "rve.mass_scale = 100"),
+        ("100 discs + cells of 0.25 m", "domain.cell = 0.25"),
+    ],
+};
 
-/// The same of the full suite.
-const FULL: [(&str, &str); 16] = [
-    ("800 discs", "rve.discs = 800"),
-    ("200 discs", "rve.discs = 200"),
-    ("100 discs", "rve.discs = 100"),
-    ("f64", "material.precision = \"f64\""),
-    ("long substeps", "rve.step_factor = 0.4"),
-    ("short substeps", "rve.step_factor = 0.1"),
-    ("100 discs + long substeps", "rve.discs = 100\nrve.step_factor = 0.4"),
-    ("mass x 10", "rve.mass_scale = 10"),
-    ("mass x 100", "rve.mass_scale = 100"),
-    ("100 discs + mass x 10", "rve.discs = 100\nrve.mass_scale = 10"),
-    ("step 0.05 ms", "step = 5e-5"),
-    ("step 0.2 ms", "step = 2e-4"),
-    ("step 0.5 ms", "step = 5e-4"),
-    ("cells of 0.25 m", "domain.cell = 0.25"),
-    ("cells of 0.0625 m", "domain.cell = 0.0625"),
-    ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
-];
+/// With twice as many discs in the reference as in any setting.
+const FULL: Settings = Settings {
+    reference: [
+        "800 discs (reference)",
+        "800 discs, f32, step 0.1 ms, cells of 0.125 m",
+        "rve.discs = 800",
+    ],
+    discs: 400,
+    packings: &[
+        ("400 discs", ""),
+        ("200 discs", "rve.discs = 200"),
+        ("100 discs", "rve.discs = 100"),
+        ("50 discs", "rve.discs = 50"),
+        ("400 discs + f64", "material.precision = \"f64\""),
+        ("400 discs + short substeps", "rve.step_factor = 0.1"),
+        ("400 discs + long substeps", "rve.step_factor = 0.4"),
+        ("100 discs + long substeps", "rve.discs = 100\nrve.step_factor = 0.4"),
+        ("50 discs + long substeps", "rve.discs = 50\nrve.step_factor = 0.4"),
+        ("400 discs + mass x 10", "rve.mass_scale = 10"),
+        ("400 discs + mass x 100", "rve.mass_scale = 100"),
+        ("100 discs + mass x 10", "rve.discs = 100\nrve.mass_scale = 10"),
+        ("400 discs + step 0.05 ms", "step = 5e-5"),
+        ("400 discs + step 0.2 ms", "step = 2e-4"),
+        ("400 discs + step 0.5 ms", "step = 5e-4"),
+        ("400 discs + cells of 0.25 m", "domain.cell = 0.25"),
+        ("400 discs + cells of 0.0625 m", "domain.cell = 0.0625"),
+        ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
+    ],
+};
+
+/// What of that is tried on a large scene.
+const LARGE: Settings = Settings {
+    packings: &[
+        ("400 discs", ""),
+        ("200 discs", "rve.discs = 200"),
+        ("100 discs", "rve.discs = 100"),
+        ("50 discs + long substeps", "rve.discs = 50\nrve.step_factor = 0.4"),
+        ("400 discs + cells of 0.25 m", "domain.cell = 0.25"),
+        ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
+    ],
+    ..FULL
+};
 
 /// Settings with the mu(I) law.
 const CONTINUUM: [(&str, &str); 3] = [
@@ -67,6 +104,10 @@ const CONTINUUM: [(&str, &str); 3] = [
     ("mu(I) + cells of 0.0625 m", "material.kind = \"mu-i\"\ndomain.cell = 0.0625"),
 ];
 
+/// Keys of all settings.
+const COMMON: &str = "material.precision = \"f32\"\nstep = 1e-4\ndomain.cell = 0.125\n\
+                      output.fields = []";
+
 /// Seeds of the two references and of everything else: no setting shares its packings with a
 /// reference.
 const SEEDS: [u64; 3] = [1, 2, 3];
@@ -74,25 +115,22 @@ const SEEDS: [u64; 3] = [1, 2, 3];
 impl Case {
     /// The cases of a suite.
     pub fn of(suite: Suite) -> Vec<Self> {
-        let mut cases = vec![Self::quick()];
-        if suite == Suite::Full {
-            cases.extend(Self::full());
+        let column = include_str!("../../../scenes/column.toml");
+        if suite == Suite::Quick {
+            // Half of the collapse of the demo column: the whole would take twice as long.
+            let scene = merged(column, "duration = 0.6");
+            let description = "the first 0.6 s of the collapse of a column of 1 m x 1 m (256 \
+                               points, `scenes/column.toml`)";
+            return vec![Self::new("Column of 1 m", description, &scene, &QUICK, [1.0, 1.0])];
         }
-        cases
-    }
-
-    /// The small column: minutes on two cores.
-    pub fn quick() -> Self {
-        // Half of the collapse of the demo column: the whole would take twice as long.
-        let scene = merged(include_str!("../../../scenes/column.toml"), "duration = 0.6");
-        let description = "the first 0.6 s of the collapse of a column of 1 m x 1 m (256 points, \
-                           `scenes/column.toml`)";
-        Self::new("Column of 1 m", description, &scene, &QUICK, [1.0, 1.0])
-    }
-
-    /// Scenes of the paper.
-    fn full() -> [Self; 2] {
-        [
+        vec![
+            Self::new(
+                "Column of 1 m",
+                "a column of 1 m x 1 m (256 points, 1.2 s, `scenes/column.toml`)",
+                column,
+                &FULL,
+                [1.0, 1.0],
+            ),
             Self::new(
                 "Col2x2",
                 "a column of 2 m x 2 m, 1024 points, 3 s",
@@ -104,7 +142,7 @@ impl Case {
                 "Col5x3",
                 "a column of 5 m x 3 m, 3840 points, 3 s",
                 include_str!("../../../scenes/paper/test/col5x3.toml"),
-                &FULL,
+                &LARGE,
                 [5.0, 3.0],
             ),
         ]
@@ -114,26 +152,34 @@ impl Case {
         name: &'static str,
         description: &'static str,
         scene: &str,
-        packings: &[(&str, &str)],
+        settings: &Settings,
         size: [f64; 2],
     ) -> Self {
-        let reference = merged(scene, REFERENCE.1);
-        let other = merged(&reference, &seed(SEEDS[2]));
+        let scene = merged(scene, COMMON);
+        let [_, _, keys] = settings.reference;
+        let reference = merged(&scene, keys);
+        let other = merged(&scene, &seed(SEEDS[2]));
+        let other = merged(&other, &format!("rve.discs = {}", settings.discs));
+        let start_of_networks = merged(&other, "rve.discs = 200");
         let setting = |family| {
             let other = &other;
             move |(name, changes): &(&str, &str)| {
                 (family, (*name).to_owned(), merged(other, changes))
             }
         };
-        let packings = packings.iter().map(setting(Family::Packings));
-        let settings = packings.chain(CONTINUUM.iter().map(setting(Family::Continuum))).collect();
-        let start_of_networks = merged(&other, "rve.discs = 200");
-        Self { name, description, reference, start_of_networks, settings, size }
-    }
-
-    /// What the reference is computed with, in words.
-    pub fn reference_name(&self) -> &'static str {
-        REFERENCE.0
+        let packings = settings.packings.iter().map(setting(Family::Packings));
+        let tried = packings.chain(CONTINUUM.iter().map(setting(Family::Continuum))).collect();
+        let [reference_name, reference_words, _] = settings.reference;
+        Self {
+            name,
+            description,
+            reference_name,
+            reference_words,
+            reference,
+            start_of_networks,
+            settings: tried,
+            size,
+        }
     }
 
     /// The reference with its two seeds.
@@ -154,7 +200,7 @@ mod tests {
 
     #[test]
     fn all_settings_are_valid_scenes_of_the_same_material() {
-        for case in Case::of(Suite::Full) {
+        for case in Case::of(Suite::Full).into_iter().chain(Case::of(Suite::Quick)) {
             for (_, name, scene) in &case.settings {
                 let scene = Scene::parse(scene, name).unwrap_or_else(|e| panic!("{name}: {e:?}"));
                 assert_eq!(scene.seed, SEEDS[2]);

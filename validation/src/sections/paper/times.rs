@@ -35,11 +35,22 @@ impl Section for Times {
     fn run(&self, context: &mut Context) -> Result<Vec<Block>> {
         let mut direct = Table::new(
             "Direct solver",
-            ["case", "points", "steps", "paper, RTX 4090 [s]", "ours [s]", "ratio", "ours ran on"],
+            [
+                "case",
+                "points: paper",
+                "ours",
+                "steps: paper",
+                "ours",
+                "paper, RTX 4090 [s]",
+                "ours [s]",
+                "ratio",
+                "ours ran on",
+            ],
         )
         .note(
             "Ours: all phases but the preparation of packings, which are kept. The paper does \
-                   not state its substeps and barrier sizes, and its GPU is another one.",
+             not state its substeps and barrier sizes, and its GPU is another one. No ratio where \
+             points or steps are not those of the paper.",
         );
         let mut learned = Table::new(
             "Surrogate",
@@ -53,25 +64,32 @@ impl Section for Times {
                 "ours ran on",
             ],
         )
-        .note("Time of all predicted frames, graphs included.");
+        .note(
+            "Time of all predicted frames, graphs included. No ratio where the case is not that of \
+             the paper.",
+        );
         let cases = context.cases("test");
         let model = baseline(&context.models);
         let mut absent = Vec::new();
         for (case, points, steps, [dempm, tgnns, h800]) in TABLE_7 {
             let found = cases.iter().find(|(name, _)| name == case);
-            let ours = found.map(|(_, path)| direct_time(path)).transpose()?;
+            let ours = found.map(|(_, path)| Trajectory::open(path)).transpose()?;
             if ours.is_none() {
                 absent.push(case);
             }
-            let (time, device) = ours.unzip();
+            let size = ours.as_ref().map(size);
+            let same = size == Some((points, steps));
+            let time = ours.as_ref().map(computing);
             direct.row([
                 case.to_owned(),
                 points.to_string(),
+                size.map_or(String::new(), |(points, _)| points.to_string()),
                 steps.to_string(),
+                size.map_or(String::new(), |(_, steps)| steps.to_string()),
                 number(dempm),
                 time.map_or(String::new(), number),
-                ratio(Some(dempm), time),
-                device.unwrap_or_default(),
+                ratio(Some(dempm), time.filter(|_| same)),
+                ours.map_or(String::new(), |ours| ours.header().device.clone()),
             ]);
             let rollout = match (&model, found) {
                 (Some(model), Some(found)) => {
@@ -89,7 +107,7 @@ impl Section for Times {
                 number(tgnns),
                 number(h800),
                 time.map_or(String::new(), number),
-                ratio(Some(h800), time),
+                ratio(Some(h800), time.filter(|_| same)),
                 rollout.as_ref().map_or(String::new(), |r| r.model.clone()),
                 rollout.as_ref().map_or(String::new(), |r| r.device.clone()),
             ]);
@@ -118,8 +136,9 @@ pub fn baseline(models: &[Model]) -> Option<Model> {
     models.iter().find(|model| belongs(&model.name, "baseline")).cloned()
 }
 
-/// Seconds of the computation, and the device.
-fn direct_time(path: &std::path::Path) -> Result<(f64, String)> {
-    let trajectory = Trajectory::open(path)?;
-    Ok((computing(&trajectory), trajectory.header().device.clone()))
+/// Points and steps of a run.
+fn size(trajectory: &Trajectory) -> (usize, usize) {
+    let duration = trajectory.time().last().copied().unwrap_or_default();
+    let steps = (duration / trajectory.header().time_step).round() as usize;
+    (trajectory.points().mass.len(), steps)
 }

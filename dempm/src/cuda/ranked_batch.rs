@@ -1,4 +1,7 @@
-//! The packings of all points, of which this rank advances its slice.
+//! One scene on several GPUs, one process (rank) a GPU. Every rank keeps all material points and
+//! makes the same MPM step; of the packings, where the work is, it advances its slice. Their states
+//! are then gathered, so that all ranks go on with the same numbers: the result does not depend on
+//! the number of ranks by a single bit.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -7,8 +10,7 @@ use cudarc::driver::CudaSlice;
 use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState};
 use dem::{RveBatch, RveState};
 use gpu::Device;
-
-use super::{Ranks, RanksError};
+use gpu::ranks::Ranks;
 
 /// A batch on one GPU, or on one of several: the twin of [`RveBatch`].
 pub struct RankedRveBatch<R: CudaReal> {
@@ -46,7 +48,8 @@ impl<R: CudaReal> RankedRveBatch<R> {
         };
         let range = ranks.slice(count);
         if range.is_empty() {
-            return Err(failed(RanksError::TooMany { points: count, ranks: ranks.size() }));
+            let ranks = ranks.size();
+            return Err(failed(format!("{count} points cannot be shared by {ranks} ranks")));
         }
         let slice = RveBatch {
             parameters: batch.parameters.clone(),
@@ -162,8 +165,9 @@ fn failed(error: impl std::fmt::Display) -> CudaError {
 
 #[cfg(test)]
 mod tests {
+    use gpu::ranks::{Launch, RanksError};
+
     use super::*;
-    use crate::ranks::Launch;
 
     /// The way through NCCL, with one rank: where there is one GPU only.
     #[test]
@@ -171,7 +175,7 @@ mod tests {
         let Some(device) = gpu::for_tests() else { return };
         let launch =
             Launch { rank: 0, size: 1, local_rank: 0, address: ("127.0.0.1".to_owned(), 0) };
-        let ranks = match Ranks::join(&launch, &device) {
+        let ranks = match Ranks::join(&launch, &device, &[0; 32]) {
             Ok(ranks) => Arc::new(ranks),
             Err(RanksError::NcclMissing) => {
                 eprintln!("skipped: {}", RanksError::NcclMissing);

@@ -1,24 +1,22 @@
-//! One scene on several GPUs: one process (rank) a GPU, joined by NCCL.
-//!
-//! Every rank keeps all material points and makes the same MPM step; of the packings, where the
-//! work is, it advances a slice. Their states are then gathered, so that all ranks go on with the
-//! same numbers: the result does not depend on the number of ranks by a single bit.
+//! Several processes (ranks) that work together, one on each GPU, joined by NCCL. How they are
+//! started ([`Launch`]) and find each other ([`meet`]) serves ranks without GPUs too.
 
-mod batch;
 mod launch;
-mod rendezvous;
+mod lifeline;
+mod meeting;
 
 use std::ffi::CStr;
+use std::io::{Read, Write};
 use std::ops::Range;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use cudarc::driver::{CudaSlice, DevicePtr, DevicePtrMut, DeviceRepr};
 use cudarc::nccl::{result, sys};
-use gpu::Device;
 
-pub use batch::RankedRveBatch;
-pub use launch::{Launch, LaunchError};
+pub use self::launch::{Launch, LaunchError};
+use self::lifeline::Lifeline;
+pub use self::meeting::{Fingerprint, meet};
+use crate::{Device, Error};
 
 /// Why ranks could not work together.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -29,20 +27,24 @@ pub enum RanksError {
     #[diagnostic(help(
         "all ranks have to be started, and MASTER_ADDR and MASTER_PORT to name a free port of the host of rank 0 that all hosts can reach"
     ))]
-    Rendezvous { rank: usize, action: &'static str, address: String, source: std::io::Error },
+    Meeting { rank: usize, action: &'static str, address: String, source: std::io::Error },
+    #[error("rank {rank} does not belong to rank 0: {why}")]
+    #[diagnostic(help("all ranks have to be started by one launcher, or in the same way"))]
+    Stranger { rank: usize, why: &'static str },
     #[error("several ranks need NCCL, and libnccl.so was not found")]
     #[diagnostic(help(
         "add its folder to LD_LIBRARY_PATH; where there is only libnccl.so.2, link it to that name"
     ))]
     NcclMissing,
+    #[error("rank {rank} has lost rank {other}")]
+    Lost { rank: usize, other: usize, source: std::io::Error },
     #[error("NCCL, {action}: {reason}")]
+    #[diagnostic(help("each rank needs a GPU of its own"))]
     Nccl { action: &'static str, reason: String },
-    #[error("{points} points cannot be shared by {ranks} ranks")]
-    TooMany { points: usize, ranks: usize },
     #[error("another rank failed; see its message")]
     Other,
     #[error(transparent)]
-    Gpu(#[from] gpu::Error),
+    Gpu(#[from] Error),
 }
 
 impl RanksError {
@@ -70,8 +72,8 @@ pub struct Ranks {
     size: usize,
     device: Arc<Device>,
     communicator: sys::ncclComm_t,
-    /// All ranks have come to the end.
-    done: AtomicBool,
+    /// `None` once all ranks have come to the end.
+    lifeline: Mutex<Option<Lifeline>>,
 }
 
 // SAFETY: a communicator may be used from any thread, one at a time. A simulation is advanced by
@@ -81,21 +83,35 @@ unsafe impl Send for Ranks {}
 unsafe impl Sync for Ranks {}
 
 impl Ranks {
-    /// Joins the peers; waits until all are there.
+    /// Joins the peers, who are about to do what has the same fingerprint; waits until all are
+    /// there. From then on this process ends if another rank ends before
+    /// [`all_done`](Self::all_done).
     ///
     /// # Errors
-    /// NCCL is missing, or the peers are not found.
-    pub fn join(launch: &Launch, device: &Arc<Device>) -> Result<Self, RanksError> {
+    /// NCCL is missing, or the peers are not found or do something else.
+    pub fn join(
+        launch: &Launch,
+        device: &Arc<Device>,
+        fingerprint: &Fingerprint,
+    ) -> Result<Self, RanksError> {
         // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
         if !unsafe { sys::is_culib_present() } {
             return Err(RanksError::NcclMissing);
         }
-        let id = match launch.rank {
-            0 => result::get_uniqueid().map_err(RanksError::nccl("making an id"))?.internal,
-            _ => [0; rendezvous::ID_BYTES],
-        };
-        let id = rendezvous::share(launch, id.map(|byte| byte as u8))?;
-        let id = sys::ncclUniqueId { internal: id.map(|byte| byte as std::ffi::c_char) };
+        let mut peers = meet(launch, fingerprint)?;
+        let mut id = sys::ncclUniqueId { internal: [0; 128] };
+        if launch.rank == 0 {
+            id = result::get_uniqueid().map_err(RanksError::nccl("making an id"))?;
+        }
+        let mut bytes = id.internal.map(|byte| byte as u8);
+        for (place, peer) in peers.iter_mut().enumerate() {
+            let (given, other) = match launch.rank {
+                0 => (peer.write_all(&bytes), place + 1),
+                _ => (peer.read_exact(&mut bytes), 0),
+            };
+            given.map_err(|source| RanksError::Lost { rank: launch.rank, other, source })?;
+        }
+        id.internal = bytes.map(|byte| byte as std::ffi::c_char);
         device.context().bind_to_thread()?;
         let mut communicator = std::ptr::null_mut();
         // SAFETY: writes the pointer; the context is current.
@@ -109,7 +125,15 @@ impl Ranks {
         }
         .map_err(RanksError::nccl("joining the ranks"))?;
         let Launch { rank, size, .. } = *launch;
-        Ok(Self { rank, size, device: device.clone(), communicator, done: AtomicBool::new(false) })
+        let lifeline = Lifeline::watch(rank, peers);
+        let lifeline = lifeline.map_err(|source| RanksError::Lost { rank, other: 0, source })?;
+        Ok(Self {
+            rank,
+            size,
+            device: device.clone(),
+            communicator,
+            lifeline: Mutex::new(Some(lifeline)),
+        })
     }
 
     /// Number of this rank, from 0. Rank 0 writes files and speaks.
@@ -167,6 +191,43 @@ impl Ranks {
         Ok(())
     }
 
+    /// Queues the sum of the lists of all ranks, which takes the place of each, on the device's
+    /// stream. May be captured in a graph. All ranks get the same bits, and as many ranks give the
+    /// same bits again on the same machine.
+    ///
+    /// # Errors
+    /// NCCL refuses, or a peer is gone.
+    pub fn all_reduce(&self, list: &mut CudaSlice<f32>) -> Result<(), RanksError> {
+        let (stream, count) = (self.device.stream(), list.len());
+        self.device.context().bind_to_thread()?;
+        let (address, _synchronised) = list.device_ptr_mut(stream);
+        // SAFETY: the list lives until the stream is done with it.
+        unsafe {
+            result::all_reduce(
+                address as *const _,
+                address as *mut _,
+                count,
+                sys::ncclDataType_t::ncclFloat32,
+                sys::ncclRedOp_t::ncclSum,
+                self.communicator,
+                stream.cu_stream().cast(),
+            )
+        }
+        .map_err(RanksError::nccl("adding"))?;
+        Ok(())
+    }
+
+    /// Replaces numbers in the host's memory by their sums over all ranks. Waits.
+    ///
+    /// # Errors
+    /// As [`all_reduce`](Self::all_reduce).
+    pub fn sum_on_host(&self, values: &mut [f32]) -> Result<(), RanksError> {
+        let mut list = self.device.upload(values)?;
+        self.all_reduce(&mut list)?;
+        self.device.stream().memcpy_dtoh(&list, values)?;
+        Ok(self.device.stream().synchronize()?)
+    }
+
     /// A number of every rank.
     ///
     /// # Errors
@@ -187,9 +248,15 @@ impl Ranks {
         Ok(self.numbers(own.into())?.contains(&1))
     }
 
-    /// Says that all ranks are done: what is still on its way to a peer arrives.
+    /// Says that all ranks are done, and each may end: what is still on its way to a peer arrives.
     pub fn all_done(&self) {
-        self.done.store(true, Ordering::Relaxed);
+        if let Some(mut lifeline) = self.lifeline().take() {
+            lifeline.goodbye();
+        }
+    }
+
+    fn lifeline(&self) -> std::sync::MutexGuard<'_, Option<Lifeline>> {
+        self.lifeline.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
     /// Brings the bytes of all ranks to rank 0; the others get nothing.
@@ -241,9 +308,10 @@ impl Ranks {
 
 impl Drop for Ranks {
     fn drop(&mut self) {
+        let done = self.lifeline().is_none();
         // SAFETY: once, here. A rank that ends because it failed does not wait for the others.
         let _ = unsafe {
-            if self.done.load(Ordering::Relaxed) {
+            if done {
                 result::comm_destroy(self.communicator)
             } else {
                 result::comm_abort(self.communicator)

@@ -1,0 +1,7 @@
+//! `surrogate` as a user meets it: trajectories -> training -> rollout -> evaluation.
+
+mod errors;
+mod helpers;
+mod ranks;
+mod rollouts;
+mod training;

@@ -1,0 +1,128 @@
+//! Rollouts of trained, untrained and broken models.
+
+use std::path::Path;
+
+use dempm::trajectory::Trajectory;
+use surrogate::backend::device;
+use surrogate::config::ModelConfig;
+use surrogate::features::Normalisation;
+use surrogate::model::Model;
+use surrogate::simulator::{Simulator, Training};
+use surrogate::train::{Precision, with_weights};
+use tempfile::TempDir;
+
+use crate::helpers::{config, data, fails, scene, simulate, succeeds, surrogate, train};
+
+/// The model that comes with the program lets a column collapse.
+#[test]
+fn the_model_of_the_repository_follows_a_collapse() {
+    let directory = TempDir::new().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let output = directory.path().join("out.h5");
+    let mut command = surrogate(directory.path());
+    command.arg("rollout").arg(root.join("models/tgnns-tiny.safetensors"));
+    command.arg("--scene").arg(root.join("scenes/column-mu-i.toml"));
+    succeeds(command.arg("-o").arg(&output).args(["--frames", "81"]));
+    let budget = |frame| Trajectory::open(&output).unwrap().frame(frame).unwrap().budget;
+    let (first, last) = (budget(0), budget(80));
+    assert!(last["front"] > 1.5 * first["front"] && last["front"] < 3.5, "{last:?}");
+    assert!(last["max_height"] < 0.95 * first["max_height"], "{last:?}");
+}
+
+/// Rollouts of networks with further features start from what the scene or the file says.
+#[test]
+fn networks_can_know_load_and_first_stress() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let with_stress = |x| scene(x, 1.0, "").replace("fields = []", "fields = [\"stress\"]");
+    simulate(&with_stress(0.0), &here.join("data/left.h5"));
+    let path = config(here, 20, "");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let features = "[model]\nnode_features = [\"overburden\", \"initial-stress\"]";
+    std::fs::write(&path, text.replace("[model]", features)).unwrap();
+    succeeds(&mut train(here, &path, "run"));
+    std::fs::write(here.join("scene.toml"), with_stress(0.125)).unwrap();
+    let rollout = ["rollout", "run/last.safetensors", "--frames", "6", "-o", "out.h5"];
+    succeeds(surrogate(here).args(rollout).args(["--scene", "scene.toml"]));
+    succeeds(surrogate(here).args(rollout).args(["--from", "data/left.h5", "--overwrite"]));
+
+    simulate(&scene(0.0, 1.0, ""), &here.join("data/bare.h5"));
+    let error =
+        fails(surrogate(here).args(rollout).args(["--from", "data/bare.h5", "--overwrite"]));
+    assert!(error.contains("bare.h5") && error.contains("no stress in it"), "{error}");
+    let error = fails(train(here, &path, "run").arg("--overwrite"));
+    assert!(error.contains("bare.h5") && error.contains("no stress in it"), "{error}");
+}
+
+/// A network that knows nothing of a barrier does not get through it either.
+#[test]
+fn points_stay_out_of_barriers_and_plates() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    data(here);
+    let config = config(here, 20, "");
+    succeeds(&mut train(here, &config, "run"));
+    let barrier = "[[obstacle]]\ncorner = [0.375, 0.0]\nsize = [0.25, 0.125]\n\
+                   [plate]\ncorner = [0.0, 0.375]\nsize = [0.25, 0.125]\nvelocity = [0.0, -0.1]\n";
+    std::fs::write(here.join("scene.toml"), scene(0.0, 1.0, barrier)).unwrap();
+    let rollout = ["rollout", "run/last.safetensors", "--scene", "scene.toml", "-o", "out.h5"];
+    // A network after 20 steps may well break down; what it has written counts.
+    surrogate(here).args(rollout).output().unwrap();
+    let trajectory = Trajectory::open(&here.join("out.h5")).unwrap();
+    assert!(trajectory.frames() > 5, "{}", trajectory.status());
+    let plate = trajectory.frame(4).unwrap().boxes[1];
+    assert!((plate[1] - (0.375 - 0.1 * 0.04)).abs() < 1e-12, "the plate moves: {plate:?}");
+    for index in 3..trajectory.frames() {
+        let frame = trajectory.frame(index).unwrap();
+        for [x, y] in frame.position {
+            assert!((0.0..=1.0).contains(&x) && (0.0..=0.5).contains(&y));
+            for [left, low, right, high] in &frame.boxes {
+                let inside =
+                    x > left + 1e-8 && x < right - 1e-8 && y > low + 1e-8 && y < high - 1e-8;
+                assert!(
+                    !inside,
+                    "frame {index}: ({x}, {y}) in [{left}, {right}] x [{low}, {high}]"
+                );
+            }
+        }
+    }
+}
+
+/// A prediction that breaks down ends the rollout, and the frames before are in the file.
+#[test]
+fn a_broken_model_says_where_it_broke() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    std::fs::write(here.join("scene.toml"), scene(0.0, 1.0, "")).unwrap();
+    let config = ModelConfig { width: 4, frames: 3, ..ModelConfig::default() };
+    let healthy = Model::new(&config, 1, &device());
+    let sick = with_weights(healthy.clone(), &vec![f32::NAN; config.parameter_count()]);
+    for (model, size, reason) in
+        [(healthy, 1e9, "leaves the domain by"), (sick, 1e-3, "is not finite")]
+    {
+        let simulator = Simulator {
+            model,
+            config: config.clone(),
+            normalisation: Normalisation {
+                velocity_mean: vec![0.0; 2],
+                velocity_std: vec![1e-3; 2],
+                acceleration_mean: vec![0.0; 2],
+                acceleration_std: vec![size; 2],
+                ..Normalisation::default()
+            },
+            training: Training { frame_interval: 0.01, without_gravity: false, steps: 0 },
+            mirror: false,
+            device: device(),
+            gpu: None,
+            precision: Precision::F32,
+        };
+        simulator.save(&here.join("model.safetensors")).unwrap();
+        let rollout = ["rollout", "model.safetensors", "--scene", "scene.toml", "-o", "out.h5"];
+        let error = fails(surrogate(here).args(rollout).arg("--overwrite"));
+        assert!(error.contains(reason) && error.contains("frame 3"), "{error}");
+        assert!(error.contains("out.h5 holds the 3 frames before"), "{error}");
+        let trajectory = Trajectory::open(&here.join("out.h5")).unwrap();
+        assert_eq!(trajectory.frames(), 3);
+        assert!(trajectory.status().starts_with("failed: frame 3"), "{}", trajectory.status());
+    }
+}

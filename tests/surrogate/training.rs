@@ -1,0 +1,180 @@
+//! From trajectories to a model, interrupted or not.
+
+use std::process::Command;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use dempm::trajectory::Trajectory;
+use surrogate::data::{DataSet, Shape};
+use tempfile::TempDir;
+
+use crate::helpers::{column, config, data, scene, succeeds, surrogate, train};
+
+#[test]
+fn trajectories_become_a_model_that_continues_them() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let data = data(here);
+    let stats = succeeds(surrogate(here).arg("stats").arg(&data));
+    assert!(stats.contains("2 files to train with, 1 to validate"), "{stats}");
+
+    let more = "ema = 0.9\n[data]\nmirror = true\nnoise = 3.0e-4";
+    let config = config(here, 600, more);
+    succeeds(&mut train(here, &config, "run"));
+    let losses = column(&here.join("run/log.csv"), "loss");
+    assert_eq!(losses.len(), 60);
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    let (first, last) = (losses[0], mean(&losses[55..]));
+    assert!(last < 0.7 * first, "the loss fell from {first} to {last} only");
+    assert!(here.join("run/loss.svg").exists());
+
+    // A rollout from the scene: the same format, finished, and the column comes down.
+    std::fs::write(here.join("scene.toml"), scene(0.125, 1.0, "")).unwrap();
+    let rollout = ["rollout", "run/best.safetensors", "--scene", "scene.toml", "-o", "out.h5"];
+    succeeds(surrogate(here).args(rollout));
+    let predicted = Trajectory::open(&here.join("out.h5")).unwrap();
+    let truth = Trajectory::open(&data.join("valid/between.h5")).unwrap();
+    assert_eq!(predicted.status(), "finished");
+    assert_eq!(predicted.frames(), truth.frames());
+    assert_eq!(predicted.points(), truth.points());
+    for frame in 0..3 {
+        let (ours, theirs) = (predicted.frame(frame).unwrap(), truth.frame(frame).unwrap());
+        assert_eq!(ours.position, theirs.position, "the first frames are simulated");
+    }
+    let height = |trajectory: &Trajectory, frame| {
+        let position = trajectory.frame(frame).unwrap().position;
+        position.iter().map(|x| x[1]).sum::<f64>() / position.len() as f64
+    };
+    assert!(height(&predicted, 40) < height(&predicted, 0));
+
+    // From the trajectory itself: the very same.
+    let from = ["rollout", "run/best.safetensors", "--from", "data/valid/between.h5"];
+    succeeds(surrogate(here).args(from).args(["-o", "from.h5"]));
+    let again = Trajectory::open(&here.join("from.h5")).unwrap();
+    assert_eq!(again.frame(40).unwrap().position, predicted.frame(40).unwrap().position);
+
+    // The evaluation is what validation measured.
+    let report = succeeds(surrogate(here).args([
+        "eval",
+        "run/best.safetensors",
+        "--data",
+        "data/valid",
+        "-o",
+        "eval",
+        "--noise-floor",
+        "data/valid",
+    ]));
+    assert!(report.contains("between") && report.contains("mean floor"), "{report}");
+    let best = column(&here.join("run/validation.csv"), "mse");
+    let best = best.into_iter().fold(f64::INFINITY, f64::min);
+    let means = column(&here.join("eval/summary.csv"), "mse_mean");
+    assert!((means[0] / best - 1.0).abs() < 1e-5, "{means:?} {best}");
+    assert_eq!((means[1], means[3]), (0.0, 0.0), "a run does not differ from itself");
+    assert_eq!(means[2], means[0], "the mean of one case");
+    let mirrored =
+        ["eval", "run/best.safetensors", "--data", "data/valid", "-o", "image", "--mirror"];
+    succeeds(surrogate(here).args(mirrored));
+    let image = column(&here.join("image/summary.csv"), "mse_mean")[0];
+    assert!(image != means[0] && image < 2.0 * means[0], "{image} {means:?}");
+    assert!(here.join("eval/errors.svg").exists());
+}
+
+/// Killed without warning, or with Ctrl-C, a resumed training ends with the weights, the log and
+/// the best model of one that was never interrupted.
+#[cfg(unix)]
+fn resumes_bitwise(steps: u64, device: &str) {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    data(here);
+    let more = "ema = 0.99\n[data]\nmirror = true\n[pushforward]\nsteps = 2\nstart = ";
+    let config = config(here, steps, &format!("{more}{}", steps * 2 / 3));
+    let train = |output| {
+        let mut command = train(here, &config, output);
+        command.args(["--device", device]);
+        command
+    };
+    succeeds(&mut train("whole"));
+
+    let cut = here.join("cut/checkpoint.bin");
+    let resumable = |more: &[&str]| {
+        let mut command = train("cut");
+        command.args(["--checkpoint-interval", "0"]).args(more);
+        command
+    };
+    let mut child = resumable(&[]).spawn().unwrap();
+    let mut interrupts = 0;
+    loop {
+        // Let it get on, then stop it: by turns politely and not.
+        let start = Instant::now();
+        let since = std::fs::metadata(&cut).ok().and_then(|file| file.modified().ok());
+        let finished = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                assert!(status.success(), "{status}");
+                break true;
+            }
+            let now = std::fs::metadata(&cut).ok().and_then(|file| file.modified().ok());
+            if now != since && start.elapsed() > Duration::from_millis(300) {
+                break false;
+            }
+            assert!(start.elapsed() < Duration::from_secs(60), "no progress");
+            sleep(Duration::from_millis(5));
+        };
+        if finished {
+            break;
+        }
+        if interrupts % 2 == 0 {
+            child.kill().unwrap();
+            child.wait().unwrap();
+        } else {
+            let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+            assert!(kill.unwrap().success());
+            let code = child.wait().unwrap().code();
+            assert!(matches!(code, Some(130 | 0)), "{code:?}");
+        }
+        interrupts += 1;
+        child = resumable(&["--resume"]).spawn().unwrap();
+    }
+    assert!(interrupts > 1, "the training was too short to be interrupted");
+    for name in ["last.safetensors", "best.safetensors", "log.csv", "validation.csv"] {
+        let [a, b] = ["whole", "cut"].map(|run| std::fs::read(here.join(run).join(name)).unwrap());
+        assert!(a == b, "{name} differs after {interrupts} interrupts");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_training_resumes_bitwise() {
+    resumes_bitwise(900, "cpu");
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_training_on_a_gpu_resumes_bitwise() {
+    if gpu::for_tests().is_some() {
+        resumes_bitwise(300, "cuda");
+    }
+}
+
+#[test]
+fn windows_of_every_stride_are_frames_of_the_files() {
+    let directory = TempDir::new().unwrap();
+    let data = data(directory.path());
+    let paths = ["left", "middle"].map(|name| data.join("train").join(name).with_extension("h5"));
+    let second = Trajectory::open(&paths[1]).unwrap();
+    for stride in [1, 2, 3, 6, 10] {
+        let shape = Shape { frames: 3, stride };
+        for memory in [0, 1 << 14, 1 << 30] {
+            let set = DataSet::open(&paths, shape, memory).unwrap();
+            let of_one_file = 41 - 3 * stride;
+            assert_eq!(set.len(), 2 * of_one_file);
+            // The last window of all ends with the last frame of the last file.
+            let example = set.example(set.len() - 1).unwrap();
+            for (place, positions) in example.positions.chunks(2 * 24).enumerate() {
+                let frame = second.frame(40 - (3 - place) * stride).unwrap();
+                assert_eq!(positions, frame.position.as_flattened());
+            }
+            assert_eq!(example.next, second.frame(40).unwrap().position.as_flattened());
+            assert!((example.gravity[1] + 9.81 * 1e-4 * (stride * stride) as f64).abs() < 1e-12);
+        }
+    }
+}
