@@ -18,13 +18,16 @@ pub enum Start {
     Identity,
 }
 
+/// What is left of random weights beside the identity.
+const RANDOM_PART: f64 = 0.4;
+
 /// LayerNorm's scale of messages: a node adds up some 44 of them.
 const MESSAGE_SCALE: f64 = 0.1;
 
 impl<B: Backend> Model<B> {
     /// Makes node states pass through the layers of a TGNNS, which has no residual connections:
-    /// through its 28 random linears nothing of them is left at first. Multiples of the identity
-    /// are added to the weights, so that S takes the mean of both its inputs, messages begin as
+    /// through some 40 random linears little of them is left at first. Multiples of the identity
+    /// are added to a part of the weights, so that S takes the mean of both its inputs, messages begin as
     /// h_w - h_v + e, and updates as h_v and a part of the messages. The GNS stays as it is.
     pub fn near_identity(mut self) -> Self {
         let Self::Tgnns(network) = &mut self else { return self };
@@ -46,8 +49,8 @@ impl<B: Backend> Model<B> {
 }
 
 impl<B: Backend> Mlp<B> {
-    /// Adds the identity to all square weights but the first, and so many times the identity to
-    /// each block of the first, which reads states side by side.
+    /// Adds the identity to a part of all square weights but the first, and so many times the
+    /// identity to each block of a part of the first, which reads states side by side.
     fn add_identity(&mut self, first: &[f64]) {
         for (layer, linear) in self.linears.iter_mut().enumerate() {
             let [inputs, outputs] = linear.weight.dims();
@@ -56,6 +59,9 @@ impl<B: Backend> Mlp<B> {
                 _ if inputs == outputs => &[1.0],
                 _ => &[],
             };
+            if !blocks.is_empty() {
+                edit(&mut linear.weight, |weight| weight.mul_scalar(RANDOM_PART));
+            }
             for (block, &factor) in blocks.iter().enumerate() {
                 let rows = block * outputs..(block + 1) * outputs;
                 edit(&mut linear.weight, |weight| {
@@ -75,6 +81,6 @@ fn edit<B: Backend, const D: usize>(
 ) {
     let value = param.val();
     let learns = value.is_require_grad();
-    let changed = change(value.detach()).set_require_grad(learns);
+    let changed = change(value).detach().set_require_grad(learns);
     *param = Param::initialized(param.id, changed);
 }
