@@ -1,12 +1,12 @@
 //! `dempm run` as several ranks. Most of it needs two GPUs and NCCL.
 
+mod common;
+
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
 
-use assert_cmd::cargo::cargo_bin;
+use common::{bits, dempm, kill, wait_for_frames};
 use dempm::trajectory::Trajectory;
 use tempfile::TempDir;
 
@@ -31,9 +31,8 @@ fn scene(directory: &Path, duration: f64, more: &str) -> PathBuf {
     path
 }
 
-fn dempm(directory: &Path, output: &str) -> Command {
-    let mut command = Command::new(cargo_bin("dempm"));
-    command.current_dir(directory).env("DEMPM_CACHE_DIR", directory.join("cache"));
+fn run(directory: &Path, output: &str) -> Command {
+    let mut command = dempm(directory);
     command.args(["run", "scene.toml", "-o", output]);
     command
 }
@@ -42,7 +41,7 @@ fn dempm(directory: &Path, output: &str) -> Command {
 fn start(directory: &Path, count: usize, output: &str, more: &[&str]) -> Vec<Child> {
     let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let rank = |rank: usize| {
-        let mut command = dempm(directory, output);
+        let mut command = run(directory, output);
         let words = [("RANK", rank), ("LOCAL_RANK", rank), ("WORLD_SIZE", count)];
         command.envs(words.map(|(name, value)| (name, value.to_string())));
         command.env("MASTER_PORT", port.to_string()).args(more).stdout(Stdio::null());
@@ -62,38 +61,12 @@ fn end(ranks: Vec<Child>, code: i32) -> Vec<String> {
     ranks.into_iter().map(end).collect()
 }
 
-/// Every number of every frame, as bits.
-fn bits(path: &Path) -> Vec<u64> {
-    let trajectory = Trajectory::open(path).unwrap();
-    let mut bits = Vec::new();
-    for index in 0..trajectory.frames() {
-        let frame = trajectory.frame(index).unwrap();
-        bits.extend(frame.position.iter().flatten().map(|x| x.to_bits()));
-        bits.extend(frame.velocity.iter().flatten().map(|x| x.to_bits()));
-        let singles = frame.stress.iter().flatten().flatten();
-        let singles = singles.chain(frame.solid_fraction.iter().flatten());
-        let singles = singles.chain(frame.coordination.iter().flatten());
-        bits.extend(singles.map(|x| u64::from(x.to_bits())));
-        bits.extend(frame.budget.values().map(|x| x.to_bits()));
-    }
-    bits
-}
-
 fn two_gpus() -> bool {
     let count = gpu::Device::count();
     if count < 2 {
         eprintln!("skipped: {count} GPUs, two are needed");
     }
     count >= 2
-}
-
-/// Waits until the checkpoint holds a few more frames than the file had.
-fn wait_for_frames(path: &Path, frames: usize) {
-    let start = Instant::now();
-    while !Trajectory::open(path).is_ok_and(|t| t.frames() >= frames) {
-        assert!(start.elapsed() < Duration::from_secs(60), "no progress");
-        sleep(Duration::from_millis(5));
-    }
 }
 
 #[test]
@@ -107,7 +80,7 @@ fn two_ranks_give_the_bits_of_one_however_often_they_are_stopped() {
         scene(directory.path(), 0.3, &more);
         let file = |name: &str| directory.path().join(format!("{name}-{precision}.h5"));
         let name = |name: &str| file(name).display().to_string();
-        let one = dempm(directory.path(), &name("one")).arg("--device=cuda").output().unwrap();
+        let one = run(directory.path(), &name("one")).arg("--device=cuda").output().unwrap();
         assert!(one.status.success(), "{}", String::from_utf8_lossy(&one.stderr));
         end(start(directory.path(), 2, &name("two"), &[]), 0);
         assert_eq!(bits(&file("two")), bits(&file("one")));
@@ -119,8 +92,8 @@ fn two_ranks_give_the_bits_of_one_however_often_they_are_stopped() {
         // One rank is asked to stop, and both do; then both are killed; then one goes on alone,
         // is killed, and two finish.
         let often = ["--checkpoint-interval", "0"];
-        let ranks = start(directory.path(), 2, &name("cut"), &often);
-        wait_for_frames(&file("cut"), 5);
+        let mut ranks = start(directory.path(), 2, &name("cut"), &often);
+        assert!(!wait_for_frames(&mut ranks[0], &file("cut"), 5));
         Command::new("kill").args(["-INT", &ranks[1].id().to_string()]).status().unwrap();
         let said = end(ranks, 130);
         assert!(said[0].contains("--resume") && !said[1].contains("--resume"), "{said:?}");
@@ -128,18 +101,14 @@ fn two_ranks_give_the_bits_of_one_however_often_they_are_stopped() {
         let frames = Trajectory::open(&file("cut")).unwrap().frames();
         let again = [often.as_slice(), &["--resume"]].concat();
         let mut ranks = start(directory.path(), 2, &name("cut"), &again);
-        wait_for_frames(&file("cut"), frames + 5);
-        ranks.iter_mut().for_each(|rank| rank.kill().unwrap());
-        for rank in &mut ranks {
-            rank.wait().unwrap();
-        }
+        assert!(!wait_for_frames(&mut ranks[0], &file("cut"), frames + 5));
+        ranks.iter_mut().for_each(kill);
 
         let frames = Trajectory::open(&file("cut")).unwrap().frames();
-        let mut alone = dempm(directory.path(), &name("cut"));
+        let mut alone = run(directory.path(), &name("cut"));
         let mut alone = alone.args(&again).arg("--device=cuda").spawn().unwrap();
-        wait_for_frames(&file("cut"), frames + 5);
-        alone.kill().unwrap();
-        alone.wait().unwrap();
+        assert!(!wait_for_frames(&mut alone, &file("cut"), frames + 5));
+        kill(&mut alone);
 
         end(start(directory.path(), 2, &name("cut"), &["--resume"]), 0);
         assert_eq!(bits(&file("cut")), bits(&file("one")));

@@ -1,11 +1,13 @@
 //! `dempm run` as a user meets it: a scene becomes a trajectory, whatever happens on the way.
 
+mod common;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use assert_cmd::cargo::cargo_bin;
+use common::{bits, dempm, kill, wait_for_frames};
 use dempm::trajectory::Trajectory;
 use tempfile::TempDir;
 
@@ -32,33 +34,12 @@ fn scene(directory: &Path, duration: f64) -> PathBuf {
     path
 }
 
-fn dempm(directory: &Path) -> Command {
-    let mut command = Command::new(cargo_bin("dempm"));
-    command.current_dir(directory).env("DEMPM_CACHE_DIR", directory.join("cache"));
-    command
-}
-
 /// The standard error of a command that has to fail with this exit code.
 fn fails(command: &mut Command, code: i32) -> String {
     let output = command.output().unwrap();
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(code), "{error}");
     error
-}
-
-/// Every number of every frame, as bits.
-fn bits(path: &Path) -> Vec<u64> {
-    let trajectory = Trajectory::open(path).unwrap();
-    let mut bits = Vec::new();
-    for index in 0..trajectory.frames() {
-        let frame = trajectory.frame(index).unwrap();
-        bits.push(frame.time.to_bits());
-        bits.extend(frame.position.iter().flatten().map(|x| x.to_bits()));
-        bits.extend(frame.velocity.iter().flatten().map(|x| x.to_bits()));
-        let stress = frame.stress.expect("the scene asks for stress");
-        bits.extend(stress.iter().flatten().map(|x| u64::from(x.to_bits())));
-    }
-    bits
 }
 
 #[test]
@@ -110,28 +91,12 @@ fn a_killed_run_resumes_bitwise() {
     let cut = directory.path().join("cut.h5");
     let mut child = run("cut.h5", &[]).spawn().unwrap();
     let mut kills = 0;
-    loop {
-        // Wait for progress beyond what the last kill left, then kill again.
-        let before = Trajectory::open(&cut).map_or(0, |t| t.frames());
-        let start = Instant::now();
-        let finished = loop {
-            if let Some(status) = child.try_wait().unwrap() {
-                assert!(status.success());
-                break true;
-            }
-            if Trajectory::open(&cut).is_ok_and(|t| t.frames() > before + 5) {
-                break false;
-            }
-            assert!(start.elapsed() < Duration::from_secs(60), "no progress");
-            sleep(Duration::from_millis(5));
-        };
-        if finished {
-            break;
-        }
-        child.kill().unwrap();
-        child.wait().unwrap();
+    // Wait for progress beyond what the last kill left, then kill again.
+    let mut frames = 6;
+    while !wait_for_frames(&mut child, &cut, frames) {
+        kill(&mut child);
         kills += 1;
-        Trajectory::open(&cut).expect("readable after kill -9");
+        frames = Trajectory::open(&cut).expect("readable after kill -9").frames() + 6;
         child = run("cut.h5", &["--resume"]).spawn().unwrap();
     }
     assert!(kills > 0, "the run was too short to be killed");
@@ -274,12 +239,8 @@ fn gpu_runs_resume_and_agree_with_the_cpu() {
         let name = format!("{from}-{to}.h5");
         let file = directory.path().join(&name);
         let mut child = run(&name, from, &[]).stderr(Stdio::null()).spawn().unwrap();
-        while !Trajectory::open(&file).is_ok_and(|t| t.frames() > 1) {
-            assert!(child.try_wait().unwrap().is_none(), "ended before it could be killed");
-            sleep(Duration::from_millis(1));
-        }
-        child.kill().unwrap();
-        child.wait().unwrap();
+        assert!(!wait_for_frames(&mut child, &file, 2), "ended before it could be killed");
+        kill(&mut child);
         assert!(run(&name, to, &["--resume"]).status().unwrap().success());
         if from == to {
             assert_eq!(bits(&file), bits(&gpu));

@@ -11,6 +11,7 @@ use miette::IntoDiagnostic;
 use crate::rate;
 use crate::scene::{CROSSING, Material, Precision, Rve, Scene};
 use crate::trajectory::Field;
+use crate::watch;
 use table::quantity;
 
 /// Reads a scene and prints its warnings and [`Needs`].
@@ -163,6 +164,10 @@ impl Needs {
                      overlap_warning",
                     100.0 * overlap
                 ));
+            }
+            if material.precision == Precision::F32 {
+                let mean = 0.5 * self.base_pressure;
+                doubts.extend(watch::unresolved("the mean pressure of the highest pile", mean, p));
             }
             if p.preparation.pressure > self.base_pressure && self.base_pressure > 0.0 {
                 doubts.push(format!(
@@ -354,6 +359,16 @@ mod tests {
             COLUMN.replace("= 3.0\n[", "= 3.0\nstep = 4e-4\nframe_interval = 0.04\n[")
         );
         assert!(needs(&fast).warnings.iter().any(|w| w.contains("0.20 cells in one step")));
+    }
+
+    #[test]
+    fn pressures_that_f32_does_not_resolve_are_expected() {
+        let said = |lines: &str| {
+            let warnings = needs(&format!("gravity = [0, -0.03]\n{COLUMN}{lines}")).warnings;
+            warnings.iter().any(|w| w.contains("100 Pa, but under 170 Pa"))
+        };
+        assert!(said("[material]\nkind = \"rve\"\nprecision = \"f32\""));
+        assert!(!said("[material]\nkind = \"rve\"\nprecision = \"f64\""));
     }
 
     #[test]

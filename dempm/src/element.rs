@@ -12,6 +12,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::trajectory::write_atomically;
+use crate::watch;
 
 /// Drive one RVE along a path, as an element test in a laboratory.
 #[derive(Args, Clone, Debug)]
@@ -90,6 +91,12 @@ pub fn element(args: &ElementArgs) -> miette::Result<()> {
         Precision::F32 => run::<f32>(&test, &packing),
         Precision::F64 => run::<f64>(&test, &packing),
     }?;
+    // The first row is from before the first step.
+    let least = rows[1..].iter().map(Row::pressure).fold(f64::INFINITY, f64::min);
+    let doubt = watch::unresolved("the smallest pressure of the path", least, &test.rve);
+    if let Some(doubt) = doubt.filter(|_| args.precision == Precision::F32) {
+        eprintln!("{doubt}");
+    }
     let output = args.output.clone().unwrap_or_else(|| args.test.with_extension("csv"));
     write(&output, &path_csv(&rows))?;
     eprintln!("wrote {}", output.display());

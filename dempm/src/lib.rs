@@ -8,6 +8,7 @@ pub mod device;
 pub mod element;
 pub mod export;
 pub mod info;
+mod output;
 pub mod packings;
 pub mod plot;
 pub mod rate;

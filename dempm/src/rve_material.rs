@@ -1,5 +1,6 @@
 //! The RVE batch as a material of the MPM: every point carries its own packing.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::{Packing, Real, Rve, RveBatch, RveParameters, RveState};
@@ -7,10 +8,12 @@ use mpm::{Mat2, Material, MaterialError};
 use serde::{Deserialize, Serialize};
 
 /// One packing per material point.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct RveMaterial {
-    /// The packings; while they are on a GPU, as they were at the last checkpoint.
-    pub(crate) batch: Batch,
+    /// The packings; while they are on a GPU, as they were at the last checkpoint. Shared with
+    /// whoever writes that.
+    #[serde(with = "shared")]
+    pub(crate) batch: Arc<Batch>,
     /// State of each RVE after the last step.
     pub(crate) states: Vec<RveState>,
     /// Volume of a point (m² per metre of depth) over the area of its cell (m²).
@@ -23,10 +26,26 @@ pub struct RveMaterial {
 }
 
 /// The batch in the precision of the scene.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(crate) enum Batch {
     F32(RveBatch<f32>),
     F64(RveBatch<f64>),
+}
+
+/// Shared packings are written as the packings they are.
+mod shared {
+    use super::{Arc, Batch, Deserialize, Serialize};
+
+    pub fn serialize<S: serde::Serializer>(batch: &Arc<Batch>, to: S) -> Result<S::Ok, S::Error> {
+        batch.as_ref().serialize(to)
+    }
+
+    pub fn deserialize<'de, D>(from: D) -> Result<Arc<Batch>, D::Error>
+    where
+        D: serde::Deserializer<'de>,
+    {
+        Batch::deserialize(from).map(Arc::new)
+    }
 }
 
 /// Counts, over all steps, of what happened at the limits of the method.
@@ -85,10 +104,10 @@ impl RveMaterial {
                     ..RveState::default()
                 })
                 .collect(),
-            batch: match precision {
+            batch: Arc::new(match precision {
                 Precision::F32 => Batch::F32(batch(parameters, packings, fresh)),
                 Precision::F64 => Batch::F64(batch(parameters, packings, fresh)),
-            },
+            }),
             tally: Tally::default(),
             time: Duration::ZERO,
         }
@@ -97,7 +116,7 @@ impl RveMaterial {
     fn advance(&mut self, dt: f64, velocity_gradient: &[Mat2]) -> Result<(), MaterialError> {
         let states = &mut self.states;
         let failed = |point, reason: String| Err(MaterialError::Point { point, reason });
-        let advanced = match &mut self.batch {
+        let advanced = match Arc::make_mut(&mut self.batch) {
             Batch::F32(batch) => batch.advance(dt, velocity_gradient, states),
             Batch::F64(batch) => batch.advance(dt, velocity_gradient, states),
         };
@@ -109,7 +128,7 @@ impl RveMaterial {
     }
 
     pub fn parameters(&self) -> &RveParameters {
-        match &self.batch {
+        match self.batch.as_ref() {
             Batch::F32(batch) => &batch.parameters,
             Batch::F64(batch) => &batch.parameters,
         }

@@ -61,7 +61,7 @@ pub struct Simulation {
 }
 
 /// Everything that changes during a run; a checkpoint is this and nothing else.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct State {
     /// Macro steps made.
     pub step: usize,
@@ -74,7 +74,7 @@ pub struct State {
 }
 
 /// The material of a scene.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub enum SceneMaterial {
     Rve(Box<RveMaterial>),
     MuI(mpm::DruckerPrager),
@@ -134,11 +134,14 @@ impl Simulation {
         device: &Arc<gpu::Device>,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<(), SimulationError> {
+        let start = Instant::now();
         let Self { scene, state, solver, .. } = self;
         self.gpu = Some(CudaSimulation::new(device, solver, state, scene.step, ranks)?);
         let count = ranks.map_or(1, |ranks| ranks.size());
         let gpus = if count > 1 { format!("{count} x ") } else { String::new() };
         self.device = format!("{gpus}{}", device.name());
+        let upload = self.state.wall_time.entry("upload".to_owned()).or_default();
+        *upload += start.elapsed().as_secs_f64();
         Ok(())
     }
 

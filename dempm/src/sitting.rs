@@ -11,6 +11,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 use miette::{IntoDiagnostic, bail};
 
 use crate::checkpoint;
+use crate::output::{News, Output};
 use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;
@@ -58,7 +59,7 @@ pub(crate) fn sit(
 ) -> miette::Result<Outcome> {
     let ranks = options.ranks.as_deref();
     let mut sitting = together(ranks, Sitting::start(scene, output, options))?;
-    // From here on the run can be killed at any moment and resumed.
+    // Once this is written, the run can be killed at any moment and resumed.
     let saved = sitting.save();
     together(ranks, saved)?;
     let end = sitting.advance(interrupted, options.checkpoint_interval);
@@ -95,40 +96,41 @@ struct Sitting {
     simulation: Simulation,
     ranks: Option<Arc<Ranks>>,
     /// Of several ranks only the first one writes.
-    writer: Option<TrajectoryWriter>,
+    output: Option<Output>,
     checkpoint: PathBuf,
-    output: PathBuf,
+    path: PathBuf,
     bar: ProgressBar,
     total: Option<ProgressBar>,
+    /// When the last checkpoint was begun, and what it cost.
     saved: Instant,
     save_cost: Duration,
     watch: Watch,
 }
 
 impl Sitting {
-    fn start(scene: Scene, output: PathBuf, options: &Options) -> miette::Result<Self> {
-        let checkpoint = checkpoint::path_beside(&output);
+    fn start(scene: Scene, path: PathBuf, options: &Options) -> miette::Result<Self> {
+        let checkpoint = checkpoint::path_beside(&path);
         let writes = options.ranks.as_ref().is_none_or(|ranks| ranks.is_first());
         let place = |simulation: &mut Simulation| match &options.device {
             Some(device) => simulation.move_to(device, options.ranks.as_ref()),
             None => Ok(()),
         };
         let (simulation, writer) = if options.resume {
-            if output.exists() && !checkpoint.exists() {
-                bail!("{}: nothing to resume, there is no checkpoint beside it", output.display());
+            if path.exists() && !checkpoint.exists() {
+                bail!("{}: nothing to resume, there is no checkpoint beside it", path.display());
             }
             let state = checkpoint::read(&checkpoint, &scene.text)?;
             let mut simulation = Simulation::resume(scene, state)?;
             place(&mut simulation)?;
             let frames = simulation.frames_so_far();
-            let writer = writes.then(|| TrajectoryWriter::resume(&output, frames)).transpose()?;
+            let writer = writes.then(|| TrajectoryWriter::resume(&path, frames)).transpose()?;
             (simulation, writer)
         } else {
-            if writes && !options.overwrite && (output.exists() || checkpoint.exists()) {
+            if writes && !options.overwrite && (path.exists() || checkpoint.exists()) {
                 bail!(
                     help = "--resume continues an interrupted run, --overwrite starts again",
                     "{}: a run is there already",
-                    output.display()
+                    path.display()
                 );
             }
             let spinner = options.bars.add(ProgressBar::new_spinner());
@@ -141,7 +143,7 @@ impl Sitting {
             if writes {
                 let header = simulation.header(utc_now());
                 let points = simulation.static_points();
-                let mut file = TrajectoryWriter::create(&output, &header, &points)?;
+                let mut file = TrajectoryWriter::create(&path, &header, &points)?;
                 file.push(simulation.frame())?;
                 writer = Some(file);
             }
@@ -166,6 +168,8 @@ impl Sitting {
         }
         bar.set_position(simulation.state.step as u64);
         bar.reset_eta();
+        let text = &simulation.scene.text;
+        let output = writer.map(|writer| Output::new(writer, checkpoint.clone(), text.clone()));
         let total = options.total.clone();
         if let Some(total) = &total {
             total.inc(simulation.state.step as u64 * simulation.state.points.len() as u64);
@@ -174,9 +178,9 @@ impl Sitting {
         Ok(Self {
             simulation,
             ranks: options.ranks.clone(),
-            writer,
-            checkpoint,
             output,
+            checkpoint,
+            path,
             bar,
             total,
             saved: Instant::now(),
@@ -207,23 +211,18 @@ impl Sitting {
                 for doubt in self.watch.observe(&self.simulation, &frame) {
                     self.bar.suspend(|| eprintln!("{doubt}"));
                 }
-                if let Some(writer) = &mut self.writer {
-                    // Frames of one simulation agree in their fields by construction.
-                    writer.push(frame).expect("frames agree");
+                if let Some(output) = &mut self.output {
+                    output.push(frame);
                 }
             }
+            self.listen(false);
             self.bar.set_position(step as u64);
             if let Some(total) = &self.total {
                 total.inc(((step - before) * self.simulation.state.points.len()) as u64);
             }
-            let due = if interval.is_zero() {
-                frame_done
-            } else {
-                let pause = interval.max(self.save_cost.div_f64(CHECKPOINT_SHARE));
-                self.saved.elapsed() >= pause
-            };
+            let due = if interval.is_zero() { frame_done } else { self.is_due(interval) };
             // The first rank knows best what a checkpoint costs.
-            match self.agreed(due && self.writer.is_some(), frame_done) {
+            match self.agreed(due && self.output.is_some(), frame_done) {
                 Ok(false) => {}
                 Ok(true) => {
                     if let Err(report) = self.save() {
@@ -236,6 +235,13 @@ impl Sitting {
         End::Finished
     }
 
+    /// Whether it is time for a checkpoint.
+    fn is_due(&self, interval: Duration) -> bool {
+        let pause = interval.max(self.save_cost.div_f64(CHECKPOINT_SHARE));
+        let saving = self.output.as_ref().is_some_and(Output::is_saving);
+        !saving && self.saved.elapsed() >= pause
+    }
+
     /// Whether any rank says yes; of several ranks only after a frame, since asking takes time.
     fn agreed(&self, own: bool, frame_done: bool) -> Result<bool, RanksError> {
         match &self.ranks {
@@ -244,25 +250,29 @@ impl Sitting {
         }
     }
 
-    /// Frames first, then the checkpoint: a checkpoint never knows more frames than the file.
+    /// Has frames and a checkpoint written, one checkpoint at a time.
     fn save(&mut self) -> miette::Result<()> {
         let start = Instant::now();
+        self.listen(true);
         self.simulation.record()?;
-        self.note_wall_time();
-        if let Some(writer) = &mut self.writer {
-            writer.commit()?;
-            let Simulation { scene, state, .. } = &self.simulation;
-            checkpoint::write(&self.checkpoint, &scene.text, state)?;
+        if let Some(output) = &mut self.output {
+            output.save(self.simulation.state.clone());
         }
         self.saved = Instant::now();
-        self.save_cost = start.elapsed();
+        self.save_cost = self.saved - start;
         Ok(())
     }
 
-    fn note_wall_time(&mut self) {
-        let Some(writer) = &mut self.writer else { return };
-        for (phase, seconds) in &self.simulation.state.wall_time {
-            writer.set_wall_time(phase, *seconds);
+    /// Hears what the writing thread has to say; waits for the last checkpoint if `until_saved`.
+    fn listen(&mut self, until_saved: bool) {
+        let Some(output) = &mut self.output else { return };
+        while let Some(news) = output.news(until_saved) {
+            match news {
+                News::Saved(Ok(took)) => self.save_cost += took,
+                News::Saved(Err(report)) | News::Failed(report) => {
+                    self.bar.suspend(|| eprintln!("{report:?}"));
+                }
+            }
         }
     }
 
@@ -271,9 +281,9 @@ impl Sitting {
         match end {
             End::Finished => {
                 self.simulation.record_wall_time();
-                self.note_wall_time();
-                if let Some(writer) = self.writer {
-                    writer.finish("finished")?;
+                if let Some(output) = self.output {
+                    output
+                        .finish("finished".to_owned(), self.simulation.state.wall_time.clone())?;
                     // The trajectory is complete; nothing is left to resume.
                     if self.checkpoint.exists() {
                         std::fs::remove_file(&self.checkpoint).into_diagnostic()?;
@@ -282,24 +292,28 @@ impl Sitting {
                 Ok(Outcome::Finished(summary::summary(
                     &self.simulation,
                     self.watch.stable_step(),
-                    &self.output,
+                    &self.path,
                 )))
             }
             End::Interrupted => {
                 self.save()?;
+                while let Some(news) = self.output.as_mut().and_then(|output| output.news(true)) {
+                    if let News::Saved(saved) = news {
+                        saved?;
+                    }
+                }
                 let (step, steps) = (self.simulation.state.step, self.simulation.scene.steps());
                 Ok(Outcome::Interrupted { step, steps })
             }
             End::Failed(error) => {
-                let Some(writer) = self.writer else { return Err(error.into()) };
-                let frames = writer.frames();
+                let Some(output) = self.output else { return Err(error.into()) };
+                let frames = output.frames();
                 let report = miette::Report::new(error);
                 let reasons: Vec<String> = report.chain().map(ToString::to_string).collect();
-                writer.finish(&format!("failed: {}", reasons.join(": ")))?;
-                Err(report.wrap_err(format!(
-                    "{} holds the {frames} frames before",
-                    self.output.display()
-                )))
+                let status = format!("failed: {}", reasons.join(": "));
+                output.finish(status, self.simulation.state.wall_time.clone())?;
+                let held = format!("{} holds the {frames} frames before", self.path.display());
+                Err(report.wrap_err(held))
             }
         }
     }

@@ -1,13 +1,19 @@
 //! What a run says about itself while it goes on: the first time that it leaves the region in which
 //! the method is sound.
 
+use dem::RveParameters;
+
 use crate::record::STABLE_STEP;
+use crate::scene::{Material, Precision};
 use crate::simulation::{SceneMaterial, Simulation};
 use crate::trajectory::Frame;
 
 /// Mechanical energy may grow by this part of what the scene started with before a run says so:
 /// packings and elastic bodies store less than that under their own weight.
 const ENERGY_TOLERANCE: f64 = 0.05;
+
+/// So many frames make it certain that pressures are small not only for a moment, as in a throw.
+const UNRESOLVED: usize = 10;
 
 /// What a run says of a step (s) beyond the bound (s) up to which it is stable for certain.
 pub fn beyond_bound(step: f64, bound: f64) -> Option<String> {
@@ -33,6 +39,30 @@ pub fn thin(diameters: f64, width: f64) -> String {
     )
 }
 
+/// What is said of a pressure (Pa) that f32 does not resolve in packings; `what` it is.
+pub fn unresolved(what: &str, pressure: f64, p: &RveParameters) -> Option<String> {
+    let limit = p.single_precision_pressure();
+    (pressure > 0.0 && pressure < limit).then(|| {
+        format!(
+            "{what} is {pressure:.0} Pa, but under {limit:.0} Pa stress may be a per cent or more \
+             wrong in f32: use f64"
+        )
+    })
+}
+
+/// Discs of a packing that carries something have more contacts than this; measured: 2.5 under the
+/// least load, 0 in flight.
+const LOADED: f64 = 1.0;
+
+/// Median pressure (Pa) of the packings that carry something; none if those are less than half, as in
+/// flight.
+fn median_pressure(states: &[dem::RveState]) -> Option<f64> {
+    let loaded = states.iter().filter(|state| !state.free && state.coordination > LOADED);
+    let mut pressures: Vec<f64> = loaded.map(|state| 0.5 * state.stress.trace()).collect();
+    pressures.sort_by(f64::total_cmp);
+    (2 * pressures.len() > states.len()).then(|| pressures[pressures.len() / 2])
+}
+
 /// Looks at every frame of a run. Each kind of doubt is said once.
 #[derive(Clone, Debug, Default)]
 pub struct Watch {
@@ -43,6 +73,8 @@ pub struct Watch {
     energy: bool,
     overlap: bool,
     thin: bool,
+    /// Frames whose pressure f32 did not resolve.
+    unresolved: usize,
 }
 
 impl Watch {
@@ -67,6 +99,16 @@ impl Watch {
             if tally.thin_steps > 0 && !self.thin {
                 self.thin = true;
                 say(thin(p.thin_width, tally.min_width));
+            }
+            if let Material::Rve(asked) = &simulation.scene.material
+                && asked.precision == Precision::F32
+                && let Some(pressure) = median_pressure(rve.states())
+                && let Some(doubt) = unresolved("the pressure in half of the packings", pressure, p)
+            {
+                self.unresolved += 1;
+                if self.unresolved == UNRESOLVED {
+                    say(doubt);
+                }
             }
         }
         said
@@ -127,6 +169,34 @@ mod tests {
         assert!(said[1].contains("energy is 100 % above"), "{said:?}");
         assert_eq!(watch.observe(&simulation, &frame), Vec::<String>::new());
         assert_eq!(watch.stable_step(), 0.5 * simulation.scene.step);
+    }
+
+    /// Small packings under light gravity, g = 9.81 m/s² / `lighter`.
+    fn resting(lighter: f64, precision: &str) -> Vec<String> {
+        let text = format!(
+            "duration = 0.06\nframe_interval = 1e-3\ngravity = [0.0, {:?}]\n[domain]\n\
+             size = [0.25, 0.5]\n[[column]]\nsize = [0.25, 0.25]\n[material]\nkind = \"rve\"\n\
+             precision = \"{precision}\"\ninitial_stress = \"ladder\"\n[rve]\ndiscs = 30\n",
+            -9.81 / lighter
+        );
+        let scene = Scene::parse(&text, "scene.toml").unwrap();
+        let (frames, steps) = (scene.frames(), scene.steps_per_frame());
+        let mut simulation = Simulation::new(scene).unwrap();
+        let mut watch = Watch::default();
+        let mut said = Vec::new();
+        for _ in 0..frames {
+            (0..steps).for_each(|_| simulation.advance().unwrap());
+            said.extend(watch.observe(&simulation, &simulation.frame()));
+        }
+        said
+    }
+
+    #[test]
+    fn pressures_that_f32_does_not_resolve_are_said_once() {
+        let said = resting(50.0, "f32");
+        assert!(said.len() == 1 && said[0].contains("wrong in f32: use f64"), "{said:?}");
+        assert_eq!(resting(50.0, "f64"), Vec::<String>::new());
+        assert_eq!(resting(1.0, "f32"), Vec::<String>::new());
     }
 
     #[test]

@@ -51,7 +51,7 @@ impl Device {
     /// GPU number `ordinal`, counted from 0.
     ///
     /// # Errors
-    /// No driver, no such GPU, or a driver that is older than NVRTC.
+    /// No driver, no NVRTC or one that is newer than the driver, no such GPU or one that is too old.
     pub fn new(ordinal: usize) -> Result<Arc<Self>, Error> {
         // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
         if !unsafe { sys::is_culib_present() } {
@@ -63,17 +63,16 @@ impl Device {
             .result()
             .map_err(|_| Error::NoDriver)?;
         let driver = (version / 1000, version % 1000 / 10);
-        if let Ok(nvrtc) = nvrtc_version()
-            && driver.0 < nvrtc.0
-        {
-            return Err(Error::DriverTooOld { driver, nvrtc });
-        }
+        check_versions(driver, nvrtc_version()?)?;
         let context = CudaContext::new(ordinal)?;
         // SAFETY: all work of this crate is ordered by streams; events between allocations would
         // keep launches from being captured in a graph.
         unsafe { context.disable_event_tracking() };
         let stream = context.new_stream()?;
         let (major, minor) = context.compute_capability()?;
+        if major < 8 {
+            return Err(Error::GpuTooOld { name: context.name()?, capability: (major, minor) });
+        }
         Ok(Arc::new(Self {
             name: context.name()?,
             architecture: architecture(major, minor),
@@ -171,6 +170,11 @@ impl Device {
     }
 }
 
+/// A driver runs what an NVRTC of its own major version compiles, and of older ones.
+fn check_versions(driver: (i32, i32), nvrtc: (i32, i32)) -> Result<(), Error> {
+    if driver.0 < nvrtc.0 { Err(Error::DriverTooOld { driver, nvrtc }) } else { Ok(()) }
+}
+
 /// The name of what is compiled for. Hopper's products of warp groups are in no other GPU, which its
 /// name says by an `a`.
 fn architecture(major: i32, minor: i32) -> String {
@@ -209,4 +213,17 @@ pub fn nvrtc_for_tests() -> bool {
         eprintln!("skipped: {}", Error::NvrtcMissing);
     }
     present
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_older_than_the_compiler_is_refused_with_a_remedy() {
+        assert!(check_versions((13, 0), (12, 8)).is_ok());
+        assert!(check_versions((12, 2), (12, 8)).is_ok());
+        let text = check_versions((11, 8), (12, 4)).unwrap_err().to_string();
+        assert!(text.contains("CUDA 11.8") && text.contains("12.4") && text.contains("update"));
+    }
 }

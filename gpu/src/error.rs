@@ -15,6 +15,11 @@ pub enum Error {
     )]
     DriverTooOld { driver: (i32, i32), nvrtc: (i32, i32) },
     #[error(
+        "{name} has compute capability {}.{}, and 8.0 is needed; run on the CPU",
+        capability.0, capability.1
+    )]
+    GpuTooOld { name: String, capability: (i32, i32) },
+    #[error(
         "NVRTC, the run-time compiler of CUDA, was not found (libnvrtc.so); install the CUDA toolkit or add its lib folder to LD_LIBRARY_PATH"
     )]
     NvrtcMissing,

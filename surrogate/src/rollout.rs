@@ -15,12 +15,13 @@ use miette::{Context, IntoDiagnostic, bail};
 
 use crate::constraints::Constraints;
 use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
+use crate::doubts::doubts;
 use crate::features::Window;
 use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
 use crate::train::{Precision, weights};
-use crate::watch::{self, Watch};
+use crate::watch::Watch;
 
 /// A prediction that makes no sense.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, miette::Diagnostic)]
@@ -262,7 +263,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
 
-    for doubt in watch::doubts(&simulator, &start) {
+    for doubt in doubts(&simulator, &start) {
         eprintln!("{doubt}");
     }
     let mut writer = begin(&args.output, &args.model, &simulator, &start)?;
@@ -277,7 +278,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     );
     let began = Instant::now();
     let mut failure = None;
-    let mut watch = Watch::new(&start, simulator.training.frame_interval);
+    let mut watch = Watch::new(&start, simulator.training.frame_interval, frames);
     while writer.frames() < frames && !interrupted.load(Ordering::Relaxed) && failure.is_none() {
         match rollout.advance() {
             Ok(_) => {

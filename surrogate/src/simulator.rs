@@ -13,6 +13,7 @@ use crate::cuda::{self, CudaError};
 use crate::features::{Normalisation, Window, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
+use crate::range::Range;
 use crate::train::Precision;
 use crate::weights::{self, WeightsError};
 
@@ -25,9 +26,13 @@ pub struct Training {
     pub without_gravity: bool,
     /// Training steps made.
     pub steps: u64,
+    /// What the training data held; older files do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<Range>,
 }
 
 /// A network that predicts accelerations.
+#[derive(Clone)]
 pub struct Simulator {
     pub model: Model<Cpu>,
     pub config: ModelConfig,

@@ -1,10 +1,12 @@
 //! `surrogate stats`: what a training would see in a folder of trajectories.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use miette::bail;
 
 use crate::data::{DataFolder, DataSet, Shape, Statistics, Welford};
+use crate::range::Range;
+use crate::simulator::Simulator;
 
 /// Arguments of `surrogate stats`.
 #[derive(clap::Args)]
@@ -17,6 +19,9 @@ pub struct StatsArgs {
     /// Take every n-th frame
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
     stride: u64,
+    /// Model (safetensors) to write the ranges of these data into, with which it was trained
+    #[arg(long, value_name = "MODEL")]
+    into: Option<PathBuf>,
 }
 
 /// Prints statistics of the training files.
@@ -55,6 +60,26 @@ pub fn stats(args: &StatsArgs) -> miette::Result<()> {
     if velocity.iter().chain(&acceleration).all(|w| w.deviation() == 0.0) {
         bail!("{}: nothing moves in these trajectories", args.data.display());
     }
+    match &args.into {
+        Some(model) => add_range(&data, model),
+        None => Ok(()),
+    }
+}
+
+/// Writes into a model what the data hold that it was trained on.
+fn add_range(data: &DataSet, path: &Path) -> miette::Result<()> {
+    let mut simulator = Simulator::load(path)?;
+    let (found, needed) = (data.frame_interval(), simulator.training.frame_interval);
+    if (found - needed).abs() > 1e-6 * needed {
+        bail!(
+            help = "--stride N takes every n-th frame of the data",
+            "{}: trained on frames {needed} s apart, but these are {found} s apart",
+            path.display()
+        );
+    }
+    simulator.training.range = Range::of(data, simulator.config.connection_radius)?;
+    simulator.save(path)?;
+    println!("{}: knows the ranges of these data", path.display());
     Ok(())
 }
 

@@ -77,6 +77,14 @@ pub fn succeeds(command: &mut Command) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
+/// The standard error of a command that has to succeed.
+pub fn warns(command: &mut Command) -> String {
+    let output = command.stdout(Stdio::null()).stderr(Stdio::piped()).output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{error}");
+    error
+}
+
 /// The standard error of a command that has to fail, as one line.
 pub fn fails(command: &mut Command) -> String {
     let output = command.stdout(Stdio::null()).stderr(Stdio::piped()).output().unwrap();

@@ -1,5 +1,6 @@
 //! `surrogate` as a user meets it: trajectories -> training -> rollout -> evaluation.
 
+mod doubts;
 mod errors;
 mod helpers;
 mod ranks;

@@ -110,7 +110,12 @@ fn a_broken_model_says_where_it_broke() {
                 acceleration_std: vec![size; 2],
                 ..Normalisation::default()
             },
-            training: Training { frame_interval: 0.01, without_gravity: false, steps: 0 },
+            training: Training {
+                frame_interval: 0.01,
+                without_gravity: false,
+                steps: 0,
+                range: None,
+            },
             mirror: false,
             device: device(),
             gpu: None,

@@ -38,9 +38,8 @@ pub struct Context {
     pub suite: Suite,
     /// `cpu`, `cuda` or `cuda:N`, as `dempm run` takes it.
     pub device: String,
-    /// The device in words, and the GPU's part of that.
+    /// The device in words; a GPU's name.
     pub device_name: String,
-    pub gpu_name: String,
     pub work: Work,
     pub progress: Progress,
     /// Folder of trajectories, which may have `train/`, `valid/` and `test/`.
@@ -173,10 +172,10 @@ impl Context {
     }
 
     /// What times depend on.
-    fn hardware(&self) -> String {
+    pub fn hardware(&self) -> String {
         match self.device.as_str() {
             "cpu" => format!("cpu, {} threads", rayon::current_num_threads()),
-            _ => self.gpu_name.clone(),
+            _ => self.device_name.clone(),
         }
     }
 

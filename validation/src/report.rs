@@ -179,7 +179,7 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
         Some(gpu) => {
             let number = if let Device::Cuda(number) = device { number } else { 0 };
             // The rate of an H200: an estimate is all that is wanted of it.
-            (format!("cuda:{number}"), format!("{}, {threads} threads", gpu.name()), 2e10)
+            (format!("cuda:{number}"), gpu.name().to_owned(), 2e10)
         }
         None => {
             let rate = dempm::rate::disc_steps_per_second().into_diagnostic()?;
@@ -199,7 +199,6 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
         suite: args.suite,
         device: name,
         device_name,
-        gpu_name: gpu.as_ref().map_or(String::new(), |gpu| gpu.name().to_owned()),
         work: Work::open(&work, program, gpu.is_some(), interrupted)?,
         progress: Progress::hidden(),
         data: args.data.as_ref().map(absolute).transpose()?,

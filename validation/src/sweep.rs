@@ -9,6 +9,7 @@ use dempm::simulation::Simulation;
 use dempm::trajectory::Trajectory;
 use miette::Context as _;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use surrogate::train::Precision;
 
 pub use self::cases::Case;
@@ -18,8 +19,11 @@ use crate::pareto::Cost;
 use crate::wall_time::computing;
 use crate::work::Run;
 
+/// Kind of the values that are kept: a setting's result, and its run.
+const KIND: &str = "setting";
+
 /// A kind of method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Family {
     /// A packing in every point.
     Packings,
@@ -30,11 +34,12 @@ pub enum Family {
 }
 
 /// A method and what came out.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Measured {
     pub family: Family,
     pub name: String,
     /// The model, of a network.
+    #[serde(skip)]
     pub model: Option<Model>,
     /// Wall time of the computation without preparing packings, kernels and files, s.
     pub seconds: f64,
@@ -50,7 +55,7 @@ pub struct Measured {
 }
 
 /// Errors against the reference, the mean of those against its two seeds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Error {
     /// Mean over the frames of the mean square distance of points, box width 1.
     pub mse: f64,
@@ -88,7 +93,8 @@ impl Measured {
 impl Case {
     /// Estimated time of what is not there yet, s.
     pub fn estimate(&self, context: &Context) -> f64 {
-        let settings = self.settings.iter().map(|(_, _, scene)| context.estimate(scene));
+        let missing = self.missing(context);
+        let settings = missing.iter().map(|scene| context.estimate(scene));
         settings.chain(self.references().iter().map(|scene| context.estimate(scene))).sum()
     }
 
@@ -110,12 +116,25 @@ impl Case {
         Ok([run(&one)?, run(&other)?])
     }
 
+    /// What the result of a setting depends on.
+    fn key(&self, context: &Context, scene: &str) -> String {
+        let [one, other] = self.references();
+        format!("{}\n{scene}\n{one}\n{other}", context.hardware())
+    }
+
+    /// Scenes of the settings whose results are not kept.
+    pub fn missing(&self, context: &Context) -> Vec<&str> {
+        let kept = |scene: &str| context.work.has_cached(KIND, &self.key(context, scene));
+        let scenes = self.settings.iter().map(|(_, _, scene)| scene.as_str());
+        scenes.filter(|scene| !kept(scene)).collect()
+    }
+
     /// Prepares the packings of all runs that are missing, side by side: a run prepares its own on
     /// a core or two, while the GPU waits.
     fn prepare(&self, context: &Context) {
-        let settings = self.settings.iter().map(|(_, _, scene)| scene.clone());
-        let scenes = settings.chain(self.references());
-        let missing: Vec<String> = scenes.filter(|scene| context.estimate(scene) > 0.0).collect();
+        let references = self.references();
+        let scenes = self.missing(context).into_iter().chain(references.iter().map(String::as_str));
+        let missing: Vec<&str> = scenes.filter(|scene| context.estimate(scene) > 0.0).collect();
         missing.par_iter().for_each(|text| {
             // What fails here fails in its run too, which says so.
             let _ = Scene::parse(text, "scene.toml").map(Simulation::new);
@@ -137,13 +156,25 @@ impl Case {
             ..measured(Family::Packings, "", &references[0])?
         }];
         for (family, name, scene) in &self.settings {
-            let run = context.run(&format!("{}: {name}", self.name), scene)?;
-            measured.push(self.compared(*family, name, &run, &paths)?);
+            // Trajectories are large and may be gone.
+            let key = self.key(context, scene);
+            let kept: Option<(Measured, Run)> = context.work.value(KIND, &key);
+            let (found, run) = match kept {
+                Some(kept) => kept,
+                None => {
+                    let run = context.run(&format!("{}: {name}", self.name), scene)?;
+                    let found = self.compared(*family, name, &run, &paths)?;
+                    context.work.keep(KIND, &key, &(&found, &run))?;
+                    (found, run)
+                }
+            };
+            context.work.note(&run);
+            measured.push(found);
         }
         for model in context.models.clone() {
             for (precision, addition) in [(Precision::F32, ""), (Precision::Bf16, ", bf16")] {
                 let place = measured.last().map_or("", |m: &Measured| &m.device);
-                if precision == Precision::Bf16 && place != context.gpu_name {
+                if precision == Precision::Bf16 && place != context.device_name {
                     // Only a GPU has it, and not every network runs there.
                     continue;
                 }

@@ -166,7 +166,23 @@ impl Work {
 
     /// Whether a job is done, well or not.
     pub fn has(&self, job: &Job) -> bool {
-        self.folder(job).join(RECORD).exists()
+        self.record(job).is_some()
+    }
+
+    /// How a job ended. One whose trajectory is gone counts as not done.
+    fn record(&self, job: &Job) -> Option<Run> {
+        let folder = self.folder(job);
+        let run: Run = read_json(&folder.join(RECORD))?;
+        let output = folder.join(job.output);
+        // The directory may have moved.
+        (!run.succeeded || output.exists()).then_some(Run { output, ..run })
+    }
+
+    /// Counts a run among those that were used.
+    pub fn note(&mut self, run: &Run) {
+        if !self.used.iter().any(|used| used.id == run.id) {
+            self.used.push(run.clone());
+        }
     }
 
     /// The result of a job: kept, continued or made. `tick` is called while it runs.
@@ -175,24 +191,19 @@ impl Work {
     /// If the program cannot be started, files cannot be written, or the user interrupts. A run
     /// that fails is a [`Run`] that did not succeed.
     pub fn run(&mut self, job: &Job, tick: impl Fn(Duration)) -> miette::Result<Run> {
-        let folder = self.folder(job);
-        let record = folder.join(RECORD);
-        let run = match read_json::<Run>(&record) {
+        let run = match self.record(job) {
             Some(run) => run,
             None => {
+                let folder = self.folder(job);
                 let _lock = self.lock(&folder)?;
                 // Another report may have made it meanwhile.
-                match read_json::<Run>(&record) {
+                match self.record(job) {
                     Some(run) => run,
                     None => self.make(job, &folder, tick)?,
                 }
             }
         };
-        // The directory may have moved.
-        let run = Run { output: folder.join(job.output), ..run };
-        if !self.used.iter().any(|used| used.id == run.id) {
-            self.used.push(run.clone());
-        }
+        self.note(&run);
         Ok(run)
     }
 
@@ -228,14 +239,26 @@ impl Work {
         key: &str,
         make: impl FnOnce() -> miette::Result<T>,
     ) -> miette::Result<T> {
-        let file = self.value_file(kind, key);
-        if let Some(value) = read_json(&file) {
+        if let Some(value) = self.value(kind, key) {
             return Ok(value);
         }
         self.check()?;
         let value = make()?;
-        write_json(&file, &value)?;
+        self.keep(kind, key, &value)?;
         Ok(value)
+    }
+
+    /// A value that was kept.
+    pub fn value<T: DeserializeOwned>(&self, kind: &str, key: &str) -> Option<T> {
+        read_json(&self.value_file(kind, key))
+    }
+
+    /// Keeps a value; `key` says all that it depends on.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn keep(&self, kind: &str, key: &str, value: &impl Serialize) -> miette::Result<()> {
+        write_json(&self.value_file(kind, key), value)
     }
 
     /// Whether [`cached`](Self::cached) would find a value.
@@ -370,4 +393,47 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Option<T> {
 pub fn write_json(path: &Path, value: &impl Serialize) -> miette::Result<()> {
     let text = serde_json::to_vec_pretty(value).into_diagnostic()?;
     write_atomically(path, |temporary| fs::write(temporary, text)).into_diagnostic()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_whose_trajectory_is_gone_is_not_done() {
+        let root = tempfile::tempdir().unwrap();
+        let program = std::env::current_exe().unwrap();
+        let work = Work::open(root.path(), program, false, Arc::default()).unwrap();
+        let job = Job {
+            subcommand: "run",
+            program: "dempm",
+            key: String::new(),
+            input: None,
+            output: "trajectory.h5",
+            arguments: Vec::new(),
+            resumes: false,
+        };
+        assert!(!work.has(&job));
+        let folder = work.folder(&job);
+        let done = |succeeded| Run {
+            id: String::new(),
+            command: String::new(),
+            output: "elsewhere/trajectory.h5".into(),
+            succeeded,
+            seconds: 1.0,
+            processor_seconds: None,
+            message: String::new(),
+            summary: String::new(),
+            load: None,
+            build: String::new(),
+            about: None,
+        };
+        // One that failed need not have written any.
+        write_json(&folder.join(RECORD), &done(false)).unwrap();
+        assert!(work.has(&job));
+        write_json(&folder.join(RECORD), &done(true)).unwrap();
+        assert!(!work.has(&job));
+        File::create(folder.join("trajectory.h5")).unwrap();
+        assert_eq!(work.record(&job).unwrap().output, folder.join("trajectory.h5"));
+    }
 }

@@ -39,13 +39,18 @@ struct alignas(2 * sizeof(Real)) Vec {
     Real x, y;
 };
 
+struct alignas(16) Motion {
+    // Peculiar velocity (m/s), half the angular velocity (1/s), and r w (m/s).
+    Real x, y, half_w, rim;
+};
+
 // Reduced position: fractions of the two cell vectors.
 struct alignas(2 * sizeof(Real)) Position {
     Fraction x, y;
 };
 
 struct alignas(4 * sizeof(Real)) Disc {
-    Real r, inv_mass, inv_inertia, unused;
+    Real r, inv_mass, inv_inertia, mass;
 };
 
 enum Status : unsigned { OK, NOT_FINITE, OVERLAP, LIST_FULL, SLOTS_FULL };
@@ -62,6 +67,8 @@ struct Header {
     double solid;
     double mass;
     double spin;
+    // Mean velocity (m/s) that the next macro step removes; NaN: not known.
+    double drift_x, drift_y;
     // Cell area (m²) while stress-free, negative while loaded.
     double free_area;
     // Area (m²) that area ratios refer to.
@@ -101,14 +108,11 @@ struct Queue {
 struct Batch {
     Header* header;
     State* state;
-    // By disc; `reference` is the position at the last search.
+    // By seat; `reference` is the position at the last search, `seated` the disc.
     Position* position;
-    Vec* velocity;
-    Real* spin;
+    Motion* motion;
     Position* reference;
-    // Thread that handles the disc.
-    unsigned short* seat;
-    // By seat.
+    unsigned short* seated;
     Rows* rows;
     // By slot: neighbour (see `Slots`), distance at touch (m) and dashpot (kg/s), tangential spring
     // force (N), and the slot of a pair at its owner.

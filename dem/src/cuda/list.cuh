@@ -15,30 +15,27 @@ __device__ inline int seat_in(unsigned neighbour) {
     return int((neighbour & 0xffffu) / sizeof(Position));
 }
 
-// Tangential force that the discs in seats t and j had in the old list, where the disc in seat
-// `owner` has the pair; `word` is how t found it. Several images of one neighbour are told apart by
-// their branch vectors, which a reduction does not change.
-__device__ Real history(int t, int j, unsigned word, int owner) {
+// Tangential force that the pair of discs i and j had in the old list, if `owner` owned it there;
+// `word` is how i found j. Several images of one neighbour are told apart by their branch vectors,
+// which a reduction does not change.
+__device__ Real history(int i, int j, unsigned word, int owner) {
     const Shared& sh = shared();
     const Control& c = sh.control;
-    const Rows rows = sh.rows[owner];
+    const int other = owner == i ? j : i;
+    const Rows rows = sh.rows[sh.seat[owner]];
     Real tangential = 0;
     for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
         const unsigned old_word = sh.slot.neighbour[slot];
-        if (seat_in(old_word) != (owner == t ? j : t)) continue;
+        if (seat_in(old_word) != sh.seat[other]) continue;
         if (sh.slot.tangential[slot] == Real(0)) continue;
         bool same = true;
         if (c.header.imaged) {
-            const Position a = sh.position[t];
-            const Position b = sh.position[j];
-            const Position from = owner == t ? a : b;
-            const Position to = owner == t ? b : a;
-            const Vec now = branch(c.cell, separation<true>(a, b, word << 16));
-            const Vec old = branch(c.old_cell,
-                                   any_separation(c.old_imaged, before_reduction(c.transform, from),
-                                                  before_reduction(c.transform, to), old_word));
+            const Vec now = branch(c.cell, separation<true>(sh.position[i], sh.position[j], word << 16));
+            const Position from = before_reduction(c.transform, sh.position[owner]);
+            const Position to = before_reduction(c.transform, sh.position[other]);
+            const Vec old = branch(c.old_cell, any_separation(c.old_imaged, from, to, old_word));
             // Of a disc's own two images the other one may have been listed.
-            const bool turned = t == j ? now.x * old.x + now.y * old.y < Real(0) : owner == j;
+            const bool turned = i == j ? now.x * old.x + now.y * old.y < Real(0) : owner == j;
             const Real dx = turned ? now.x + old.x : now.x - old.x;
             const Real dy = turned ? now.y + old.y : now.y - old.y;
             same = dx * dx + dy * dy < Real(0.01) * (now.x * now.x + now.y * now.y);
@@ -48,9 +45,9 @@ __device__ Real history(int t, int j, unsigned word, int owner) {
     return tangential;
 }
 
-// Seats disc i: a stable counting sort of the block's threads by falling class, so that the discs of
-// a warp own as many pairs. Also gives it its slots.
-__device__ void take_seat(int owned, int incoming, int i, bool has_disc, int t) {
+// Seats disc t: a stable counting sort by falling class, so that the discs of a warp own as many
+// pairs. Also gives it its slots. The seats depend on the list only: list.rs takes the same.
+__device__ void take_seat(int owned, int incoming, int t) {
     Shared& sh = shared();
     Header& header = sh.control.header;
     const int lane = t % LANES;
@@ -58,7 +55,7 @@ __device__ void take_seat(int owned, int incoming, int i, bool has_disc, int t) 
     // First by owned pairs, then by the others, falling and rising in turns so that neither jumps.
     // Other numbers than these are rare; their classes need not be exact.
     const int other = min(max(owned + incoming - 3, 0), 4);
-    const int kind = has_disc ? 1 + 5 * min(owned, 5) + (owned % 2 == 0 ? other : 4 - other) : 0;
+    const int kind = t < DISCS ? 1 + 5 * min(owned, 5) + (owned % 2 == 0 ? other : 4 - other) : 0;
 
     const unsigned peers = __match_any_sync(ALL, kind);
     const unsigned before = peers & ((1u << lane) - 1u);
@@ -82,8 +79,8 @@ __device__ void take_seat(int owned, int incoming, int i, bool has_disc, int t) 
         if (lane + d < LANES) higher += other;
     }
     const int seat = __shfl_sync(ALL, higher - total + earlier, kind) + __popc(before);
-    sh.seat[i] = (unsigned short)seat;
-    sh.disc[seat] = (unsigned short)i;
+    sh.seat[t] = (unsigned short)seat;
+    sh.disc[seat] = (unsigned short)t;
     atomicMax(&sh.search.rows[0][seat / LANES], unsigned(owned));
     atomicMax(&sh.search.rows[1][seat / LANES], unsigned(incoming));
     __syncthreads();
@@ -118,70 +115,78 @@ __device__ int owner_slot(int j, unsigned word) {
     return -1;
 }
 
-// Renews the list, keeping the tangential forces. Positions, velocities and `search.virial` are by
-// seat, before by the old seats and then by the new ones. Ends with a barrier.
+// Renews the list, keeping the tangential forces. Thread t searches for disc t. Positions and
+// velocities are by seat, before by the old seats and then by the new ones. Ends with a barrier.
 __device__ __noinline__ void search(const Batch& batch, const Parameters& p, const Disc* discs) {
     Shared& sh = shared();
     Control& c = sh.control;
     const unsigned rve = c.rve;
     const int t = int(threadIdx.x);
     const bool has_disc = t < DISCS;
-    const int i = sh.disc[t];
-    const Disc disc = discs[i];
-    const Motion m = sh.motion[t];
-    const Virial virial = sh.search.virial[t];
+    const Disc disc = discs[t];
 
-    const Real fastest2 = warp_max(has_disc ? m.x * m.x + m.y * m.y : Real(0));
-    if (t % LANES == 0) sh.partial[t / LANES].largest = fastest2;
+    // Into the order of discs.
+    Position s = sh.position[t];
+    Motion m = sh.motion[t];
+    const int seated = sh.disc[t];
+    sh.seat[seated] = (unsigned short)t;
+    const Real fastest2 = warp_max(m.x * m.x + m.y * m.y);
+    if (t % LANES == 0) sh.search.fastest2[t / LANES] = fastest2;
     __syncthreads();
+    sh.position[seated] = s;
+    sh.motion[seated] = m;
     if (t == 0) {
         Real most = 0;
-        for (int w = 0; w < WARPS; ++w) most = max(most, sh.partial[w].largest);
-        reduce_lattice(c, p, sqrt(double(most)));
+        for (int w = 0; w < WARPS; ++w) most = max(most, sh.search.fastest2[w]);
+        reduce_lattice(c, p, sqrt(most));
     }
     __syncthreads();
-    Position s = sh.position[t];
+    s = sh.position[t];
     s = {c.transform[0] * s.x + c.transform[1] * s.y, c.transform[2] * s.x + c.transform[3] * s.y};
     sh.position[t] = s;
-    sh.search.radius[t] = disc.r;
+    m = sh.motion[t];
     __syncthreads();
 
     Found found;
     found.count = 0;
-    found.full = false;
     const bool imaged = c.header.imaged;
     if (imaged) {
+        sh.search.binned[t] = {s, disc.r, unsigned(t)};
+        __syncthreads();
         if (has_disc) find_all_images(found, s, disc.r, t);
     } else {
-        fill_bins(s, t);
+        fill_bins(s, disc.r, t);
         if (has_disc) find_binned(found, s, disc.r, t);
     }
-    if (found.full) c.status = LIST_FULL;
+    if (found.count > ROWS) {
+        found.count = ROWS;
+        c.status = LIST_FULL;
+    }
     found.sort();
 
     // Masks over what was found.
     unsigned owned = 0;
     for (int row = 0; row < found.count; ++row) {
         const unsigned word = found.word[row];
-        const Position other = sh.position[sh.seat[word >> 16]];
-        owned |= unsigned(owns(i, s, word >> 16, other, imaged, word & 0xffffu)) << row;
+        const Position other = sh.position[word >> 16];
+        owned |= unsigned(owns(t, s, word >> 16, other, imaged, word & 0xffffu)) << row;
     }
     const unsigned others = ((1u << found.count) - 1u) & ~owned;
     Real tangential[ROWS];
     int count = 0;
     for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count) {
         const unsigned word = found.word[__ffs(int(rest)) - 1];
-        const int j = sh.seat[word >> 16];
+        const int j = word >> 16;
         Real force = history(t, j, word, t);
         if (force == Real(0)) force = history(t, j, word, j);
         tangential[count] = force;
     }
-    // All have read what goes by the old seats.
+    // All have read what goes by discs and by the old seats.
     __syncthreads();
-    take_seat(__popc(owned), __popc(others), i, has_disc, t);
+    take_seat(__popc(owned), __popc(others), t);
     if (c.status != OK) return;
 
-    const int seat = sh.seat[i];
+    const int seat = sh.seat[t];
     const Rows rows = sh.rows[seat];
     int slot = rows.owned;
     count = 0;
@@ -196,9 +201,8 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
     }
     sh.position[seat] = s;
     sh.motion[seat] = m;
-    sh.search.virial[seat] = virial;
-    batch.reference[rve * THREADS + i] = s;
-    batch.seat[rve * THREADS + i] = (unsigned short)seat;
+    batch.reference[rve * THREADS + seat] = s;
+    batch.seated[rve * THREADS + seat] = (unsigned short)t;
     __syncthreads();
 
     slot = rows.incoming;

@@ -11,7 +11,8 @@ use crate::real::{Image, Real};
 
 /// The list of one RVE in the arrays of `Batch` in `batch.cuh`.
 pub(super) struct SlotList<'a, R> {
-    pub seat: &'a mut [u16],
+    /// Disc of each seat.
+    pub seated: &'a mut [u16],
     /// `Rows` of `batch.cuh`: first and end of the owned slots, and of the others.
     pub rows: &'a mut [[u16; 4]],
     pub neighbour: &'a mut [u32],
@@ -38,11 +39,18 @@ impl Sides {
     fn rows(&self, kind: usize) -> usize {
         self.0[kind].len()
     }
+
+    /// What seats go by: `take_seat` in `list.cuh`.
+    fn class(&self) -> usize {
+        let owned = self.rows(0);
+        let other = (owned + self.rows(1)).saturating_sub(3).min(4);
+        5 * owned.min(5) + if owned % 2 == 0 { other } else { 4 - other }
+    }
 }
 
 impl<R: Real> SlotList<'_, R> {
     /// Lays out a list and returns how many slots it takes, of pairs at their owners and of the
-    /// same at the other discs. Seats need not be those that the kernel would choose.
+    /// same at the other discs.
     ///
     /// # Errors
     /// The list does not fit.
@@ -63,10 +71,12 @@ impl<R: Real> SlotList<'_, R> {
 
         // Discs by seat, and threads without one.
         let mut order: Vec<usize> = (0..discs.len()).collect();
-        order.sort_by_key(|&i| Reverse((sides[i].rows(0), sides[i].rows(1))));
+        order.sort_by_key(|&i| Reverse(sides[i].class()));
         order.extend(discs.len()..shape.threads);
+        let mut seat_of = vec![0; shape.threads];
         for (seat, &i) in order.iter().enumerate() {
-            self.seat[i] = seat as u16;
+            self.seated[seat] = i as u16;
+            seat_of[i] = seat as u16;
         }
         order.truncate(discs.len());
         let mut used = [0; 2];
@@ -92,7 +102,7 @@ impl<R: Real> SlotList<'_, R> {
                 let (pair, j) = (&list.pairs[side.pair], side.neighbour as usize);
                 slot_of_pair[side.pair] = slot;
                 self.neighbour[slot] =
-                    position_offset::<R>(self.seat[j]) | u32::from(side.image) << 16;
+                    position_offset::<R>(seat_of[j]) | u32::from(side.image) << 16;
                 self.pair[slot] = [discs[i].r + discs[j].r, pair.dashpot];
                 self.tangential[slot] = pair.tangential;
             }
@@ -114,16 +124,14 @@ impl<R: Real> SlotList<'_, R> {
         discs: &[Disc<R>],
         law: &ContactLaw<R>,
     ) -> (Vec<Pair<R>>, Vec<Image2>) {
-        let mut disc = vec![0; self.seat.len()];
-        for (i, &seat) in self.seat.iter().enumerate() {
-            disc[seat as usize] = i;
-        }
+        let disc = |seat: usize| usize::from(self.seated[seat]);
         let mut found = Vec::new();
-        for (seat, &owner) in disc.iter().enumerate().take(discs.len()) {
+        for seat in 0..discs.len() {
+            let owner = disc(seat);
             let [first, end, ..] = self.rows[seat];
             for slot in slots(first, end) {
                 let word = self.neighbour[slot];
-                let other = disc[((word & 0xffff) / position_offset::<R>(1)) as usize];
+                let other = disc(((word & 0xffff) / position_offset::<R>(1)) as usize);
                 let mut image = (word >> 16) as u16;
                 if owner > other && imaged {
                     image = image_code(from_image_code(image).map(reversed));

@@ -73,33 +73,42 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
         drive = {volumetric, -spin, spin, volumetric};
         c.thin = 1;
     }
+    c.gradient = drive;
     to_real(drive, c.drive);
-    c.increment = exponential(scaled(drive, p.dt));
-    c.growth = Real(determinant(c.increment));
     const double spin = 0.5 * (drive.yx - drive.xy);
     c.half_spin = Real(0.5 * spin);
     c.spin_change = Real(spin - h.spin);
     h.spin = spin;
+    c.drift = {Real(h.drift_x), Real(h.drift_y)};
     to_real(scaled(h.reference_cell, 1.0 / PERIOD), c.reference_cell);
     return ADVANCE;
 }
 
+// What k substeps under a velocity gradient do to the cell, for lane k of a warp. It stays in
+// `Substep::exact` until the first plan, as long as the gradient is what acts on the cell.
+__device__ void prepare_plan(const Parameters& p, const Matrix& l, int lane) {
+    shared().substep[lane].exact = exponential(scaled(l, lane * p.dt));
+}
+
 // The cell in the next substeps: lane k of a warp tells substep `done + k`. The last entry
 // only tells the state after them.
-__device__ void plan_substeps(const Parameters& p, int done, int lane) {
+__device__ void plan_substeps(const Parameters& p, int done, bool prepared, int lane) {
     Shared& sh = shared();
     Control& c = sh.control;
-    if (done + lane > int(p.substeps)) return;
-    Matrix h = c.header.cell;
-    for (int k = 0; k < lane; ++k) h = product(c.increment, h);
     Substep& s = sh.substep[lane];
+    if (!prepared || c.thin) prepare_plan(p, c.gradient, lane);
+    const Matrix h = product(s.exact, c.header.cell);
+    const Matrix end = {__shfl_down_sync(ALL, h.xx, 1), __shfl_down_sync(ALL, h.xy, 1),
+                        __shfl_down_sync(ALL, h.yx, 1), __shfl_down_sync(ALL, h.yy, 1)};
+    if (done + lane > int(p.substeps)) return;
+    const Real area = Real(determinant(end));
+    if (lane == 0) c.growth = area / Real(determinant(h));
     s.exact = h;
     s.sampled = done + lane >= int(p.substeps - p.samples);
     s.last = lane == LANES - 1 || done + lane == int(p.substeps);
     s.allowed2 = allowed_displacement2(c.header, h);
     to_real(scaled(h, 1.0 / PERIOD), s.cell);
-    const Matrix end = product(c.increment, h);
-    const Real k = Real(p.dt * PERIOD) / Real(determinant(end));
+    const Real k = Real(p.dt * PERIOD) / area;
     if (!isfinite(k)) c.status = NOT_FINITE;
     s.to_units[0] = Real(end.yy) * k;
     s.to_units[1] = -Real(end.xy) * k;

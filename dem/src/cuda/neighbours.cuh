@@ -4,14 +4,14 @@
 // and is due whenever the fastest disc has moved half the skin; every skin of one largest radius
 // makes a substep 0.4 times dearer. With n substeps in which the fastest disc moves v, the cost
 // 16 * 2 v / skin + 0.4 n skin / r_max is least at this skin for n = 9.
-__device__ inline double best_skin(double travel, const Header& h, const Parameters& p) {
-    const double skin = 3.0 * sqrt(0.5 * h.reach * travel);
-    return fmin(fmax(skin, p.least_skin), p.skin);
+__device__ inline Real best_skin(Real travel, const Header& h, const Parameters& p) {
+    const Real skin = Real(3) * sqrt(Real(0.5) * Real(h.reach) * travel);
+    return min(max(skin, Real(p.least_skin)), Real(p.skin));
 }
 
 // Lattice reduction until the cell vectors are as short as can be, and what the search needs.
 // `fastest` is the largest speed of a disc (m/s).
-__device__ void reduce_lattice(Control& c, const Parameters& p, double fastest) {
+__device__ void reduce_lattice(Control& c, const Parameters& p, Real fastest) {
     Header& h = c.header;
     Fraction m[4] = {1, 0, 0, 1};
     to_real(scaled(h.cell, 1.0 / PERIOD), c.old_cell);
@@ -41,18 +41,21 @@ __device__ void reduce_lattice(Control& c, const Parameters& p, double fastest) 
     h.reference_cell = h.cell;
     to_real(scaled(h.cell, 1.0 / PERIOD), c.cell);
     to_real(scaled(h.cell, 1.0 / PERIOD), c.reference_cell);
-    double gradient2 = 0.0;
-    for (int i = 0; i < 4; ++i) gradient2 += double(c.drive[i]) * double(c.drive[i]);
-    const double speed = fastest + 0.5 * h.reach * sqrt(gradient2);
-    h.skin = best_skin(speed * p.dt * p.substeps, h, p);
-    const double2 w = widths(h.cell);
-    // With three bins each way no pair within reach has a second image within reach.
-    const double x = floor(w.x / (h.reach + h.skin));
-    const double y = floor(w.y / (h.reach + h.skin));
+    Real gradient2 = 0;
+    for (int i = 0; i < 4; ++i) gradient2 += c.drive[i] * c.drive[i];
+    const Real speed = fastest + Real(0.5 * h.reach) * sqrt(gradient2);
+    const Real skin = best_skin(speed * Real(p.dt * p.substeps), h, p);
+    h.skin = skin;
+    // Bins as wide as the list reaches, and a shade wider in view of round-off. With three bins each
+    // way no pair within reach has a second image within reach.
+    const Real area = Real(fabs(determinant(h.cell))) * Real(0.9999);
+    const Real range = Real(h.reach) + skin;
+    const Real x = area / (range * sqrt(Real(h.cell.xy * h.cell.xy + h.cell.yy * h.cell.yy)));
+    const Real y = area / (range * sqrt(Real(h.cell.xx * h.cell.xx + h.cell.yx * h.cell.yx)));
     c.old_imaged = h.imaged;
-    h.imaged = !(x >= 3.0 && y >= 3.0);
-    c.bins[0] = int(fmin(x, double(BINS)));
-    c.bins[1] = int(fmin(y, double(BINS)));
+    h.imaged = !(x >= Real(3) && y >= Real(3));
+    c.bins[0] = int(min(x, Real(BINS)));
+    c.bins[1] = int(min(y, Real(BINS)));
     c.searches += 1;
 }
 
@@ -61,35 +64,43 @@ struct Found {
     // Neighbour << 16 | image.
     unsigned word[ROWS];
     int count;
-    bool full;
 
     __device__ void add(unsigned entry) {
-        full |= count == ROWS;
-        if (count < ROWS) word[count++] = entry;
+        if (count < ROWS) word[count] = entry;
+        ++count;
     }
 
-    // Ascending by neighbour and image. Selection: lanes of a warp stay together.
+    // Ascending by neighbour and image: a bitonic sorting network, in registers.
     __device__ void sort() {
-#pragma unroll 1
-        for (int row = 0; row < count; ++row) {
-            unsigned least = word[row];
-            int place = row;
-            for (int k = row + 1; k < count; ++k) {
-                const unsigned other = word[k];
-                if (other < least) {
-                    least = other;
-                    place = k;
+        constexpr int STAGES = ROWS <= 8 ? 3 : ROWS <= 16 ? 4 : 5;
+        constexpr int N = 1 << STAGES;
+        unsigned w[N];
+#pragma unroll
+        for (int k = 0; k < N; ++k) w[k] = k < ROWS && k < count ? word[k] : ALL;
+#pragma unroll
+        for (int stage = 1; stage <= STAGES; ++stage) {
+#pragma unroll
+            for (int step = stage - 1; step >= 0; --step) {
+#pragma unroll
+                for (int k = 0; k < N; ++k) {
+                    const int l = k ^ 1 << step;
+                    if (l < k) continue;
+                    const unsigned less = min(w[k], w[l]);
+                    const unsigned more = max(w[k], w[l]);
+                    const bool rising = (k >> stage & 1) == 0;
+                    w[k] = rising ? less : more;
+                    w[l] = rising ? more : less;
                 }
             }
-            word[place] = word[row];
-            word[row] = least;
         }
+#pragma unroll
+        for (int k = 0; k < ROWS; ++k) word[k] = w[k];
     }
 };
 
-// Counting sort of the seats into bins. Within a bin their order depends on timing, but what
+// Counting sort of the discs into bins. Within a bin their order depends on timing, but what
 // is found gets sorted.
-__device__ void fill_bins(Position s, int t) {
+__device__ void fill_bins(Position s, Real r, int t) {
     Shared& sh = shared();
     const int nx = sh.control.bins[0];
     const int ny = sh.control.bins[1];
@@ -98,68 +109,75 @@ __device__ void fill_bins(Position s, int t) {
     __syncthreads();
     if (t < DISCS) atomicAdd(&sh.search.bin_end[bin], 1u);
     __syncthreads();
+    // Numbers to starts; each lane takes some bins in a row.
     if (t < LANES) {
-        unsigned before = 0;
-        for (int b = t; b - t < nx * ny; b += LANES) {
-            const unsigned own = b < nx * ny ? sh.search.bin_end[b] : 0;
-            unsigned sum = own;
-            for (int d = 1; d < LANES; d *= 2) {
-                const unsigned other = __shfl_up_sync(ALL, sum, d);
-                if (t >= d) sum += other;
-            }
-            if (b < nx * ny) sh.search.bin_end[b] = before + sum - own;
-            before += __shfl_sync(ALL, sum, LANES - 1);
+        const int each = (nx * ny + LANES - 1) / LANES;
+        const int first = t * each;
+        const int end = min(first + each, nx * ny);
+        unsigned own = 0;
+        for (int b = first; b < end; ++b) own += sh.search.bin_end[b];
+        unsigned before = own;
+        for (int d = 1; d < LANES; d *= 2) {
+            const unsigned other = __shfl_up_sync(ALL, before, d);
+            if (t >= d) before += other;
+        }
+        before -= own;
+        for (int b = first; b < end; ++b) {
+            const unsigned discs = sh.search.bin_end[b];
+            sh.search.bin_end[b] = before;
+            before += discs;
         }
     }
     __syncthreads();
     // Each bin's start walks up to its end.
-    if (t < DISCS) sh.search.bin[atomicAdd(&sh.search.bin_end[bin], 1u)] = (unsigned short)t;
+    if (t < DISCS) sh.search.binned[atomicAdd(&sh.search.bin_end[bin], 1u)] = {s, r, unsigned(t)};
     __syncthreads();
 }
 
-// Nearest images among the seats `bin[first..end]`.
-__device__ inline void find_in(Found& found, int first, int end, Position s, Real r, int t) {
+// Nearest images in the 3 x 3 bins around disc i. Bins of a row follow each other, and the first one
+// follows the last.
+__device__ void find_binned(Found& found, Position s, Real r, int i) {
     const Shared& sh = shared();
     const Real* const cell = sh.control.cell;
     const Real skin = Real(sh.control.header.skin);
-#pragma unroll 1
-    for (int k = first; k < end; ++k) {
-        const int j = sh.search.bin[k];
-        // Summed in this order both discs of a pair find the same.
-        const Real range = r + sh.search.radius[j] + skin;
-        const Vec d = nearest(s, sh.position[j]);
-        if (length2(cell, d) < range * range && j != t) found.add(unsigned(sh.disc[j]) << 16);
-    }
-}
-
-// Nearest images in the 3 x 3 bins around the disc in seat t. Bins of a row follow each other.
-__device__ void find_binned(Found& found, Position s, Real r, int t) {
-    const unsigned* const bin_end = shared().search.bin_end;
-    const int nx = shared().control.bins[0];
-    const int ny = shared().control.bins[1];
+    const unsigned* const bin_end = sh.search.bin_end;
+    const int nx = sh.control.bins[0];
+    const int ny = sh.control.bins[1];
     const int bx = bin_of(s.x, nx);
     const int by = bin_of(s.y, ny);
+    const int left = bx == 0 ? nx - 1 : bx - 1;
+    const int right = bx == nx - 1 ? 0 : bx + 1;
     const auto start = [&](int bin) { return bin == 0 ? 0 : int(bin_end[bin - 1]); };
 #pragma unroll 1
     for (int dy = -1; dy <= 1; ++dy) {
         const int y = by + dy < 0 ? ny - 1 : by + dy == ny ? 0 : by + dy;
         const int row = y * nx;
-        find_in(found, start(row + max(bx - 1, 0)), int(bin_end[row + min(bx + 1, nx - 1)]), s, r, t);
-        // The bin across the edge of the cell.
-        const int across = row + (bx == 0 ? nx - 1 : 0);
-        if (bx == 0 || bx == nx - 1) find_in(found, start(across), int(bin_end[across]), s, r, t);
+        const int row_start = start(row);
+        const int row_end = int(bin_end[row + nx - 1]);
+        int k = start(row + left);
+        int rest = int(bin_end[row + right]) - k + (left > right ? row_end - row_start : 0);
+#pragma unroll 1
+        for (; rest > 0; --rest) {
+            if (k == row_end) k = row_start;
+            const Binned other = sh.search.binned[k++];
+            // Summed in this order both discs of a pair find the same.
+            const Real range = r + other.r + skin;
+            if (!(length2(cell, nearest(s, other.s)) < range * range)) continue;
+            const unsigned j = other.disc;
+            if (j != i) found.add(j << 16);
+        }
     }
 }
 
-// All images of all discs around the disc in seat t, its own included: right for any cell.
-__device__ void find_all_images(Found& found, Position s, Real r, int t) {
+// All images of all discs around disc i, its own included: right for any cell.
+__device__ void find_all_images(Found& found, Position s, Real r, int i) {
     const Shared& sh = shared();
     const double skin = sh.control.header.skin;
     const Matrix h = sh.control.header.cell;
     const double2 w = widths(h);
 #pragma unroll 1
     for (int j = 0; j < DISCS; ++j) {
-        const double range = double(r) + double(sh.search.radius[j]) + skin;
+        const double range = double(r) + double(sh.search.binned[j].r) + skin;
         const Vec d = nearest(s, sh.position[j]);
         const double x = double(d.x) / PERIOD;
         const double y = double(d.y) / PERIOD;
@@ -170,7 +188,7 @@ __device__ void find_all_images(Found& found, Position s, Real r, int t) {
         const int last_y = int(floor(most_y - y));
         for (int ky = int(ceil(-most_y - y)); ky <= last_y; ++ky) {
             for (int kx = int(ceil(-most_x - x)); kx <= last_x; ++kx) {
-                if (t == j && kx == 0 && ky == 0) continue;
+                if (i == j && kx == 0 && ky == 0) continue;
                 const double sx = x + kx;
                 const double sy = y + ky;
                 const double lx = h.xx * sx + h.xy * sy;
@@ -182,11 +200,11 @@ __device__ void find_all_images(Found& found, Position s, Real r, int t) {
                 const int shift_x = kx - int(ux && x < 0.0);
                 const int shift_y = ky - int(uy && y < 0.0);
                 if (min(shift_x, shift_y) < -32 || max(shift_x, shift_y) > 31) {
-                    found.full = true;
+                    found.count = ROWS + 1;
                     continue;
                 }
-                found.add(unsigned(sh.disc[j]) << 16 | image_code(shift_y, uy) << 7 |
-                             image_code(shift_x, ux));
+                found.add(unsigned(j) << 16 | image_code(shift_y, uy) << 7 |
+                          image_code(shift_x, ux));
             }
         }
     }

@@ -7,20 +7,19 @@
 //   the reaction in shared memory; after a barrier the other disc adds it to its sum. There are no
 //   atomics on forces, every sum has a fixed order, and the result does not depend on timing.
 // * Threads take the discs in the order of falling numbers of owned pairs ("seats"), so that the
-//   lanes of a warp finish together. Results do not depend on the seats: pairs are visited in the
-//   order of neighbours and images, and sums over the RVE go by discs.
-// * Seats and list last from one search to the next, over many launches. A launch only copies them
-//   to shared memory.
+//   lanes of a warp finish together. Seats and list last from one search to the next, over many
+//   launches. State in device memory goes by seats: a launch copies it to shared memory and back.
+// * A list alone decides the seats, and pairs are visited in the order of neighbours and images: a
+//   batch that was downloaded and uploaded goes on bit by bit.
 
 // The fresh packing, with its list.
 __device__ void copy_packing(const Batch& b, unsigned to_rve, unsigned from_rve, int t) {
     const size_t to = size_t(to_rve) * THREADS + t;
     const size_t from = size_t(from_rve) * THREADS + t;
     b.position[to] = b.position[from];
-    b.velocity[to] = b.velocity[from];
-    b.spin[to] = b.spin[from];
+    b.motion[to] = b.motion[from];
     b.reference[to] = b.reference[from];
-    b.seat[to] = b.seat[from];
+    b.seated[to] = b.seated[from];
     b.rows[to] = b.rows[from];
     const Header& h = b.header[from_rve];
     const size_t to_slot = size_t(to_rve) * SLOTS;
@@ -35,16 +34,61 @@ __device__ void copy_packing(const Batch& b, unsigned to_rve, unsigned from_rve,
     }
 }
 
-// Begins to copy the list to shared memory.
-__device__ void fetch_list(const Batch& b, unsigned rve, int t) {
-    Slots& slot = shared().slot;
-    const size_t first = size_t(rve) * SLOTS;
+// Begins to copy an RVE to shared memory.
+__device__ void fetch_rve(const Batch& b, unsigned rve) {
+    Shared& sh = shared();
+    const size_t seat = size_t(rve) * THREADS;
+    const size_t slot = size_t(rve) * SLOTS;
+    begin_copies(sh.copies);
+    fetch(sh.copies, sh.position, b.position + seat, THREADS * sizeof(Position));
+    fetch(sh.copies, sh.motion, b.motion + seat, THREADS * sizeof(Motion));
+    fetch(sh.copies, sh.rows, b.rows + seat, THREADS * sizeof(Rows));
+    fetch(sh.copies, sh.disc, b.seated + seat, THREADS * sizeof(unsigned short));
     const unsigned owned = b.header[rve].owned;
-    const unsigned incoming = b.header[rve].incoming;
-    copy_async(slot.neighbour, b.neighbour + first, owned * sizeof(unsigned), t);
-    copy_async(slot.pair, b.pair + first, owned * sizeof(Vec), t);
-    copy_async(slot.tangential, b.tangential + first, owned * sizeof(Real), t);
-    copy_async(slot.incoming, b.incoming + size_t(rve) * INCOMING_SLOTS, incoming * sizeof(unsigned short), t);
+    fetch(sh.copies, sh.slot.neighbour, b.neighbour + slot, owned * sizeof(unsigned));
+    fetch(sh.copies, sh.slot.pair, b.pair + slot, owned * sizeof(Vec));
+    fetch(sh.copies, sh.slot.tangential, b.tangential + slot, owned * sizeof(Real));
+    fetch(sh.copies, sh.slot.incoming, b.incoming + 2 * slot,
+          b.header[rve].incoming * sizeof(unsigned short));
+    end_copies(sh.copies);
+}
+
+// Copies back what every launch changes.
+__device__ void store_rve(const Batch& b, unsigned rve) {
+    const Shared& sh = shared();
+    const size_t seat = size_t(rve) * THREADS;
+    store(b.position + seat, sh.position, THREADS * sizeof(Position));
+    store(b.motion + seat, sh.motion, THREADS * sizeof(Motion));
+    store(b.tangential + size_t(rve) * SLOTS, sh.slot.tangential,
+          sh.control.header.owned * sizeof(Real));
+}
+
+// Adds `summand` up into `sum`; each warp takes some of the sums. In the order of seats, always the
+// same.
+__device__ void add_up(int first, int end, int t) {
+    Shared& sh = shared();
+    for (int k = first + t / LANES; k < end; k += WARPS) {
+        Real x = 0;
+        for (int seat = t % LANES; seat < THREADS; seat += LANES) {
+            const Real y = sh.summand[k][seat];
+            x = k == OVERLAPS ? max(x, y) : x + y;
+        }
+        x = k == OVERLAPS ? warp_max(x) : warp_sum(x);
+        if (t % LANES == 0) sh.sum[k] = x;
+    }
+}
+
+__device__ void put_momentum(Real mass, const Motion& m, int t) {
+    Shared& sh = shared();
+    sh.summand[MOMENTUM_X][t] = mass * m.x;
+    sh.summand[MOMENTUM_Y][t] = mass * m.y;
+}
+
+// Mean velocity, from the sums.
+__device__ Vec drift() {
+    const Shared& sh = shared();
+    const Real mass = Real(sh.control.header.mass);
+    return {sh.sum[MOMENTUM_X] / mass, sh.sum[MOMENTUM_Y] / mass};
 }
 
 // Leaves the RVE as it was before this macro step, for good; one thread.
@@ -55,28 +99,32 @@ __device__ void fail(const Batch& batch, unsigned rve) {
     atomicMin(batch.failed, int(rve));
 }
 
-// Stress and state of the RVE from the sums over its discs (homogenise.rs); one thread.
-__device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, const Partial& sums) {
-    Control& c = shared().control;
+// Stress and state of the RVE from the sums (homogenise.rs); one thread.
+__device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bool broken) {
+    Shared& sh = shared();
+    Control& c = sh.control;
     Header& h = c.header;
     State state = {};
     state.area = determinant(h.cell);
     const double inverse_area = 1.0 / state.area;
     const double weight = inverse_area * p.stress_weight;
-    const double shear = 0.5 * weight * double(sums.sum[2]);
-    state.stress = {weight * double(sums.sum[0]), shear, shear, weight * double(sums.sum[1])};
+    const double shear = 0.5 * weight * double(sh.sum[VIRIAL_SHEAR]);
+    state.stress = {weight * double(sh.sum[VIRIAL_XX]), shear,
+                    shear, weight * double(sh.sum[VIRIAL_YY])};
     state.solid_fraction = h.solid * inverse_area;
-    state.coordination = 2.0 * double(sums.sum[3]) / DISCS;
-    state.relative_overlap = double(sums.largest);
+    state.coordination = 2.0 * double(sh.sum[CONTACTS]) / DISCS;
+    state.relative_overlap = double(sh.sum[OVERLAPS]);
     state.min_width = min_width(h.cell);
     state.searches = c.searches;
     state.thin = c.thin;
-    if (c.status == OK && sums.broken) c.status = NOT_FINITE;
+    if (c.status == OK && broken) c.status = NOT_FINITE;
     if (c.status == OK && state.relative_overlap > p.overlap_limit) c.status = OVERLAP;
     if (c.status != OK) {
         h.status = c.status;
         atomicMin(batch.failed, int(rve));
     }
+    h.drift_x = drift().x;
+    h.drift_y = drift().y;
     batch.header[rve] = h;
     batch.state[rve] = state;
     batch.stress[rve] = state.stress;
@@ -93,40 +141,18 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     const int t = int(threadIdx.x);
     const int lane = t % LANES;
     const int warp = t / LANES;
-    const unsigned mine = rve * THREADS + t;
 
-    // All loads first, to wait only once.
-    const int first_seat = batch.seat[mine];
-    const Position position = batch.position[mine];
-    const Position at_search = batch.reference[mine];
-    const Vec velocity = batch.velocity[mine];
-    const Real spin = batch.spin[mine];
-    const Rows rows = batch.rows[mine];
     const Disc* const discs = batch.disc + size_t(batch.header[rve].grading) * THREADS;
-    fetch_list(batch, rve, t);
-    if (warp == 0) {
-        if (lane == 0) c.action = begin(c, batch, p, rve, velocity_gradient[rve]);
-        __syncwarp();
-        if (c.action == ADVANCE) plan_substeps(p, 0, lane);
-    }
-
-    // Into the order of seats, and the momentum in the order of discs. Threads without a disc hold
-    // one at rest that nobody sees.
-    sh.seat[t] = (unsigned short)first_seat;
-    sh.disc[first_seat] = (unsigned short)t;
-    sh.rows[t] = rows;
-    sh.position[first_seat] = position;
-    sh.reference[first_seat] = at_search;
-    sh.motion[first_seat] = {velocity.x, velocity.y, Real(0.5) * spin, Real(0)};
-    const Real mass = Real(1) / discs[t].inv_mass;
-    const Vec momentum = {warp_sum(mass * velocity.x), warp_sum(mass * velocity.y)};
-    if (lane == 0) {
-        sh.partial[warp].sum[0] = momentum.x;
-        sh.partial[warp].sum[1] = momentum.y;
-    }
+    Position reference = batch.reference[rve * THREADS + t];
+    Disc disc = discs[batch.seated[rve * THREADS + t]];
+    if (copies(t)) fetch_rve(batch, rve);
+    if (t == 0) c.action = begin(c, batch, p, rve, velocity_gradient[rve]);
+    // By another warp, if there is one.
+    if (warp == 1 % WARPS) prepare_plan(p, velocity_gradient[rve], lane);
     __syncthreads();
+    if (warp == 0 && c.action == ADVANCE) plan_substeps(p, 0, true, lane);
+    wait_for_copies(sh.copies);
     if (c.action != ADVANCE) {
-        wait_for_copies();
         if (c.action == RESTART) copy_packing(batch, rve, p.rves, t);
         if (t == 0 && c.status == OK) batch.header[rve] = c.header;
         if (t == 0 && c.status != OK) fail(batch, rve);
@@ -134,38 +160,41 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         return;
     }
 
-    Disc disc = discs[sh.disc[t]];
-    Position reference = sh.reference[t];
+    // Threads without a disc hold one at rest that nobody sees.
     {
         // Without their mean momentum, which rattlers would carry away.
-        const Real x = warp_sum(lane < WARPS ? sh.partial[lane].sum[0] : Real(0));
-        const Real y = warp_sum(lane < WARPS ? sh.partial[lane].sum[1] : Real(0));
         Motion m = sh.motion[t];
+        Vec mean = c.drift;
+        if (isnan(mean.x)) {
+            put_momentum(disc.mass, m, t);
+            __syncthreads();
+            add_up(MOMENTUM_X, MOMENTUM_Y + 1, t);
+            __syncthreads();
+            mean = drift();
+        }
         if (t < DISCS) {
-            m.x -= x / Real(c.header.mass);
-            m.y -= y / Real(c.header.mass);
+            m.x -= mean.x;
+            m.y -= mean.y;
             m.half_w += Real(0.5) * c.spin_change;
             m.rim = Real(2) * disc.r * m.half_w;
         }
         sh.motion[t] = m;
     }
-    wait_for_copies();
-    bool stale = __syncthreads_or(moved_far(reference, sh.position[t], sh.substep[0].allowed2));
+    __syncthreads();
+    const bool stale = __syncthreads_or(moved_far(reference, sh.position[t], sh.substep[0].allowed2));
 
     Totals total = {};
     int done = 0;
-    int planned = 0;
+    Progress progress = {0, stale};
     while (true) {
-        if (stale) {
-            sh.search.virial[t] = total.virial;
+        if (progress.stale) {
             search(batch, p, discs);
             disc = discs[sh.disc[t]];
             reference = sh.position[t];
-            total.virial = sh.search.virial[t];
         }
-        if (stale || done > 0) {
+        if (progress.stale || done > 0) {
             __syncthreads();
-            if (warp == 0) plan_substeps(p, done, lane);
+            if (warp == 0) plan_substeps(p, done, false, lane);
             __syncthreads();
         }
         if (c.status != OK) {
@@ -173,39 +202,27 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
             if (t == 0) queue_again(batch, launch, rve, false);
             return;
         }
-        planned = c.header.imaged ? advance_substeps<true>(p, disc, reference, total, stale, t)
-                                  : advance_substeps<false>(p, disc, reference, total, stale, t);
-        done += planned;
+        progress = c.header.imaged ? advance_substeps<true>(p, disc, reference, total, t)
+                                   : advance_substeps<false>(p, disc, reference, total, t);
+        done += progress.substeps;
         if (done == int(p.substeps)) break;
     }
 
-    // Back into the order of discs. A search may be due soon where half of the squared way to it is
-    // done.
-    sh.virial[t] = total.virial;
-    const Real half = Real(0.5) * sh.substep[planned].allowed2;
+    const Motion m = sh.motion[t];
+    sh.summand[VIRIAL_XX][t] = total.virial.xx;
+    sh.summand[VIRIAL_YY][t] = total.virial.yy;
+    sh.summand[VIRIAL_SHEAR][t] = total.virial.shear;
+    sh.summand[CONTACTS][t] = Real(total.contacts);
+    sh.summand[OVERLAPS][t] = total.relative_overlap;
+    put_momentum(disc.mass, m, t);
+    offer_stores();
+    // A search may be due soon where half of the squared way to it is done.
+    const Real half = Real(0.5) * sh.substep[progress.substeps].allowed2;
     const bool slow = __syncthreads_or(t < DISCS && moved_far(reference, sh.position[t], half));
+    if (copies(t)) store_rve(batch, rve);
     if (t == THREADS - 1) queue_again(batch, launch, rve, slow);
-    const int seat = sh.seat[t];
-    const Motion m = sh.motion[seat];
-    const Virial virial = sh.virial[seat];
-    batch.position[mine] = sh.position[seat];
-    batch.velocity[mine] = {m.x, m.y};
-    batch.spin[mine] = Real(2) * m.half_w;
-    for (int k = t; k < int(c.header.owned); k += THREADS) {
-        batch.tangential[size_t(rve) * SLOTS + k] = sh.slot.tangential[k];
-    }
-    const bool broken = t < DISCS && !isfinite(m.x + m.y + m.half_w);
-    Partial part = {{warp_sum(virial.xx), warp_sum(virial.yy), warp_sum(virial.shear),
-                     warp_sum(Real(total.contacts))},
-                    warp_max(total.relative_overlap),
-                    __any_sync(ALL, broken)};
-    if (lane == 0) sh.partial[warp] = part;
-    __syncthreads();
-    if (warp > 0) return;
-    part = lane < WARPS ? sh.partial[lane] : Partial{};
-    part = {{warp_sum(part.sum[0]), warp_sum(part.sum[1]), warp_sum(part.sum[2]),
-             warp_sum(part.sum[3])},
-            warp_max(part.largest),
-            __any_sync(ALL, part.broken)};
-    if (lane == 0) finish(batch, p, rve, part);
+    add_up(0, SUMS, t);
+    const bool broken = __syncthreads_or(!isfinite(m.x + m.y + m.half_w));
+    if (t == 0) finish(batch, p, rve, broken);
+    if (copies(t)) end_stores();
 }

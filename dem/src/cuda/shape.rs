@@ -100,7 +100,9 @@ impl Shape {
                 blocks,
                 shared_bytes: fixed
                     + slots * listed
-                    + (slots * reaction).max(search_shared::<R>(threads)),
+                    + (slots * reaction)
+                        .max(search_shared::<R>(threads))
+                        .max(sums_shared::<R>(threads)),
                 real_bits: R::BITS,
             })
         };
@@ -142,14 +144,18 @@ fn fixed_shared<R: Real>(threads: usize) -> usize {
     let real = size_of::<R>();
     let per_thread = 6 * real + 6 * size_of::<u16>();
     let substeps = WARP * (12 * real + 4 * size_of::<f64>());
-    let partial = threads / WARP * 6 * real;
-    let control = 640;
-    threads * per_thread + substeps + partial + control
+    let control = 704;
+    threads * per_thread + substeps + control
 }
 
-/// Shared memory of a search (bytes): sums, radii, bins and the seats in them, a census and rows.
+/// Shared memory of the sums over the discs (bytes).
+fn sums_shared<R: Real>(threads: usize) -> usize {
+    7 * threads * size_of::<R>()
+}
+
+/// Shared memory of a search (bytes): discs by bins, bins, a census and rows.
 fn search_shared<R: Real>(threads: usize) -> usize {
     const BINS: usize = 32;
-    let per_thread = 4 * size_of::<R>() + 2 * size_of::<u16>();
-    (BINS * BINS + 4 * WARP) * size_of::<u32>() + threads * per_thread
+    let per_thread = 4 * size_of::<R>() + size_of::<u16>();
+    (BINS * BINS + 4 * WARP) * size_of::<u32>() + WARP * size_of::<R>() + threads * per_thread
 }

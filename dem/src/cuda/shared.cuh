@@ -15,10 +15,6 @@ struct alignas(16) Substep {
     bool sampled, last;
 };
 
-struct alignas(16) Motion {
-    // Peculiar velocity (m/s), half the angular velocity (1/s), and r w (m/s).
-    Real x, y, half_w, rim;
-};
 // A neighbour is the offset of its seat in `position`; in `motion` it is twice that.
 static_assert(sizeof(Motion) == 2 * sizeof(Position));
 
@@ -31,10 +27,12 @@ struct alignas(16) Control {
     Real reference_cell[4];
     Real half_spin;
     Real spin_change;
+    // Mean velocity (m/s) at the start.
+    Vec drift;
     // Area after a substep over the area before.
     Real growth;
-    // What the velocity gradient does to the cell in one substep.
-    Matrix increment;
+    // The same velocity gradient.
+    Matrix gradient;
     Header header;
     // The last lattice reduction, s' = transform s, and the cell before and after it.
     Fraction transform[4];
@@ -67,11 +65,13 @@ struct Virial {
     Real xx, yy, shear;
 };
 
-// Of one warp, for sums over the block.
-struct Partial {
-    Real sum[4];
-    Real largest;
-    int broken;
+// What is added up over the seats at the end; of overlaps, the largest.
+enum Sum { VIRIAL_XX, VIRIAL_YY, VIRIAL_SHEAR, CONTACTS, MOMENTUM_X, MOMENTUM_Y, OVERLAPS, SUMS };
+
+struct alignas(16) Binned {
+    Position s;
+    Real r;
+    unsigned disc;
 };
 
 // Search bins along each cell vector, at most.
@@ -87,50 +87,36 @@ struct Shared {
             Vec force[SLOTS];
             Real torque[SLOTS];
         } reaction;
-        // Between loading and the first substep, by seat.
-        Position reference[THREADS];
         struct {
-            Virial virial[THREADS];
-            Real radius[THREADS];
+            // By bins, or by discs where there are no bins.
+            Binned binned[THREADS];
+            // By warp.
+            Real fastest2[WARPS];
             unsigned bin_end[BINS * BINS];
-            unsigned short bin[THREADS];
             // Threads of each class in each warp.
             unsigned short census[WARPS][LANES];
             // By warp: rows of owned and of incoming slots, and the first slot of each.
             unsigned rows[2][LANES];
             unsigned first[2][LANES];
         } search;
-        // After the last substep, by seat.
-        Virial virial[THREADS];
+        // Before the first and after the last substep, by seat.
+        Real summand[SUMS][THREADS];
     };
-    Partial partial[WARPS];
+    Real sum[SUMS];
     Substep substep[LANES];
     Control control;
     // By seat.
-    Rows rows[THREADS];
-    // Thread that handles disc i, and disc that thread i handles.
+    alignas(16) Rows rows[THREADS];
+    // Disc of each seat, and during a search the seat of each disc.
+    alignas(16) unsigned short disc[THREADS];
     unsigned short seat[THREADS];
-    unsigned short disc[THREADS];
+    Copies copies;
 };
 static_assert(sizeof(Shared) <= SHARED_BYTES);
 
 extern __shared__ __align__(16) unsigned char shared_memory[];
 __device__ inline Shared& shared() { return *reinterpret_cast<Shared*>(shared_memory); }
 
-// Copies to shared memory while threads go on; `bytes` is a multiple of 16.
-__device__ inline void copy_async(void* to, const void* from, unsigned bytes, int t) {
-    const unsigned first = unsigned(__cvta_generic_to_shared(to));
-    const char* const source = static_cast<const char*>(from);
-    for (unsigned k = 16 * t; k < bytes; k += 16 * THREADS) {
-        asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(first + k), "l"(source + k));
-    }
-}
-
-// Until this thread's copies are done; others see them after a barrier.
-__device__ inline void wait_for_copies() { asm volatile("cp.async.wait_all;" ::: "memory"); }
-
-// Sums and the maximum over the block do not depend on which thread has which disc: threads add in
-// the order of discs.
 __device__ inline Real warp_sum(Real x) {
     for (int d = LANES / 2; d > 0; d /= 2) x += __shfl_xor_sync(ALL, x, d);
     return x;

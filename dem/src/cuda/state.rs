@@ -29,6 +29,7 @@ pub(super) struct Header {
     solid: f64,
     mass: f64,
     spin: f64,
+    drift: [f64; 2],
     free_area: f64,
     pub reference_area: f64,
     grading: u32,
@@ -77,17 +78,16 @@ impl From<State> for RveState {
     }
 }
 
-/// `Disc` of `batch.cuh`: radius, inverse mass, inverse inertia.
+/// `Disc` of `batch.cuh`: radius, inverse mass, inverse inertia, mass.
 type DiscConstants<R> = [R; 4];
 
 /// Arrays over RVEs and, last, the fresh packing: `Batch` of `batch.cuh`.
 pub(super) struct HostState<R: CudaReal> {
     pub header: Vec<Header>,
     pub position: Vec<[R::Fraction; 2]>,
-    pub velocity: Vec<[R; 2]>,
-    pub spin: Vec<R>,
+    pub motion: Vec<[R; 4]>,
     pub reference: Vec<[R::Fraction; 2]>,
-    pub seat: Vec<u16>,
+    pub seated: Vec<u16>,
     pub rows: Vec<[u16; 4]>,
     pub neighbour: Vec<u32>,
     pub pair: Vec<[R; 2]>,
@@ -102,7 +102,7 @@ impl<R: CudaReal> HostState<R> {
     pub fn bytes(shape: &Shape, rves: usize) -> usize {
         let real = size_of::<R>();
         let slot = size_of::<u32>() + 3 * real + 2 * size_of::<u16>();
-        let thread = 7 * real + 5 * size_of::<u16>();
+        let thread = 8 * real + 5 * size_of::<u16>();
         let rve = size_of::<Header>() + size_of::<State>();
         (rves + 1) * (shape.slots * slot + shape.threads * thread + rve)
     }
@@ -123,10 +123,9 @@ impl<R: CudaReal> HostState<R> {
         let mut state = Self {
             header: vec![Header::default(); rves.len()],
             position: vec![[zero; 2]; threads],
-            velocity: vec![[R::default(); 2]; threads],
-            spin: vec![R::default(); threads],
+            motion: vec![[R::default(); 4]; threads],
             reference: vec![[zero; 2]; threads],
-            seat: vec![0; threads],
+            seated: vec![0; threads],
             rows: vec![[0; 4]; threads],
             neighbour: vec![0; slots],
             pair: vec![[R::default(); 2]; slots],
@@ -163,12 +162,11 @@ impl<R: CudaReal> HostState<R> {
             (
                 &mut self.header,
                 self.position.par_chunks_mut(threads),
-                self.velocity.par_chunks_mut(threads),
-                self.spin.par_chunks_mut(threads),
+                self.motion.par_chunks_mut(threads),
                 self.reference.par_chunks_mut(threads),
             ),
             (
-                self.seat.par_chunks_mut(threads),
+                self.seated.par_chunks_mut(threads),
                 self.rows.par_chunks_mut(threads),
                 self.neighbour.par_chunks_mut(slots),
                 self.pair.par_chunks_mut(slots),
@@ -177,10 +175,10 @@ impl<R: CudaReal> HostState<R> {
             ),
         )
             .into_par_iter()
-            .map(|((header, position, velocity, spin, reference), list)| {
-                let (seat, rows, neighbour, pair, tangential, incoming) = list;
-                let list = SlotList { seat, rows, neighbour, pair, tangential, incoming };
-                Chunk { header, position, velocity, spin, reference, list }
+            .map(|((header, position, motion, reference), list)| {
+                let (seated, rows, neighbour, pair, tangential, incoming) = list;
+                let list = SlotList { seated, rows, neighbour, pair, tangential, incoming };
+                Chunk { header, position, motion, reference, list }
             })
     }
 }
@@ -189,8 +187,7 @@ impl<R: CudaReal> HostState<R> {
 struct Chunk<'a, R: CudaReal> {
     header: &'a mut Header,
     position: &'a mut [[R::Fraction; 2]],
-    velocity: &'a mut [[R; 2]],
-    spin: &'a mut [R],
+    motion: &'a mut [[R; 4]],
     reference: &'a mut [[R::Fraction; 2]],
     list: SlotList<'a, R>,
 }
@@ -200,11 +197,13 @@ impl<R: CudaReal> Chunk<'_, R> {
         let packing = &rve.packing;
         let list = &packing.neighbours;
         let [owned, incoming] = self.list.put(list, &packing.discs, shape)?;
-        for (i, d) in packing.discs.iter().enumerate() {
-            self.position[i] = d.s;
-            self.velocity[i] = d.u;
-            self.spin[i] = d.w;
-            self.reference[i] = list.reference.get(i).copied().unwrap_or(d.s);
+        for (seat, &i) in self.list.seated[..shape.discs].iter().enumerate() {
+            let d = &packing.discs[usize::from(i)];
+            let half_w = R::from_f64(0.5) * d.w;
+            self.position[seat] = d.s;
+            // The kernel renews r w.
+            self.motion[seat] = [d.u[0], d.u[1], half_w, R::default()];
+            self.reference[seat] = list.reference.get(usize::from(i)).copied().unwrap_or(d.s);
         }
 
         let r_max = packing.discs.iter().fold(0.0, |r: f64, d| r.max(d.r.to_f64()));
@@ -216,6 +215,7 @@ impl<R: CudaReal> Chunk<'_, R> {
             solid: packing.solid_fraction() * packing.cell.area(),
             mass: packing.discs.iter().map(|d| 1.0 / d.inv_mass.to_f64()).sum(),
             spin: packing.spin,
+            drift: [f64::NAN; 2],
             free_area: rve.free_area.unwrap_or(-1.0),
             reference_area: rve.area(),
             grading,
@@ -231,16 +231,23 @@ impl<R: CudaReal> Chunk<'_, R> {
     fn get(&self, disc: &[DiscConstants<R>], shape: &Shape, law: &ContactLaw<R>) -> Rve<R> {
         let header = &*self.header;
         let constants = &disc[header.grading as usize * shape.threads..][..shape.discs];
+        let mut seat = vec![0; shape.discs];
+        for (k, &i) in self.list.seated[..shape.discs].iter().enumerate() {
+            seat[usize::from(i)] = k;
+        }
         let discs: Vec<Disc<R>> = constants
             .iter()
-            .enumerate()
-            .map(|(i, &[r, inv_mass, inv_inertia, _])| Disc {
-                s: self.position[i],
-                u: self.velocity[i],
-                w: self.spin[i],
-                r,
-                inv_mass,
-                inv_inertia,
+            .zip(&seat)
+            .map(|(&[r, inv_mass, inv_inertia, _], &seat)| {
+                let [x, y, half_w, _] = self.motion[seat];
+                Disc {
+                    s: self.position[seat],
+                    u: [x, y],
+                    w: R::from_f64(2.0) * half_w,
+                    r,
+                    inv_mass,
+                    inv_inertia,
+                }
             })
             .collect();
         let (pairs, images) = self.list.get(header.imaged != 0, &discs, law);
@@ -249,7 +256,7 @@ impl<R: CudaReal> Chunk<'_, R> {
             pairs,
             images,
             reference_cell: matrix(header.reference_cell),
-            reference: self.reference[..shape.discs].to_vec(),
+            reference: seat.iter().map(|&seat| self.reference[seat]).collect(),
             reach: header.reach,
             skin: header.skin,
             ..Neighbours::default()
@@ -275,7 +282,8 @@ fn gradings<R: CudaReal>(rves: &[&Rve<R>], shape: &Shape) -> (Vec<u32>, Vec<Disc
                 // Threads without a disc compute on harmless numbers.
                 let one = R::from_f64(1.0);
                 let rest = std::iter::repeat_n([one; 4], shape.threads - shape.discs);
-                table.extend(constants.map(|[r, m, j]| [r, m, j, R::default()]).chain(rest));
+                let mass = |inverse: R| R::from_f64(1.0 / inverse.to_f64());
+                table.extend(constants.map(|[r, m, j]| [r, m, j, mass(m)]).chain(rest));
                 next
             })
         })

@@ -41,7 +41,8 @@ __device__ inline Real ratio(Real a, Real b) {
 #endif
 }
 
-// Evaluates the pairs that a disc owns.
+// Evaluates the pairs that a disc owns. Pairs that do not touch go along with those that do: hardly
+// ever does none of a warp.
 template <bool IMAGED, bool SAMPLED>
 __device__ inline Resistance contact_forces(const Parameters& p, const Real* cell,
                                             const Real* drive, Position s, const Motion& m, Real r,
@@ -55,53 +56,48 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
         const Vec pair = sh.slot.pair[slot];
         const unsigned offset = IMAGED ? word & 0xffffu : word;
         const Vec d = separation<IMAGED>(s, at(sh.position, offset), word);
+        const Motion other = at(sh.motion, 2 * offset);
         const Real lx = h0 * d.x + h1 * d.y;
         const Real ly = h2 * d.x + h3 * d.y;
         const Real distance2 = lx * lx + ly * ly;
         const Real touch = pair.x;
-        Vec force = {};
-        Real tangential = 0;
-        Real torque = 0;
-        if (distance2 < touch * touch) {
-            const Vec length = length_and_inverse(distance2);
-            const Real nx = lx * length.y;
-            const Real ny = ly * length.y;
-            const Real overlap = touch - length.x;
-            const Motion other = at(sh.motion, 2 * offset);
+        const bool touching = distance2 < touch * touch;
+        const Vec length = length_and_inverse(distance2);
+        const Real nx = lx * length.y;
+        const Real ny = ly * length.y;
+        const Real overlap = touch - length.x;
 
-            // v = u_j - u_i + L l, normal and along tau = (-n_y, n_x); rolling is
-            // (r_i - overlap / 2) w_i + (r_j - overlap / 2) w_j.
-            const Real vx = other.x - m.x + drive[0] * lx + drive[1] * ly;
-            const Real vy = other.y - m.y + drive[2] * lx + drive[3] * ly;
-            const Real rolling = (m.rim + other.rim) - overlap * (m.half_w + other.half_w);
-            const Real vn = vx * nx + vy * ny;
-            const Real vt = (vy * nx - vx * ny) - rolling;
+        // v = u_j - u_i + L l, normal and along tau = (-n_y, n_x); rolling is
+        // (r_i - overlap / 2) w_i + (r_j - overlap / 2) w_j.
+        const Real vx = other.x - m.x + drive[0] * lx + drive[1] * ly;
+        const Real vy = other.y - m.y + drive[2] * lx + drive[3] * ly;
+        const Real rolling = (m.rim + other.rim) - overlap * (m.half_w + other.half_w);
+        const Real vn = vx * nx + vy * ny;
+        const Real vt = (vy * nx - vx * ny) - rolling;
 
-            // The dashpot must not pull: f_n >= 0.
-            const Real normal = max(p.normal_stiffness * overlap - pair.y * vn, Real(0));
-            const Real limit = p.friction * normal;
-            const Real trial = sh.slot.tangential[slot] - p.spring * vt;
-            tangential = min(max(trial, -limit), limit);
+        // The dashpot must not pull: f_n >= 0. Without a normal force there is no tangential one.
+        const Real elastic = p.normal_stiffness * overlap - pair.y * vn;
+        const Real normal = touching ? max(elastic, Real(0)) : Real(0);
+        const Real limit = p.friction * normal;
+        const Real trial = sh.slot.tangential[slot] - p.spring * vt;
+        const Real tangential = min(max(trial, -limit), limit);
 
-            force = {normal * nx - tangential * ny, normal * ny + tangential * nx};
-            const Real other_r = touch - r;
-            torque = tangential * (other_r - Real(0.5) * overlap);
-            sum.x += force.x;
-            sum.y += force.y;
-            sum.torque += tangential * (r - Real(0.5) * overlap);
-            total.relative_overlap =
-                max(total.relative_overlap, ratio(overlap, min(r, other_r)));
-            if (SAMPLED) {
-                total.virial.xx += force.x * lx;
-                total.virial.yy += force.y * ly;
-                total.virial.shear += force.x * ly;
-                total.virial.shear += force.y * lx;
-                total.contacts += 1;
-            }
+        const Vec force = {normal * nx - tangential * ny, normal * ny + tangential * nx};
+        const Real other_r = touch - r;
+        sum.x += force.x;
+        sum.y += force.y;
+        sum.torque += tangential * (r - Real(0.5) * overlap);
+        total.relative_overlap = max(total.relative_overlap, ratio(overlap, min(r, other_r)));
+        if (SAMPLED) {
+            total.virial.xx += force.x * lx;
+            total.virial.yy += force.y * ly;
+            total.virial.shear += force.x * ly;
+            total.virial.shear += force.y * lx;
+            total.contacts += touching;
         }
         sh.slot.tangential[slot] = tangential;
         sh.reaction.force[slot] = force;
-        sh.reaction.torque[slot] = torque;
+        sh.reaction.torque[slot] = tangential * (other_r - Real(0.5) * overlap);
     }
     return sum;
 }
@@ -125,63 +121,85 @@ __device__ inline Real damped(Real resisting, Real velocity, Real alpha) {
     return resisting - (power < Real(0) ? alpha : power > Real(0) ? -alpha : Real(0)) * resisting;
 }
 
-// Substeps as planned, until the list is stale; returns how many. Discs are by seat.
+// What a thread keeps of its disc while substeps last.
+struct Seated {
+    Position s;
+    Motion m;
+    Real r;
+    // Step over mass (s/kg), and half of step over inertia.
+    Real kick, half_twist;
+};
+
+// One DEM step: forces at the present positions, then motion.
+template <bool IMAGED, bool SAMPLED>
+__device__ inline void substep(const Parameters& p, const Substep& now, const Real* drive,
+                               Seated& disc, Totals& total, int t) {
+    Shared& sh = shared();
+    const Control& c = sh.control;
+    const Rows& rows = sh.rows[t];
+    Motion& m = disc.m;
+    if (SAMPLED) {
+        total.virial.xx *= c.growth;
+        total.virial.yy *= c.growth;
+        total.virial.shear *= c.growth;
+        total.contacts = 0;
+    }
+    Resistance f = contact_forces<IMAGED, SAMPLED>(p, now.cell, drive, disc.s, m, disc.r, rows.owned,
+                                                   rows.owned_end, total);
+    // The barrier publishes the reactions, and every thread has read its neighbours.
+    __syncthreads();
+    add_reactions(f, rows.incoming, rows.incoming_end);
+    if (p.local_damping != Real(0)) {
+        f.x = damped(f.x, m.x, p.local_damping);
+        f.y = damped(f.y, m.y, p.local_damping);
+        f.torque = damped(f.torque, m.half_w - c.half_spin, p.local_damping);
+    }
+    const Real vx = m.x - f.x * disc.kick - p.step * (drive[0] * m.x + drive[1] * m.y);
+    const Real vy = m.y - f.y * disc.kick - p.step * (drive[2] * m.x + drive[3] * m.y);
+    m.x = vx;
+    m.y = vy;
+    m.half_w -= f.torque * disc.half_twist;
+    m.rim = Real(2) * disc.r * m.half_w;
+    disc.s.x = moved(disc.s.x, now.to_units[0] * vx + now.to_units[1] * vy);
+    disc.s.y = moved(disc.s.y, now.to_units[2] * vx + now.to_units[3] * vy);
+    if (SAMPLED && p.kinetic) {
+        // m u (x) u with the velocities after the move.
+        const Real mass = ratio(p.step, disc.kick);
+        total.virial.xx += mass * vx * vx;
+        total.virial.yy += mass * vy * vy;
+        total.virial.shear += Real(2) * (mass * vx * vy);
+    }
+    sh.position[t] = disc.s;
+    sh.motion[t] = m;
+}
+
+struct Progress {
+    int substeps;
+    bool stale;
+};
+
+// Substeps as planned, until the list is stale. Discs are by seat.
 template <bool IMAGED>
-__device__ int advance_substeps(const Parameters& p, const Disc& disc, Position reference,
-                                Totals& total, bool& stale, int t) {
+__device__ Progress advance_substeps(const Parameters& p, const Disc& constants, Position reference,
+                                     Totals& total, int t) {
     Shared& sh = shared();
     const Control& c = sh.control;
     const Real drive[4] = {c.drive[0], c.drive[1], c.drive[2], c.drive[3]};
-    const Real r = disc.r;
-    const Real kick = p.step * disc.inv_mass;
-    const Real half_twist = Real(0.5) * p.step * disc.inv_inertia;
-    Position s = sh.position[t];
-    Motion m = sh.motion[t];
-
-    const Substep* now = sh.substep;
-    do {
-        const Rows& rows = sh.rows[t];
-        const int slot = rows.owned;
-        const int end = rows.owned_end;
-        Resistance f;
-        if (now->sampled) {
-            total.virial.xx *= c.growth;
-            total.virial.yy *= c.growth;
-            total.virial.shear *= c.growth;
-            total.contacts = 0;
-            f = contact_forces<IMAGED, true>(p, now->cell, drive, s, m, r, slot, end, total);
+    Seated disc = {sh.position[t], sh.motion[t], constants.r, p.step * constants.inv_mass,
+                   Real(0.5) * p.step * constants.inv_inertia};
+    for (int k = 0;; ++k) {
+        const Substep& now = sh.substep[k];
+        if (now.sampled) {
+            substep<IMAGED, true>(p, now, drive, disc, total, t);
         } else {
-            f = contact_forces<IMAGED, false>(p, now->cell, drive, s, m, r, slot, end, total);
+            substep<IMAGED, false>(p, now, drive, disc, total, t);
         }
-        // The barrier publishes the reactions, and every thread has read its neighbours.
-        __syncthreads();
-        add_reactions(f, rows.incoming, rows.incoming_end);
-        if (p.local_damping != Real(0)) {
-            f.x = damped(f.x, m.x, p.local_damping);
-            f.y = damped(f.y, m.y, p.local_damping);
-            f.torque = damped(f.torque, m.half_w - c.half_spin, p.local_damping);
-        }
-        const Real vx = m.x - f.x * kick - p.step * (drive[0] * m.x + drive[1] * m.y);
-        const Real vy = m.y - f.y * kick - p.step * (drive[2] * m.x + drive[3] * m.y);
-        m.x = vx;
-        m.y = vy;
-        m.half_w -= f.torque * half_twist;
-        m.rim = Real(2) * r * m.half_w;
-        s.x = moved(s.x, now->to_units[0] * vx + now->to_units[1] * vy);
-        s.y = moved(s.y, now->to_units[2] * vx + now->to_units[3] * vy);
-        if (now->sampled && p.kinetic) {
-            // m u (x) u with the velocities after the move; m = dt / kick.
-            const Real mass = p.step / kick;
-            total.virial.xx += mass * vx * vx;
-            total.virial.yy += mass * vy * vy;
-            total.virial.shear += Real(2) * mass * vx * vy;
-        }
-        sh.position[t] = s;
-        sh.motion[t] = m;
-        ++now;
         // The barrier also publishes the new positions.
-        stale = __syncthreads_or(moved_far(reference, s, now->allowed2));
-    } while (!stale && !now->last);
-    if (t == 0) sh.control.header.cell = now->exact;
-    return int(now - sh.substep);
+        const Substep& next = sh.substep[k + 1];
+        const bool stale = __syncthreads_or(moved_far(reference, disc.s, next.allowed2));
+        if (stale || next.last) {
+            if (t == 0) sh.control.header.cell = next.exact;
+            return {k + 1, stale};
+        }
+    }
 }

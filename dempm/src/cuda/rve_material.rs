@@ -83,7 +83,7 @@ impl CudaRveMaterial {
         rve: &RveMaterial,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<Self, RveError> {
-        let batch = match &rve.batch {
+        let batch = match rve.batch.as_ref() {
             Batch::F32(batch) => DeviceBatch::F32(RankedRveBatch::upload(device, batch, ranks)?),
             Batch::F64(batch) => DeviceBatch::F64(RankedRveBatch::upload(device, batch, ranks)?),
         };
@@ -136,7 +136,7 @@ impl CudaRveMaterial {
             DeviceBatch::F64(batch) => batch.download().map_err(device_error)?.map(Batch::F64),
         };
         if let Some(batch) = fetched {
-            rve.batch = batch;
+            rve.batch = Arc::new(batch);
         }
         Ok(())
     }

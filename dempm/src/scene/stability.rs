@@ -221,10 +221,10 @@ fn discs(scene: &Scene, rve: &Rve, log: &Log) {
 /// Largest DEM step with a dashpot, in `sqrt(m_min / kn)`. A velocity that lags half a step behind
 /// lowers the limit of a mode to `(2 / omega)(sqrt(1 + xi²) - xi)`; the mode is a light disc that
 /// six neighbours hold, `omega² = 3 kn / m`, `xi = zeta sqrt(3/2)`. Packings were measured to become
-/// unstable at 0.8 to 1 of it.
+/// unstable at 0.77 to 1 of it.
 fn damped_step(zeta: f64) -> f64 {
     let xi = zeta * 1.5_f64.sqrt();
-    0.8 * 2.0 / 3.0_f64.sqrt() * (xi.hypot(1.0) - xi)
+    0.75 * 2.0 / 3.0_f64.sqrt() * (xi.hypot(1.0) - xi)
 }
 
 /// Whether the packings are stable with the step that the scene asks for.

@@ -34,29 +34,69 @@ pub fn write_atomically<T, E: From<WriteError>>(
     path: &Path,
     fill: impl FnOnce(&Path) -> Result<T, E>,
 ) -> Result<T, E> {
-    let failed = |action| move |source| WriteError { path: path.to_owned(), action, source };
-    let directory = match path.parent() {
+    let draft = Draft::new(path)?;
+    let value = fill(draft.path())?;
+    draft.publish()?;
+    Ok(value)
+}
+
+/// A file in the making, `NAME.tmp` beside `NAME`: removed again unless it is published.
+#[derive(Debug)]
+pub(super) struct Draft {
+    path: PathBuf,
+    temporary: PathBuf,
+    published: bool,
+}
+
+impl Draft {
+    /// A place for the future contents of `path`; makes missing directories, but no file.
+    pub fn new(path: &Path) -> Result<Self, WriteError> {
+        fs::create_dir_all(directory_of(path)).map_err(failed(path, "make its directory"))?;
+        let temporary = temporary_name(path);
+        Ok(Self { path: path.to_owned(), temporary, published: false })
+    }
+
+    /// Where to write.
+    pub fn path(&self) -> &Path {
+        &self.temporary
+    }
+
+    /// Flushes the file, which must be closed, to the disk and gives it its name.
+    pub fn publish(mut self) -> Result<(), WriteError> {
+        let failed = |action| failed(&self.path, action);
+        // Without the first flush a power cut could leave the new name with old or no contents;
+        // without the second one the new name itself could be lost.
+        File::open(&self.temporary)
+            .and_then(|file| file.sync_all())
+            .map_err(failed("flush it to the disk"))?;
+        fs::rename(&self.temporary, &self.path).map_err(failed("give it its name"))?;
+        self.published = true;
+        #[cfg(unix)]
+        File::open(directory_of(&self.path))
+            .and_then(|directory| directory.sync_all())
+            .map_err(failed("flush its directory to the disk"))?;
+        Ok(())
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        if !self.published {
+            // There may be none yet. The error that matters is the one that led here.
+            let _ = fs::remove_file(&self.temporary);
+        }
+    }
+}
+
+fn failed(path: &Path, action: &'static str) -> impl Fn(io::Error) -> WriteError {
+    move |source| WriteError { path: path.to_owned(), action, source }
+}
+
+fn directory_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
-    };
-    fs::create_dir_all(directory).map_err(failed("make its directory"))?;
-
-    let temporary = temporary_name(path);
-    let value = fill(&temporary).inspect_err(|_| {
-        // The error that matters is the one of `fill`.
-        let _ = fs::remove_file(&temporary);
-    })?;
-    // Without the first flush a power cut could leave the new name with old or no contents;
-    // without the second one the new name itself could be lost.
-    File::open(&temporary)
-        .and_then(|file| file.sync_all())
-        .map_err(failed("flush it to the disk"))?;
-    fs::rename(&temporary, path).map_err(failed("give it its name"))?;
-    #[cfg(unix)]
-    File::open(directory)
-        .and_then(|directory| directory.sync_all())
-        .map_err(failed("flush its directory to the disk"))?;
-    Ok(value)
+    }
 }
 
 /// `NAME.tmp` beside `NAME`: a rename is atomic only within one file system.

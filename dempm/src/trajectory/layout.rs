@@ -176,20 +176,20 @@ pub(super) fn set_frames(dataset: &Dataset, frames: usize) -> hdf5::Result<()> {
     dataset.resize(shape)
 }
 
-/// Writes one frame of a growing dataset that is already long enough; `values` are in C order.
-pub(super) fn write_frame<T: H5Type>(
+/// Writes frames of a growing dataset that is already long enough; `values` are in C order.
+pub(super) fn write_frames<T: H5Type>(
     dataset: &Dataset,
-    frame: usize,
+    frames: std::ops::Range<usize>,
     values: &[T],
 ) -> hdf5::Result<()> {
     let mut shape = dataset.shape();
     if values.is_empty() || shape.is_empty() {
         return Ok(());
     }
-    shape[0] = 1;
+    shape[0] = frames.len();
     let view = ArrayView::from_shape(shape.as_slice(), values)
         .map_err(|error| hdf5::Error::from(error.to_string()))?;
-    dataset.write_slice(view, frame_selection(frame..frame + 1, shape.len()))
+    dataset.write_slice(view, frame_selection(frames, shape.len()))
 }
 
 /// Selects a range of frames of a dataset with `rank` dimensions.

@@ -8,13 +8,13 @@ use hdf5::file::{FileAccessBuilder, LibraryVersion};
 use hdf5::{File, Group, H5Type};
 use ndarray::ArrayView;
 
-use super::atomic::write_atomically;
+use super::atomic::{Draft, write_atomically};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::header::{Header, write_scalar, write_text};
 use super::layout::{
     BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, create_growing, set_frames,
-    unlocked, write_frame,
+    unlocked, write_frames,
 };
 use super::reader::Trajectory;
 use super::vtk;
@@ -23,7 +23,8 @@ use super::vtk;
 ///
 /// Frames wait in memory until [`commit`](Self::commit), which writes a new file beside the old
 /// one and then takes its name: whoever opens the file, at any moment, finds whole frames. The
-/// disk therefore needs room for the file twice.
+/// disk therefore needs room for the file twice. [`draft`](Self::draft) does the greater part of
+/// that work ahead.
 #[derive(Debug)]
 pub struct TrajectoryWriter {
     path: PathBuf,
@@ -31,9 +32,20 @@ pub struct TrajectoryWriter {
     /// Frames of the file on disk to keep at the next commit.
     kept: usize,
     pending: Vec<Frame>,
+    /// The file that the next commit will publish.
+    drafted: Option<Drafted>,
     shape: Option<FrameShape>,
     wall_time: BTreeMap<String, f64>,
     status: String,
+}
+
+/// A copy of the file on the disk, to which frames are added.
+#[derive(Debug)]
+struct Drafted {
+    file: File,
+    draft: Draft,
+    /// Pending frames of which it holds the values at points.
+    frames: usize,
 }
 
 impl TrajectoryWriter {
@@ -47,6 +59,7 @@ impl TrajectoryWriter {
             points: points.mass.len(),
             kept: 0,
             pending: Vec::new(),
+            drafted: None,
             shape: None,
             wall_time: BTreeMap::new(),
             status: "running".to_owned(),
@@ -92,6 +105,7 @@ impl TrajectoryWriter {
             points: trajectory.points().mass.len(),
             kept: frames_to_keep,
             pending: Vec::new(),
+            drafted: None,
             shape,
             wall_time: trajectory.wall_time().clone(),
             status: "running".to_owned(),
@@ -149,23 +163,35 @@ impl TrajectoryWriter {
         &self.wall_time
     }
 
+    /// Writes what is large of the frames pushed so far, their values at points, into the file that
+    /// the next [`commit`](Self::commit) will publish. Nothing is safe before that.
+    ///
+    /// # Errors
+    /// If the file cannot be written. The commit then begins anew.
+    pub fn draft(&mut self) -> Result<()> {
+        let mut drafted = match self.drafted.take() {
+            Some(drafted) => drafted,
+            None => self.begin_draft()?,
+        };
+        self.append(&drafted.file, drafted.frames)?;
+        drafted.frames = self.pending.len();
+        self.drafted = Some(drafted);
+        Ok(())
+    }
+
     /// Puts all pushed frames on the disk. When this returns, they are safe.
     ///
     /// # Errors
     /// If the file cannot be written. The file on the disk is then as it was before and the frames
     /// still wait, so the commit can be tried again.
     pub fn commit(&mut self) -> Result<()> {
-        write_atomically(&self.path, |temporary| {
-            fs::copy(&self.path, temporary).map_err(|source| TrajectoryError::Io {
-                path: self.path.clone(),
-                action: "copy it",
-                source,
-            })?;
-            let file = open_for_writing(temporary).map_err(TrajectoryError::at(&self.path, "/"))?;
-            self.append(&file)?;
+        self.draft()?;
+        if let Some(Drafted { file, draft, .. }) = self.drafted.take() {
+            self.append_scalars(&file)?;
             self.update(&file)?;
-            file.close().map_err(TrajectoryError::at(&self.path, "/"))
-        })?;
+            file.close().map_err(TrajectoryError::at(&self.path, "/"))?;
+            draft.publish()?;
+        }
         self.kept = self.frames();
         self.pending.clear();
         Ok(())
@@ -197,24 +223,40 @@ impl TrajectoryWriter {
         Ok(())
     }
 
-    /// Cuts the file to the frames to keep and appends the pending ones.
-    fn append(&self, file: &File) -> Result<()> {
-        if let Some(shape) = self.shape.as_ref().filter(|_| self.kept == 0) {
+    /// A copy of the file, cut to the frames to keep.
+    fn begin_draft(&self) -> Result<Drafted> {
+        let draft = Draft::new(&self.path)?;
+        fs::copy(&self.path, draft.path()).map_err(|source| TrajectoryError::Io {
+            path: self.path.clone(),
+            action: "copy it",
+            source,
+        })?;
+        let file = open_for_writing(draft.path()).map_err(TrajectoryError::at(&self.path, "/"))?;
+        self.set_frames(&file, self.kept)?;
+        Ok(Drafted { file, draft, frames: 0 })
+    }
+
+    /// Appends the values at points of the pending frames from number `first` on.
+    fn append(&self, file: &File, first: usize) -> Result<()> {
+        if first == self.pending.len() {
+            return Ok(());
+        }
+        if let Some(shape) = self.shape.as_ref().filter(|_| self.kept + first == 0) {
             self.create_chosen(file, shape).map_err(TrajectoryError::at(&self.path, "/"))?;
         }
-        let frames = self.frames();
-        for_each_growing(file, |dataset, name| {
-            // Down before up: what is cut off must not come back.
-            set_frames(dataset, self.kept)
-                .and_then(|()| set_frames(dataset, frames))
-                .map_err(TrajectoryError::at(&self.path, name))
-        })
-        .map_err(TrajectoryError::at(&self.path, "/"))??;
-
-        for (index, frame) in self.pending.iter().enumerate() {
-            self.write_frame(file, self.kept + index, frame)?;
+        self.set_frames(file, self.frames())?;
+        for (index, frame) in self.pending.iter().enumerate().skip(first) {
+            self.write_points(file, self.kept + index, frame)?;
         }
         Ok(())
+    }
+
+    /// Sets the length of all datasets that grow along the frames.
+    fn set_frames(&self, file: &File, frames: usize) -> Result<()> {
+        for_each_growing(file, |dataset, name| {
+            set_frames(dataset, frames).map_err(TrajectoryError::at(&self.path, name))
+        })
+        .map_err(TrajectoryError::at(&self.path, "/"))?
     }
 
     /// Makes the datasets that the first frame decides on.
@@ -242,30 +284,52 @@ impl TrajectoryWriter {
         Ok(())
     }
 
-    fn write_frame(&self, file: &File, index: usize, frame: &Frame) -> Result<()> {
-        self.put(file, TIME, index, &[frame.time])?;
-        self.put(file, Field::Position.name(), index, frame.position.as_flattened())?;
-        self.put(file, Field::Velocity.name(), index, frame.velocity.as_flattened())?;
+    fn write_points(&self, file: &File, index: usize, frame: &Frame) -> Result<()> {
+        self.put(file, Field::Position.name(), index, 1, frame.position.as_flattened())?;
+        self.put(file, Field::Velocity.name(), index, 1, frame.velocity.as_flattened())?;
         if let Some(stress) = &frame.stress {
-            self.put(file, Field::Stress.name(), index, stress.as_flattened())?;
+            self.put(file, Field::Stress.name(), index, 1, stress.as_flattened())?;
         }
         for field in Field::OPTIONAL {
             if let Some(values) = frame.scalar(field) {
-                self.put(file, field.name(), index, values)?;
+                self.put(file, field.name(), index, 1, values)?;
             }
-        }
-        if !frame.boxes.is_empty() {
-            self.put(file, BOXES, index, frame.boxes.as_flattened())?;
-        }
-        for (name, value) in &frame.budget {
-            self.put(file, &format!("{BUDGET}/{name}"), index, &[*value])?;
         }
         Ok(())
     }
 
-    fn put<T: H5Type>(&self, file: &File, name: &str, index: usize, values: &[T]) -> Result<()> {
+    /// Writes times, boxes and scalars of all pending frames at once: many frames share a chunk,
+    /// which would be compressed anew for each.
+    fn append_scalars(&self, file: &File) -> Result<()> {
+        let Some(first) = self.pending.first() else { return Ok(()) };
+        let of_frames = |value: &dyn Fn(&Frame) -> f64| -> Vec<f64> {
+            self.pending.iter().map(value).collect()
+        };
+        let put = |name: &str, values: &[f64]| {
+            self.put(file, name, self.kept, self.pending.len(), values)
+        };
+        put(TIME, &of_frames(&|frame| frame.time))?;
+        let boxes: Vec<[f64; 4]> = self.pending.iter().flat_map(|f| f.boxes.clone()).collect();
+        if !boxes.is_empty() {
+            put(BOXES, boxes.as_flattened())?;
+        }
+        for name in first.budget.keys() {
+            put(&format!("{BUDGET}/{name}"), &of_frames(&|frame| frame.budget[name]))?;
+        }
+        Ok(())
+    }
+
+    /// Writes `count` frames of a dataset, from number `first` on.
+    fn put<T: H5Type>(
+        &self,
+        file: &File,
+        name: &str,
+        first: usize,
+        count: usize,
+        values: &[T],
+    ) -> Result<()> {
         file.dataset(name)
-            .and_then(|dataset| write_frame(&dataset, index, values))
+            .and_then(|dataset| write_frames(&dataset, first..first + count, values))
             .map_err(TrajectoryError::at(&self.path, name))
     }
 

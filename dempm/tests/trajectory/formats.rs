@@ -84,6 +84,7 @@ fn a_resumed_trajectory_is_the_uninterrupted_one() {
         writer.set_wall_time("rve", 1.0);
         writer.commit().unwrap();
         writer.push(collapse.frame(240)).unwrap();
+        writer.draft().unwrap();
         writer.push(collapse.frame(270)).unwrap();
         drop(writer);
         // A process killed in a commit leaves its unfinished copy behind.
@@ -96,6 +97,10 @@ fn a_resumed_trajectory_is_the_uninterrupted_one() {
         for index in kept..11 {
             assert_eq!(writer.frames(), index);
             writer.push(collapse.frame(30 * index)).unwrap();
+            // Written ahead of the commit or not.
+            if index % 2 == 0 {
+                writer.draft().unwrap();
+            }
             if index % 3 == 0 {
                 writer.commit().unwrap();
             }

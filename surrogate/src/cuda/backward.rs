@@ -1,6 +1,6 @@
 //! The backward pass: gradients of all linears' outputs, layer by layer from the last. Products
-//! with the linears' inputs (`products.rs`) then give those of the weights; in bf16 those over edges
-//! are computed on the way.
+//! with the linears' inputs (`products.rs`) then give those of the weights; in bf16 on Hopper those
+//! over edges are computed on the way.
 
 use super::error::CudaError;
 use super::kernels::{Address, Backward, Forward};

@@ -193,6 +193,7 @@ __device__ void normalise_backward(Stage& stage, const Backward& a, const float*
                                    const float (&gathered)[SHARE][8], const Ahead& ahead,
                                    float (&sums)[2][8]) {
     const Mine mine;
+    const float share = 1.f / a.width;
     float s[8];
     load8(scale + 8 * mine.chunk, s);
 #pragma unroll
@@ -222,7 +223,7 @@ __device__ void normalise_backward(Stage& stage, const Backward& a, const float*
             mean += __shfl_xor_sync(ALL, mean, bit);
             product += __shfl_xor_sync(ALL, product, bit);
         }
-        mean /= a.width, product /= a.width;
+        mean *= share, product *= share;
 #pragma unroll
         for (int k = 0; k < 8; k++) dy[k] = ahead.inverse[n] * (dy[k] - mean - x[k] * product);
         store8(place, dy);

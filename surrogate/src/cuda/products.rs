@@ -145,7 +145,7 @@ impl Products {
         at(&self.products, device) + (number * size_of::<Product>()) as u64
     }
 
-    /// Computes the gradient of the weights; in bf16, what the backward pass left of it.
+    /// Computes the gradient of the weights, or what the backward pass left of it.
     pub fn launch(&self, network: &CudaNetwork) -> Result<(), CudaError> {
         let device = &network.kernels.device;
         let edges = self.known.iter().take_while(|product| product.count != 0).count();

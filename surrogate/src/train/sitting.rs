@@ -20,6 +20,7 @@ use crate::backend::{Cpu, device};
 use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
 use crate::model::Model;
+use crate::range::Range;
 use crate::simulator::{Simulator, Training};
 
 /// Exit code after Ctrl-C, as shells use it.
@@ -45,6 +46,8 @@ pub struct Sitting {
     config: TrainConfig,
     identity: Identity,
     frame_interval: f64,
+    /// What the training data hold.
+    range: Option<Range>,
     engine: Engine,
     ranks: Box<dyn AllReduce>,
     recipe: Recipe,
@@ -70,6 +73,7 @@ impl Sitting {
         let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
             .with_statics(&model.node_features)?;
         let frame_interval = data.frame_interval();
+        let range = Range::of(&data, model.connection_radius)?;
         let identity = Identity::of(&config, &data, size)?;
 
         let device = open(args.device, &launch)?;
@@ -138,6 +142,7 @@ impl Sitting {
             config,
             identity,
             frame_interval,
+            range,
             engine,
             ranks,
             recipe,
@@ -319,6 +324,7 @@ impl Sitting {
                 frame_interval: self.frame_interval,
                 without_gravity: self.config.data.subtract_gravity,
                 steps: self.engine.step_number(),
+                range: self.range,
             },
             mirror: false,
             device: device(),

@@ -17,7 +17,7 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
         model: model::<Cpu>(&config),
         config,
         normalisation: normalisation(2),
-        training: Training { frame_interval: 0.01, without_gravity: true, steps: 0 },
+        training: Training { frame_interval: 0.01, without_gravity: true, steps: 0, range: None },
         mirror,
         device: Default::default(),
         gpu: None,

@@ -27,19 +27,27 @@ impl Section for Needs {
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
         let columns =
-            ["scene", "goal", "tolerance", "setting", "error", "seconds", "reference seconds"];
+            ["scene", "goal", "tolerance", "setting", "error", "cost [s]", "reference cost [s]"];
         let mut table = Table::new("Recommendations", columns).note(
-            "Errors are parts of the runout. `dempm check` quotes this table as it was when the \
-             program was built.",
+            "Errors are parts of the runout. Cost is processor time where all ran on processors, \
+             wall time otherwise: of four equal runs at once on two cores, the wall time was 3.6 \
+             times that of one alone, the processor time 1.2 times. `dempm check` quotes this table \
+             as it was when the program was built.",
         );
         let mut lines = Vec::new();
+        let mut absent = Vec::new();
         for case in Case::of(context.suite) {
+            if !case.missing(context).is_empty() {
+                absent.push(case.name);
+                continue;
+            }
             let sweep = case.measure(context)?;
-            let reference = &sweep.measured[0];
+            let cost = cost(&sweep);
+            let reference = cost(&sweep.measured[0]);
             for (goal, relative) in GOALS {
                 let floor = relative(&sweep.floor, &sweep);
                 for tolerance in TOLERANCES {
-                    let found = cheapest(&sweep, relative, tolerance);
+                    let found = cheapest(&sweep, relative, tolerance, cost);
                     let Some((setting, error)) = found else {
                         lines.push(format!(
                             "{}, {goal} within {}: nothing measured is so close; two seeds of the \
@@ -56,8 +64,8 @@ impl Section for Needs {
                         percent(tolerance),
                         setting.name.clone(),
                         percent(error),
-                        number(setting.seconds),
-                        number(reference.seconds),
+                        number(cost(setting)),
+                        number(reference),
                     ]);
                     lines.push(format!(
                         "{}, {goal} within {}: {} is enough ({}, {} instead of {}).",
@@ -65,13 +73,13 @@ impl Section for Needs {
                         percent(tolerance),
                         setting.name,
                         percent(error),
-                        seconds(setting.seconds),
-                        seconds(reference.seconds)
+                        seconds(cost(setting)),
+                        seconds(reference)
                     ));
                 }
             }
         }
-        Ok(vec![
+        let mut blocks = vec![
             Block::text(
                 "The cheapest of all measured settings that stays within a tolerance of the \
                  reference. Shape: front and height profile at the end, as parts of the runout and \
@@ -80,7 +88,28 @@ impl Section for Needs {
             ),
             Block::Findings(lines),
             Block::Table(table),
-        ])
+        ];
+        if !absent.is_empty() {
+            blocks.push(Block::missing(
+                absent.join(", "),
+                "not all settings have been measured.",
+                "`--only` with the scene's name does it.",
+            ));
+        }
+        Ok(blocks)
+    }
+}
+
+/// What a setting costs, s.
+type Cost = fn(&Measured) -> f64;
+
+/// Processor time, if it was only processors that worked; wall time otherwise.
+fn cost(sweep: &Sweep) -> Cost {
+    let mut done = sweep.measured.iter().filter(|m| m.error.is_some());
+    if done.all(|m| m.device.starts_with("cpu") && m.processor_seconds.is_some()) {
+        |m| m.processor_seconds.unwrap_or(m.seconds)
+    } else {
+        |m| m.seconds
     }
 }
 
@@ -89,12 +118,13 @@ fn cheapest(
     sweep: &Sweep,
     relative: fn(&Error, &Sweep) -> f64,
     tolerance: f64,
+    cost: Cost,
 ) -> Option<(&Measured, f64)> {
     let errors =
         sweep.measured.iter().filter_map(|m| Some((m, relative(m.error.as_ref()?, sweep))));
     errors
         .filter(|(_, error)| *error <= tolerance)
-        .min_by(|(a, _), (b, _)| a.seconds.total_cmp(&b.seconds))
+        .min_by(|(a, _), (b, _)| cost(a).total_cmp(&cost(b)))
 }
 
 fn percent(part: f64) -> String {
@@ -135,10 +165,31 @@ mod tests {
             height: 1.0,
         };
         let chosen = |tolerance| {
-            cheapest(&sweep, GOALS[0].1, tolerance).map(|(m, error)| (m.name.as_str(), error))
+            cheapest(&sweep, GOALS[0].1, tolerance, cost(&sweep))
+                .map(|(m, error)| (m.name.as_str(), error))
         };
         assert_eq!(chosen(0.2), Some(("coarse", 0.15)));
         assert_eq!(chosen(0.05), Some(("middle", 0.04)));
         assert_eq!(chosen(0.001), None);
+    }
+
+    #[test]
+    fn processor_time_counts_where_only_processors_worked() {
+        let on = |device: &str| Measured {
+            device: device.into(),
+            processor_seconds: Some(7.0),
+            ..measured("setting", 1.0, 0.0)
+        };
+        let sweep = |measured| Sweep {
+            measured,
+            floor: Error::default(),
+            front: 3.0,
+            runout: 2.0,
+            height: 1.0,
+        };
+        let processors = sweep(vec![on("cpu, 2 threads"), on("cpu, 2 threads")]);
+        assert_eq!(cost(&processors)(&processors.measured[0]), 7.0);
+        let mixed = sweep(vec![on("cpu, 2 threads"), on("NVIDIA H200")]);
+        assert_eq!(cost(&mixed)(&mixed.measured[0]), 1.0);
     }
 }

@@ -53,6 +53,7 @@ impl Section for SpeedAccuracy {
             case.description, case.reference_words, context.device_name
         ))];
         blocks.extend(busy(&sweep));
+        blocks.extend(elsewhere(&sweep));
         for (name, unit, measure) in MEASURES {
             let picture = chart(&sweep, name, unit, measure).draw()?;
             blocks.push(Block::Figure(Figure::new(
@@ -89,6 +90,19 @@ fn busy(sweep: &Sweep) -> Option<Block> {
              longer than they would be alone, by different factors; processor times can be \
              compared.",
             number(load)
+        ))
+    })
+}
+
+/// A warning where a method did not run on the device of the others.
+fn elsewhere(sweep: &Sweep) -> Option<Block> {
+    let device = &sweep.measured[0].device;
+    let others = sweep.measured.iter().filter(|m| m.error.is_some() && m.device != *device);
+    let others: Vec<String> = others.map(|m| format!("{} (on {})", m.name, m.device)).collect();
+    (!others.is_empty()).then(|| {
+        Block::text(format!(
+            "Not on {device} as all else, so that their times cannot be compared: {}.",
+            others.join("; ")
         ))
     })
 }

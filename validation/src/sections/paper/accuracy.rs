@@ -71,8 +71,10 @@ impl Section for Ablation {
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
         let cases = context.cases("valid");
-        let is_paper =
-            |model: &&Model| PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name));
+        // All on the finest data.
+        let is_paper = |model: &&Model| {
+            PAPER_NETWORKS.iter().any(|name| model.name.trim_end_matches("-data1") == *name)
+        };
         let models: Vec<Model> = context.models.iter().filter(is_paper).cloned().collect();
         let mut blocks = absent(&cases, &models, "valid");
         if !blocks.is_empty() {

@@ -8,7 +8,7 @@ use super::networks::belongs;
 use crate::block::{Block, Figure, Table};
 use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::{Context, Model};
-use crate::rollouts::{animation, chart, failures, roll_out, snapshots, table};
+use crate::rollouts::{Rollout, animation, chart, failures, roll_out, snapshots, table};
 use crate::section::Section;
 use crate::table::number;
 
@@ -56,7 +56,10 @@ impl Section for Resolutions {
             return Ok(blocks);
         }
         let rollouts = roll_out(context, &models, &cases)?;
-        blocks.push(chart("Error over time", &rollouts.iter().collect::<Vec<_>>(), None)?);
+        for (case, _) in &cases {
+            let of_case: Vec<&Rollout> = rollouts.iter().filter(|r| r.case == *case).collect();
+            blocks.push(chart(case, &of_case, None)?);
+        }
         blocks.push(Block::Table(table(&rollouts)));
         blocks.extend(failures(&rollouts));
         // One case of each data set.

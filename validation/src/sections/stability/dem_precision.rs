@@ -1,29 +1,59 @@
 //! f32 against f64: the smallest pressure whose overlaps single precision still resolves.
 
 use dem::element::{Element, Stage};
-use dem::{Packing, Real, RveParameters};
-use nalgebra::Matrix2;
+use dem::{Packing, PlainDisc, Real, Rung, RveParameters};
 use rayon::prelude::*;
 
 use super::outcome::Outcome;
-use super::packing::consolidated;
-use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
+use super::packing::{consolidated, picture};
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
 use super::threshold::Threshold;
 use crate::context::Suite;
 
 /// Relative difference of stress that counts as failure.
 const TOLERANCE: f64 = 0.01;
 
-/// Stress (Pa) after a small shear at constant volume.
-fn stress<R: Real>(
+/// The same shear in both precisions.
+struct Look {
+    /// Relative difference of stress.
+    difference: f64,
+    /// At the start or at the end, whichever is smaller, Pa.
+    pressure: f64,
+}
+
+impl Look {
+    fn agrees(&self) -> bool {
+        self.difference < TOLERANCE
+    }
+}
+
+/// A small shear at constant volume.
+fn shear<R: Real>(
     packing: &Packing<f64>,
     p: &RveParameters,
     strain: f64,
-) -> Result<Matrix2<f64>, StudyError> {
+) -> Result<Element<R>, StudyError> {
     let mut element = Element::<R>::new(packing.convert(), p, 1.0e-4)?;
     let stage = Stage::ConstantVolumeShear { shear_rate: 0.1, strain };
     element.run(&stage, f64::INFINITY, |_| ())?;
-    Ok(element.state.stress)
+    Ok(element)
+}
+
+fn compare(rung: &Rung, p: &RveParameters, strain: f64) -> Result<Look, StudyError> {
+    let single = shear::<f32>(&rung.packing, p, strain)?.state.stress;
+    let double = shear::<f64>(&rung.packing, p, strain)?.state.stress;
+    let pressure = 0.5 * single.trace().min(rung.stress.trace());
+    Ok(Look { difference: (single - double).norm() / double.norm(), pressure })
+}
+
+/// The packing in f64, coloured by the distance of discs from where they are in f32.
+fn apart(packing: &Packing<f64>, p: &RveParameters, strain: f64) -> Result<Picture, StudyError> {
+    let single = shear::<f32>(packing, p, strain)?.rve.packing.plain_discs();
+    let double = shear::<f64>(packing, p, strain)?.rve.packing;
+    let away = |(a, b): (&PlainDisc, &PlainDisc)| 1e6 * (a.x[0] - b.x[0]).hypot(a.x[1] - b.x[1]);
+    let value = single.iter().zip(&double.plain_discs()).map(away).collect();
+    let title = format!("Discs in f32 and in f64 after a shear of {strain}, from 1 Pa");
+    Ok(Picture { colour: "distance, µm".into(), value, ..picture(&double, title) })
 }
 
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
@@ -32,38 +62,34 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
     let pressures = vec![1.0, 10.0, 100.0, 1.0e3, 1.0e4, 1.0e5];
     let strains = pick(suite, vec![1e-5, 1e-4, 1e-3], vec![1e-5, 1e-4, 3e-4, 1e-3]);
     let rungs = dem::ladder(&p, 1, &packing, &pressures)?;
-    let column = |&strain: &f64| -> Result<Vec<f64>, StudyError> {
-        let difference = |rung: &dem::Rung| {
-            let single = stress::<f32>(&rung.packing, &p, strain)?;
-            let double = stress::<f64>(&rung.packing, &p, strain)?;
-            Ok((single - double).norm() / double.norm())
-        };
-        rungs.par_iter().map(difference).collect()
+    let column = |&strain: &f64| -> Result<Vec<Look>, StudyError> {
+        let look = |rung: &Rung| compare(rung, &p, strain);
+        rungs.par_iter().map(look).collect()
     };
-    let rows: Vec<Vec<f64>> = strains.par_iter().map(column).collect::<Result<_, _>>()?;
-    let judge = |difference: &f64| {
-        let symptom = format!("stress differs by {:.1} %", 100.0 * difference);
-        Outcome::of((difference.is_nan() || *difference >= TOLERANCE).then_some(symptom), None)
+    let rows: Vec<Vec<Look>> = strains.par_iter().map(column).collect::<Result<_, _>>()?;
+    let judge = |look: &Look| {
+        let symptom = format!("stress differs by {:.1} %", 100.0 * look.difference);
+        let said = dempm::watch::unresolved("the smallest pressure of the path", look.pressure, &p);
+        Outcome::of((!look.agrees()).then_some(symptom), said)
     };
     let outcomes: Vec<Vec<Outcome>> =
         rows.iter().map(|row| row.iter().map(judge).collect()).collect();
-    let resolution = f64::from(f32::EPSILON) * p.mean_diameter();
     let findings = strains.iter().zip(&rows).map(|(&strain, row)| {
-        let sweep = pressures.iter().zip(row).rev().map(|(&p, &d)| (p, d < TOLERANCE));
+        let sweep = pressures.iter().zip(row).rev().map(|(&p, look)| (p, look.agrees()));
         let bad = row.iter().rev().map(judge).find(|o| !o.works());
         Finding {
             case: format!("after a shear of {strain}"),
             parameter: "vertical stress, Pa, at least".into(),
             measured: Threshold::of_sweep(sweep),
             theory: Some((
-                resolved(&p, resolution / TOLERANCE),
+                p.single_precision_pressure(),
                 "δ = ε d / 0.01, one contact alone".into(),
             )),
             beyond: bad.unwrap_or(Outcome::Stable),
         }
     });
-    let curve = |(strain, row): (&f64, &Vec<f64>)| {
-        let points = pressures.iter().zip(row).map(|(&p, &d)| [p, d]);
+    let curve = |(strain, row): (&f64, &Vec<Look>)| {
+        let points = pressures.iter().zip(row).map(|(&p, look)| [p, look.difference]);
         Curve::measured(format!("shear {strain}"), points.collect())
     };
     Ok(Study {
@@ -89,18 +115,12 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
         maps: vec![Map {
             title: "f32 against f64: where they agree".into(),
             x: Axis::new("vertical stress, Pa", pressures.clone()),
-            y: Axis::new("shear strain", strains),
-            numbers: rows,
+            y: Axis::new("shear strain", strains.clone()),
+            numbers: rows.iter().map(|row| row.iter().map(|l| l.difference).collect()).collect(),
             outcomes,
             caption: "Numbers: relative difference of stress.".into(),
         }],
+        pictures: vec![apart(&rungs[0].packing, &p, strains[strains.len() - 1])?],
         ..Study::default()
     })
-}
-
-/// Pressure (Pa) of a dense packing whose mean overlap is `overlap` (m): `p t = Z phi kn delta /
-/// (2 pi r)`.
-fn resolved(p: &RveParameters, overlap: f64) -> f64 {
-    let fabric = 4.0 * 0.84 / (2.0 * std::f64::consts::PI);
-    fabric * p.normal_stiffness * overlap / (0.5 * p.mean_diameter() * p.thickness)
 }

@@ -6,7 +6,7 @@ use mpm::DruckerPragerParameters;
 use rayon::prelude::*;
 
 use super::outcome::Outcome;
-use super::packing::consolidated;
+use super::packing::{consolidated, picture};
 use super::scene;
 use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
 use super::threshold::Threshold;
@@ -21,13 +21,14 @@ fn rate(p: &RveParameters, inertial_number: f64) -> f64 {
     inertial_number / (p.mean_diameter() * (p.grain_density / PRESSURE).sqrt())
 }
 
-/// Friction `tau / p` of steady shear at constant pressure: mean over strains of 1/2 to the end.
-fn friction(
+/// Steady shear at constant pressure, and its friction `tau / p`: mean over strains of 1/2 to the
+/// end.
+fn sheared(
     packing: &Packing<f64>,
     p: &RveParameters,
     inertial_number: f64,
     strain: f64,
-) -> Result<f64, StudyError> {
+) -> Result<(f64, Element<f64>), StudyError> {
     let mut packing = packing.clone();
     packing.scale_mass(p.mass_scale);
     let shear_rate = rate(p, inertial_number);
@@ -37,7 +38,17 @@ fn friction(
     element.run(&stage, 0.05 / shear_rate, |row| rows.push(*row))?;
     let late: Vec<&Row> = rows.iter().filter(|row| row.strain[(0, 1)] > 0.5).collect();
     let mean = |of: &dyn Fn(&Row) -> f64| late.iter().map(|row| of(row)).sum::<f64>();
-    Ok((mean(&|row| row.stress[(0, 1)]) / mean(&|row| row.stress[(1, 1)])).abs())
+    let friction = (mean(&|row| row.stress[(0, 1)]) / mean(&|row| row.stress[(1, 1)])).abs();
+    Ok((friction, element))
+}
+
+fn friction(
+    packing: &Packing<f64>,
+    p: &RveParameters,
+    inertial_number: f64,
+    strain: f64,
+) -> Result<f64, StudyError> {
+    Ok(sheared(packing, p, inertial_number, strain)?.0)
 }
 
 /// What `dempm run` and `dempm check` say of a column with such packings.
@@ -123,6 +134,10 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             .collect::<Result<_, StudyError>>()?;
         add(&mut study, sweep, &base, &numbers, &reference, measured);
     }
+    let heavy = RveParameters { mass_scale: 100.0, ..base.clone() };
+    let (friction, element) = sheared(&packing, &heavy, 0.1, 1.0)?;
+    let title = format!("Masses scaled by 100 at I = 0.1: tau/p = {friction:.2}");
+    study.pictures.push(picture(&element.rve.packing, title));
     Ok(study)
 }
 

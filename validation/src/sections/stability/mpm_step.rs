@@ -201,7 +201,7 @@ fn singles(suite: Suite, tolerance: f64, study: &mut Study) -> Result<(), StudyE
         }
     }
     let steps = log_range(0.03, 3.0, pick(suite, 10, 24));
-    for basis in [Basis::Linear, Basis::Quadratic] {
+    for basis in BASES {
         let row = |&c: &f64| -> Result<Vec<Outcome>, StudyError> {
             xi.iter().map(|&x| single(basis, x)?.outcome(c * unit)).collect()
         };

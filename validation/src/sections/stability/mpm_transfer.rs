@@ -23,6 +23,9 @@ const SPEED: f64 = 80.0;
 const WAVE: f64 = 32.0;
 const LENGTH: f64 = 64.0;
 const PERIODS: f64 = 5.0;
+/// Where the bar begins (m), and how fast it moves (m/s).
+const MARGIN: f64 = 4.0 * CELL;
+const SHAKEN: f64 = 0.01;
 /// Energy that may be lost or gained in these periods.
 const LOSS: f64 = 0.1;
 const GAIN: f64 = 0.01;
@@ -38,8 +41,9 @@ const TRANSFERS: [(&str, Transfer); 8] = [
     ("pic", Transfer::Pic),
 ];
 
-/// Energy left of a free elastic bar after [`PERIODS`] of its mode of two waves.
-fn energy_left(transfer: Transfer, step: f64) -> Result<f64, StudyError> {
+/// A free elastic bar after [`PERIODS`] of its mode of two waves, and the part of its energy that is
+/// left.
+fn vibrate(transfer: Transfer, step: f64) -> Result<(Points, f64), StudyError> {
     let modulus = DENSITY * SPEED * SPEED;
     let numerics = Numerics { transfer, ..Numerics::default() };
     let size = Vec2::new((LENGTH + 8.0) * CELL, CELL);
@@ -47,12 +51,12 @@ fn energy_left(transfer: Transfer, step: f64) -> Result<f64, StudyError> {
     let mut solver = Solver::new(domain, numerics, Vec2::zeros(), vec![])?;
     let law = ElasticParameters { young_modulus: modulus, poisson_ratio: 0.0 };
     let mut material = Elastic::new(law)?;
-    let start = 4.0 * CELL;
+    let start = MARGIN;
     let end = start + LENGTH * CELL;
     let mut points =
         Points::rectangle(Vec2::new(start, 0.0), Vec2::new(end, CELL), CELL / 2.0, DENSITY);
     let k = 2.0 * PI / (WAVE * CELL);
-    let v0 = 0.01;
+    let v0 = SHAKEN;
     for p in 0..points.len() {
         let x = points.position[p].x - start;
         points.velocity[p].x = v0 * (k * x).cos();
@@ -70,7 +74,25 @@ fn energy_left(transfer: Transfer, step: f64) -> Result<f64, StudyError> {
     for _ in 0..(PERIODS * WAVE * CELL / SPEED / step).round() as usize {
         solver.advance(&mut points, &mut material, step)?;
     }
-    Ok(energy(&points) / before)
+    let left = energy(&points) / before;
+    Ok((points, left))
+}
+
+fn energy_left(transfer: Transfer, step: f64) -> Result<f64, StudyError> {
+    Ok(vibrate(transfer, step)?.1)
+}
+
+/// Velocity along the lower row of points at the end, over that of the start.
+fn profile(name: &str, transfer: Transfer, step: f64) -> Result<Curve, StudyError> {
+    let (points, _) = vibrate(transfer, step)?;
+    let row = points.position.iter().zip(&points.velocity).take(points.len() / 2);
+    Ok(Curve::measured(name, row.map(|(x, v)| [x.x - MARGIN, v.x / SHAKEN]).collect()))
+}
+
+/// The same by theory.
+fn lossless() -> Vec<[f64; 2]> {
+    let places = (0..=128).map(|k| f64::from(k) / 128.0 * LENGTH * CELL);
+    places.map(|x| [x, (2.0 * PI / (WAVE * CELL) * x).cos()]).collect()
 }
 
 /// Viscosity (m²/s) from the decay of a shear wave of [`WAVE`] cells in material without stress.
@@ -178,6 +200,14 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             curves.push(Curve::theory(if known { "" } else { "theory" }, expected));
         }
     }
+    let shortest = steps[0];
+    let bars = [
+        profile("flip-apic, 500 1/s", Transfer::default(), shortest)?,
+        profile("flip, 100 1/s", Transfer::Flip { rate: 100.0 }, shortest)?,
+        profile("apic", Transfer::Apic, shortest)?,
+        profile("pic", Transfer::Pic, shortest)?,
+        Curve::theory("without losses", lossless()),
+    ];
     Ok(Study {
         method: format!(
             "A free elastic bar (waves of {SPEED} m/s, cells of {CELL} m) vibrates with two waves of \
@@ -203,18 +233,28 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
                 number(share_left(100.0 * CELL * CELL / 4.0))
             ),
         }],
-        charts: vec![Chart {
-            title: "Viscosity of the transfers".into(),
-            x: "step, s".into(),
-            y: "viscosity, m²/s".into(),
-            log: [true, true],
-            curves,
-            caption:
-                "Lines: nu = (PIC share per step) dx²/(4 dt), for FLIP and PIC. A share given \
+        charts: vec![
+            Chart {
+                title: "The bar at the end, with the shortest step".into(),
+                x: "place, m".into(),
+                y: "velocity over that of the start".into(),
+                log: [false, false],
+                curves: bars.into(),
+                caption: format!("After {PERIODS} periods the bar should move as at the start."),
+            },
+            Chart {
+                title: "Viscosity of the transfers".into(),
+                x: "step, s".into(),
+                y: "viscosity, m²/s".into(),
+                log: [true, true],
+                curves,
+                caption:
+                    "Lines: nu = (PIC share per step) dx²/(4 dt), for FLIP and PIC. A share given \
                       per second makes a viscosity that does not depend on the step; PIC and APIC \
                       dissipate more the shorter the step."
-                    .into(),
-        }],
+                        .into(),
+            },
+        ],
         ..Study::default()
     })
 }

@@ -64,6 +64,7 @@ mod tests {
         assert!(said("local_damping = 0.2").contains("local_damping = 0.2"));
         let unstable = "step_factor = 0.5 may be unstable";
         assert!(said("step_factor = 0.5\ndamping_ratio = 0.9").contains(unstable));
+        assert!(said("step_factor = 0.5\ndamping_ratio = 0.5").contains(unstable));
         assert!(said("step_factor = 0.5\nradius_min = 5.0e-3").contains(unstable));
         assert_eq!(said("step_factor = 0.5"), "");
         assert!(said("step_factor = 0.6").contains("out of range"));

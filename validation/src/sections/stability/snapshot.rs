@@ -42,7 +42,7 @@ fn draw(picture: &Picture) -> String {
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0} {:.0}\" \
          font-family=\"sans-serif\" font-size=\"14\"><rect width=\"{width:.0}\" \
          height=\"{height:.0}\" fill=\"none\" stroke=\"#6B6B66\"/>",
-        width.max(240.0),
+        width.max(280.0),
         height + SCALE
     );
     let mut dot = |x: [f64; 2], radius: f64, colour: &str| {
@@ -77,7 +77,7 @@ fn draw(picture: &Picture) -> String {
         );
     }
     for (k, colour) in COLOURS.iter().enumerate() {
-        let x = 60 + 15 * k;
+        let x = 80 + 15 * k;
         let y = height + 14.0;
         let _ = write!(
             svg,
@@ -87,8 +87,8 @@ fn draw(picture: &Picture) -> String {
     let y = height + 26.0;
     let _ = write!(
         svg,
-        "<text x=\"54\" y=\"{y:.0}\" text-anchor=\"end\" fill=\"#6B6B66\">{}</text>\
-         <text x=\"186\" y=\"{y:.0}\" fill=\"#6B6B66\">{}</text></svg>",
+        "<text x=\"74\" y=\"{y:.0}\" text-anchor=\"end\" fill=\"#6B6B66\">{}</text>\
+         <text x=\"206\" y=\"{y:.0}\" fill=\"#6B6B66\">{}</text></svg>",
         number(low),
         number(high)
     );

@@ -2,17 +2,22 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use surrogate::doubts::doubts;
 use surrogate::simulator::Simulator;
 use surrogate::start::{Start, stride};
 
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::{Threshold, log_range};
-use super::roll::{Direct, Frames, WRONG, column, difference, roll, text};
+use super::roll::{
+    Direct, Frames, Rolled, WRONG, column, difference, of_mirror_images, roll, text,
+};
 use crate::context::Suite;
 
 const DOMAIN: [f64; 2] = [4.0, 2.0];
 const SEED: u64 = 1;
+/// Mirror images that part by more than this part of the motion are no mirror images.
+const ASYMMETRY: f64 = 0.1;
 
 /// The same frames with independent noise on every position (m), uniform with this standard
 /// deviation.
@@ -48,8 +53,10 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
         ..Study::default()
     };
     noise(suite, simulator, &direct, frames, &mut study)?;
-    mirror(simulator, &direct, frames, &mut study)?;
-    study.findings.push(intervals(interval));
+    let wall = text(DOMAIN, &column([0.0, 0.0], [0.75, 0.75], [0.0, 0.0]));
+    let wall = Direct::run("column at a wall", &wall, interval, frames)?;
+    mirror(simulator, [("free", &direct), ("at the wall", &wall)], frames, &mut study)?;
+    intervals(interval, &mut study);
     Ok(study)
 }
 
@@ -92,41 +99,81 @@ fn noise(
     Ok(())
 }
 
-fn mirror(
+/// The rollout of a start, and that of its mirror image, mirrored back.
+fn images(
     simulator: &Simulator,
     direct: &Direct,
     frames: usize,
-    study: &mut Study,
-) -> Result<(), StudyError> {
+) -> Result<[Rolled; 2], StudyError> {
     let start = direct.start(simulator)?;
     let image = Start { positions: mirrored(&start.positions), ..direct.start(simulator)? };
-    let straight = roll(simulator, &start, frames);
-    let reflected = roll(simulator, &image, frames);
-    let back = mirrored(&reflected.positions);
+    let mut reflected = roll(simulator, &image, frames);
+    reflected.positions = mirrored(&reflected.positions);
+    Ok([roll(simulator, &start, frames), reflected])
+}
+
+fn mirror(
+    simulator: &Simulator,
+    columns: [(&str, &Direct); 2],
+    frames: usize,
+    study: &mut Study,
+) -> Result<(), StudyError> {
     let interval = simulator.training.frame_interval;
-    let both = straight.positions.len().min(back.len());
-    let points: Vec<[f64; 2]> = (simulator.config.frames..both)
-        .map(|k| {
-            let motion = difference(&straight.positions[k], &straight.positions[0]);
-            [k as f64 * interval, difference(&straight.positions[k], &back[k]) / motion]
-        })
-        .collect();
-    let last = points.last().map_or(f64::NAN, |p| p[1]);
-    let said = straight.said().or(reflected.said());
-    let symptom = format!("mirror images part by {:.0} % of the motion", 100.0 * last);
-    study.findings.push(Finding {
-        case: "mirror asymmetry at the end".into(),
-        parameter: "difference over motion".into(),
-        measured: Threshold::Between(last, last),
-        theory: Some((0.0, "gravity is symmetric".into())),
-        beyond: Outcome::of((last > 0.1).then_some(symptom), said),
+    // No GPU averages mirror images.
+    let averaging = Simulator { mirror: true, gpu: None, ..simulator.clone() };
+    let predictions = [("rollout", simulator), ("with --mirror", &averaging)];
+    let (mut curves, mut rows) = (Vec::new(), Vec::new());
+    for (column, direct) in columns {
+        let mut row = Vec::new();
+        for (prediction, simulator) in predictions {
+            let [straight, reflected] = images(simulator, direct, frames)?;
+            let both = straight.positions.len().min(reflected.positions.len());
+            let apart = |k: usize| {
+                let motion = difference(&straight.positions[k], &straight.positions[0]);
+                difference(&straight.positions[k], &reflected.positions[k]) / motion
+            };
+            let points = (simulator.config.frames..both).map(|k| [k as f64 * interval, apart(k)]);
+            curves.push(Curve::measured(format!("{column}, {prediction}"), points.collect()));
+            let last = apart(both - 1);
+            let symptom = format!("mirror images part by {:.0} % of the motion", 100.0 * last);
+            let start = direct.start(simulator)?;
+            let said = doubts(simulator, &start).into_iter().find(|d| of_mirror_images(d));
+            let outcome = Outcome::of((last > ASYMMETRY).then_some(symptom), said);
+            row.push((last, outcome.clone()));
+            study.findings.push(Finding {
+                case: format!("mirror asymmetry at the end, column {column}, {prediction}"),
+                parameter: "difference over motion".into(),
+                measured: Threshold::Between(last, last),
+                theory: Some((0.0, "gravity is symmetric".into())),
+                beyond: outcome,
+            });
+            if !simulator.mirror {
+                let picture = straight.picture(String::new(), &reflected.positions, direct);
+                study.pictures.push(Picture {
+                    title: format!("Mirror asymmetry at the end, column {column}"),
+                    colour: "distance from the mirror image, m".into(),
+                    reference: Vec::new(),
+                    ..picture
+                });
+            }
+        }
+        rows.push(row);
+    }
+    let each = |row: &Vec<(f64, Outcome)>| row.iter().map(|(apart, _)| *apart).collect();
+    study.maps.push(Map {
+        title: "Mirror asymmetry at the end".into(),
+        x: Axis::named("prediction", predictions.map(|(name, _)| name.to_owned()).into()),
+        y: Axis::named("column", columns.map(|(name, _)| name.to_owned()).into()),
+        numbers: rows.iter().map(each).collect(),
+        outcomes: rows.into_iter().map(|row| row.into_iter().map(|(_, o)| o).collect()).collect(),
+        caption: "Numbers: difference of mirror images over motion.".into(),
     });
     study.charts.push(Chart {
         title: "Mirror asymmetry".into(),
         x: "time, s".into(),
         y: "difference of mirror images over motion".into(),
         log: [false, true],
-        curves: vec![Curve::measured("rollout", points)],
+        curves,
         caption: "The rollout of the mirrored start, mirrored back, against the rollout itself."
             .into(),
     });
@@ -134,16 +181,25 @@ fn mirror(
 }
 
 /// Frames of another interval are refused, unless they divide the model's.
-fn intervals(interval: f64) -> Finding {
-    let coarse = [1.0, 2.0, 3.0, 6.0, 10.0];
-    let refused = |k: f64| stride(interval, k * interval, || "trajectory.h5".into()).err();
-    let works = coarse.map(|k| (k * interval, refused(k).is_none()));
-    let said = coarse.iter().find_map(|&k| refused(k)).map(|e| e.to_string());
-    Finding {
+fn intervals(interval: f64, study: &mut Study) {
+    let all = [0.5, 1.0, 2.0, 3.0, 6.0, 10.0].map(|k| k * interval);
+    let outcomes = all.map(|found| match stride(interval, found, || "trajectory.h5".into()) {
+        Ok(_) => Outcome::Stable,
+        Err(error) => Outcome::Failed { message: error.to_string() },
+    });
+    study.findings.push(Finding {
         case: "frames coarser than the model's".into(),
         parameter: "interval, s".into(),
-        measured: Threshold::of_sweep(works),
+        measured: Threshold::of_sweep(all.into_iter().zip(outcomes.iter().map(Outcome::works))),
         theory: Some((interval, "interval of the training".into())),
-        beyond: Outcome::of(said.clone().map(|_| "refused".into()), said),
-    }
+        beyond: outcomes.iter().find(|o| !o.works()).cloned().unwrap_or(Outcome::Stable),
+    });
+    study.maps.push(Map {
+        title: "Frames of another interval".into(),
+        x: Axis::new("interval, s", all.into()),
+        y: Axis::named("start", vec!["a trajectory".into()]),
+        numbers: Vec::new(),
+        outcomes: vec![outcomes.into()],
+        caption: "A model takes frames of its own interval, or every n-th of finer ones.".into(),
+    });
 }

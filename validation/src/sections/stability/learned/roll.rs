@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use dempm::device::Device;
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
+use surrogate::doubts::doubts;
 use surrogate::rollout::Rollout;
 use surrogate::simulator::Simulator;
 use surrogate::start::Start;
-use surrogate::watch::{self, Watch};
+use surrogate::watch::Watch;
 
 use super::super::outcome::Outcome;
 use super::super::scene;
@@ -18,10 +20,12 @@ pub const WRONG: f64 = 0.5;
 
 pub type Frames = Vec<Vec<[f64; 2]>>;
 
-/// A model that is pushed.
-pub fn load(path: &Path) -> Result<Simulator, StudyError> {
-    Simulator::load(path)
-        .map_err(|e| StudyError::Scene { name: path.display().to_string(), reason: e.to_string() })
+/// A model that is pushed, on a device.
+pub fn load(path: &Path, device: Device) -> Result<Simulator, StudyError> {
+    let error = |reason| StudyError::Scene { name: path.display().to_string(), reason };
+    let mut simulator = Simulator::load(path).map_err(|e| error(e.to_string()))?;
+    simulator.place(device).map_err(|e| error(e.to_string()))?;
+    Ok(simulator)
 }
 
 /// A scene of the continuum law, which costs seconds: `body` are its columns and the like.
@@ -80,15 +84,17 @@ pub struct Rolled {
     pub error: Option<String>,
 }
 
+/// Whether a doubt is that mirror images differ.
+pub fn of_mirror_images(doubt: &str) -> bool {
+    doubt.contains("mirror image")
+}
+
 /// Predicts up to so many frames, those of the start included.
 pub fn roll(simulator: &Simulator, start: &Start, frames: usize) -> Rolled {
     let mut rollout = Rollout::new(simulator, start);
-    let mut watch = Watch::new(start, simulator.training.frame_interval);
-    let mut rolled = Rolled {
-        positions: start.positions.clone(),
-        said: watch::doubts(simulator, start),
-        error: None,
-    };
+    let mut watch = Watch::new(start, simulator.training.frame_interval, frames);
+    let mut rolled =
+        Rolled { positions: start.positions.clone(), said: doubts(simulator, start), error: None };
     while rolled.positions.len() < frames {
         match rollout.advance() {
             Ok(next) => rolled.positions.push(next.to_vec()),

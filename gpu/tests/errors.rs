@@ -1,0 +1,74 @@
+//! What a user reads when a GPU cannot do what it is asked to. Without a GPU, all but the first test
+//! say so and pass, unless `DEMPM_REQUIRE_GPU=1`.
+
+use std::process::Command;
+
+use cudarc::driver::{LaunchConfig, PushKernelArg};
+use gpu::{Device, Error};
+
+#[test]
+fn without_a_driver_the_remedy_is_named() {
+    let Err(error) = Device::new(0) else { return };
+    let text = error.to_string();
+    let remedies = ["run on the CPU", "no GPU it can use", "update the driver", "LD_LIBRARY_PATH"];
+    assert!(remedies.iter().any(|remedy| text.contains(remedy)), "{text}");
+}
+
+#[test]
+fn a_gpu_that_is_not_there_is_an_error() {
+    let Some(_) = gpu::for_tests() else { return };
+    assert!(Device::new(4096).is_err());
+}
+
+#[test]
+fn too_little_memory_is_said_in_numbers() {
+    let Some(device) = gpu::for_tests() else { return };
+    let (_, total) = device.context().mem_get_info().unwrap();
+    for refused in [device.reserve(total + 1), device.zeros::<u8>(total + 1).map(drop)] {
+        let Err(Error::OutOfMemory { needed, available }) = refused else {
+            panic!("more than there is: {refused:?}")
+        };
+        assert!(needed == total + 1 && available <= total);
+    }
+    // Nothing is lost by it.
+    let zeros = device.zeros::<u8>(1000).unwrap();
+    assert_eq!(device.stream().clone_dtoh(&zeros).unwrap(), [0; 1000]);
+}
+
+const CHILD: &str = "DEMPM_TEST_ILLEGAL_ACCESS";
+const WRONG: &str = r#"
+extern "C" __global__ void wrong(unsigned* there) { there[1ull << 40] = 1; }
+"#;
+
+/// Not a test of its own: the process that [`an_illegal_access_ends_a_run`] starts, since it leaves
+/// the GPU of no use to whoever did it.
+#[test]
+fn access_what_is_not_there() {
+    if std::env::var_os(CHILD).is_none() {
+        return;
+    }
+    let device = Device::new(0).unwrap();
+    let kernel = device.module("wrong.cu", WRONG, &[]).unwrap().load_function("wrong").unwrap();
+    let mut numbers = device.zeros::<u32>(1000).unwrap();
+    let one = LaunchConfig { grid_dim: (1, 1, 1), block_dim: (1, 1, 1), shared_mem_bytes: 0 };
+    let mut launch = device.stream().launch_builder(&kernel);
+    launch.arg(&mut numbers);
+    // SAFETY: the argument of `wrong`, which goes beyond it: in this process nothing else does work.
+    unsafe { launch.launch(one) }.unwrap();
+    let copied = device.stream().clone_dtoh(&numbers).map_err(Error::from);
+    let synchronised = device.stream().synchronize().map_err(Error::from);
+    let error = copied.map(drop).and(synchronised).unwrap_err();
+    eprintln!("{error}");
+}
+
+#[test]
+fn an_illegal_access_ends_a_run() {
+    let Some(_) = gpu::for_tests() else { return };
+    let output = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "access_what_is_not_there", "--nocapture"])
+        .env(CHILD, "1")
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains(&Error::IllegalAccess.to_string()), "{said}");
+}

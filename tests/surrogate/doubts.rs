@@ -1,0 +1,96 @@
+//! What is said of starts unlike those of the training.
+
+use std::path::Path;
+
+use dempm::scene::Scene;
+use surrogate::doubts::{doubts, mirror_difference};
+use surrogate::simulator::{Simulator, Training};
+use surrogate::start::Start;
+use tempfile::TempDir;
+
+use crate::helpers::{config, data, fails, scene, succeeds, surrogate, train, warns};
+
+/// A model knows what its training data held, or is told.
+#[test]
+fn a_model_knows_its_training_data() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let data = data(here);
+    let config = config(here, 20, "");
+    succeeds(&mut train(here, &config, "run"));
+    let path = here.join("run/last.safetensors");
+    let trained = Simulator::load(&path).unwrap();
+    let range = trained.training.range.unwrap();
+    assert_eq!((range.least.points, range.most.points), (24.0, 24.0));
+
+    let two = "[[column]]\ncorner = [0.75, 0.0]\nsize = [0.25, 0.375]\n";
+    std::fs::write(
+        here.join("two.toml"),
+        scene(0.0, 1.0, "").replace("[material]", &format!("{two}[material]")),
+    )
+    .unwrap();
+    let rollout = ["rollout", "run/last.safetensors", "--scene", "two.toml", "-o", "out.h5"];
+    let rollout = || {
+        let mut command = surrogate(here);
+        command.args(rollout).args(["--frames", "4", "--overwrite"]);
+        command
+    };
+    let said = warns(&mut rollout());
+    assert!(said.contains("points 48, at most 24 in training"), "{said}");
+
+    let training = Training { range: None, ..trained.training.clone() };
+    Simulator { training, ..trained.clone() }.save(&path).unwrap();
+    let said = warns(&mut rollout());
+    assert!(said.contains("what the network was trained on is not in its file"), "{said}");
+    let stats = || {
+        let mut command = surrogate(here);
+        command.arg("stats").arg(&data).args(["--into", "run/last.safetensors"]);
+        command
+    };
+    let error = fails(stats().args(["--stride", "2"]));
+    assert!(
+        error.contains("trained on frames 0.01 s apart, but these are 0.02 s apart"),
+        "{error}"
+    );
+    succeeds(&mut stats());
+    assert_eq!(Simulator::load(&path).unwrap().training, trained.training);
+}
+
+/// The model of the repository believes in a column like those that it learnt from, and in no other
+/// start.
+#[test]
+fn a_start_is_compared_with_the_training_data() {
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let simulator = Simulator::load(&repository.join("models/tgnns-tiny.safetensors")).unwrap();
+    let symmetric = Simulator { mirror: true, ..simulator.clone() };
+    let scene = Scene::load(repository.join("scenes/column-mu-i.toml")).unwrap();
+    let start = Start::from_scene(scene, &simulator).unwrap();
+    assert_eq!(doubts(&symmetric, &start), Vec::<String>::new());
+
+    // A column away from the walls, whose mirror image should move as its mirror image.
+    let free = "duration = 1.0\nstep = 4e-4\nframe_interval = 0.02\n[domain]\nsize = [4.0, 2.0]\n\
+                [[column]]\ncorner = [1.0, 0.0]\nsize = [0.75, 0.75]\n[material]\nkind = \"mu-i\"\n";
+    let free = Start::from_scene(Scene::parse(free, "free.toml").unwrap(), &simulator).unwrap();
+    let mirror =
+        |simulator: &Simulator| doubts(simulator, &free).iter().any(|d| d.contains("--mirror"));
+    assert!(mirror(&simulator) && !mirror(&symmetric));
+    assert!(mirror_difference(&symmetric, &free) < 1e-3 * mirror_difference(&simulator, &free));
+
+    let mut noisy = start.clone();
+    for (frame, positions) in noisy.positions.iter_mut().enumerate() {
+        // Up and down by 1 mm, no two neighbours alike.
+        let shift = |p: usize| if (p + frame).is_multiple_of(2) { 1e-3 } else { -1e-3 };
+        positions.iter_mut().enumerate().for_each(|(p, x)| x[1] += shift(p));
+    }
+    let said = doubts(&symmetric, &noisy).concat();
+    assert!(said.contains("differences between neighbours' accelerations"), "{said}");
+
+    let mut small = start;
+    for positions in &mut small.positions {
+        positions.retain(|x| x[0] < 0.5 && x[1] < 0.5);
+    }
+    let said = doubts(&symmetric, &small).concat();
+    for expected in ["points 64, at least 240", "width", "height"] {
+        assert!(said.contains(expected), "{expected}: {said}");
+    }
+}
