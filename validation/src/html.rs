@@ -204,7 +204,7 @@ fn write_map(html: &mut String, section: &WrittenSection, map: &Map) {
     let _ = write!(
         html,
         "<figure class=\"table\"><div class=\"scroll\"><table class=\"map\">\n<thead><tr>\
-         <th>{} ↓ &nbsp; {} →</th>",
+         <th>{} ↓<br>{} →</th>",
         inline(&map.y.0),
         inline(&map.x.0)
     );

@@ -293,7 +293,9 @@ impl Work {
         let output = folder.join(job.output);
         arguments.extend(job.arguments.iter().cloned());
         arguments.extend(["-o".to_owned(), output.display().to_string()]);
-        let command = format!("{} {}", job.program, arguments.join(" "));
+        // As it would be typed beside the directory, wherever that is.
+        let command = format!("{} {}", job.program, arguments.join(" "))
+            .replace(&*self.root.to_string_lossy(), "report-work");
         let checkpoint = dempm::checkpoint::path_beside(&output);
         if job.resumes {
             let flag = if checkpoint.exists() { "--resume" } else { "--overwrite" };

@@ -40,8 +40,8 @@ struct alignas(2 * sizeof(Real)) Vec {
 };
 
 struct alignas(16) Motion {
-    // Peculiar velocity (m/s), half the angular velocity (1/s), and r w (m/s).
-    Real x, y, half_w, rim;
+    // Peculiar velocity (m/s), and half the angular velocity (1/s).
+    Real x, y, half_w, unused;
 };
 
 // Reduced position: fractions of the two cell vectors.

@@ -22,17 +22,17 @@ __device__ Real history(int i, int j, unsigned word, int owner) {
     const Shared& sh = shared();
     const Control& c = sh.control;
     const int other = owner == i ? j : i;
-    const Rows rows = sh.rows[sh.seat[owner]];
+    const Range rows = sh.owned[sh.seat[owner]];
     Real tangential = 0;
-    for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
+    for (int slot = rows.first; slot < rows.end; slot += LANES) {
         const unsigned old_word = sh.slot.neighbour[slot];
         if (seat_in(old_word) != sh.seat[other]) continue;
         if (sh.slot.tangential[slot] == Real(0)) continue;
         bool same = true;
         if (c.header.imaged) {
-            const Vec now = branch(c.cell, separation<true>(sh.position[i], sh.position[j], word << 16));
-            const Position from = before_reduction(c.transform, sh.position[owner]);
-            const Position to = before_reduction(c.transform, sh.position[other]);
+            const Vec now = branch(c.cell, separation<true>(sh.body[i].s, sh.body[j].s, word << 16));
+            const Position from = before_reduction(c.transform, sh.body[owner].s);
+            const Position to = before_reduction(c.transform, sh.body[other].s);
             const Vec old = branch(c.old_cell, any_separation(c.old_imaged, from, to, old_word));
             // Of a disc's own two images the other one may have been listed.
             const bool turned = i == j ? now.x * old.x + now.y * old.y < Real(0) : owner == j;
@@ -101,15 +101,15 @@ __device__ void take_seat(int owned, int incoming, int t) {
     __syncthreads();
     const int first_owned = int(sh.search.first[0][seat / LANES]) + seat % LANES;
     const int first_incoming = int(sh.search.first[1][seat / LANES]) + seat % LANES;
-    sh.rows[seat] = {
-        (unsigned short)first_owned, (unsigned short)(first_owned + owned * LANES),
-        (unsigned short)first_incoming, (unsigned short)(first_incoming + incoming * LANES)};
+    sh.owned[seat] = {(unsigned short)first_owned, (unsigned short)(first_owned + owned * LANES)};
+    sh.incoming[seat] = {(unsigned short)first_incoming,
+                         (unsigned short)(first_incoming + incoming * LANES)};
 }
 
 // Slot that the owner in seat j gives to the pair with its neighbour `word`, or -1.
 __device__ int owner_slot(int j, unsigned word) {
-    const Rows rows = shared().rows[j];
-    for (int slot = rows.owned; slot < rows.owned_end; slot += LANES) {
+    const Range rows = shared().owned[j];
+    for (int slot = rows.first; slot < rows.end; slot += LANES) {
         if (shared().slot.neighbour[slot] == word) return slot;
     }
     return -1;
@@ -126,25 +126,28 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
     const Disc disc = discs[t];
 
     // Into the order of discs.
-    Position s = sh.position[t];
-    Motion m = sh.motion[t];
+    Body body = sh.body[t];
+    Real half_w = sh.half_w[t];
     const int seated = sh.disc[t];
     sh.seat[seated] = (unsigned short)t;
-    const Real fastest2 = warp_max(m.x * m.x + m.y * m.y);
+    const Real fastest2 = warp_max(body.u.x * body.u.x + body.u.y * body.u.y);
     if (t % LANES == 0) sh.search.fastest2[t / LANES] = fastest2;
     __syncthreads();
-    sh.position[seated] = s;
-    sh.motion[seated] = m;
+    sh.body[seated] = body;
+    sh.half_w[seated] = half_w;
     if (t == 0) {
         Real most = 0;
         for (int w = 0; w < WARPS; ++w) most = max(most, sh.search.fastest2[w]);
         reduce_lattice(c, p, sqrt(most));
     }
     __syncthreads();
-    s = sh.position[t];
-    s = {c.transform[0] * s.x + c.transform[1] * s.y, c.transform[2] * s.x + c.transform[3] * s.y};
-    sh.position[t] = s;
-    m = sh.motion[t];
+    body = sh.body[t];
+    half_w = sh.half_w[t];
+    const Position before = body.s;
+    const Position s = {c.transform[0] * before.x + c.transform[1] * before.y,
+                        c.transform[2] * before.x + c.transform[3] * before.y};
+    body.s = s;
+    sh.body[t].s = s;
     __syncthreads();
 
     Found found;
@@ -168,7 +171,7 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
     unsigned owned = 0;
     for (int row = 0; row < found.count; ++row) {
         const unsigned word = found.word[row];
-        const Position other = sh.position[word >> 16];
+        const Position other = sh.body[word >> 16].s;
         owned |= unsigned(owns(t, s, word >> 16, other, imaged, word & 0xffffu)) << row;
     }
     const unsigned others = ((1u << found.count) - 1u) & ~owned;
@@ -187,8 +190,7 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
     if (c.status != OK) return;
 
     const int seat = sh.seat[t];
-    const Rows rows = sh.rows[seat];
-    int slot = rows.owned;
+    int slot = sh.owned[seat].first;
     count = 0;
     for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count, slot += LANES) {
         const unsigned word = found.word[__ffs(int(rest)) - 1];
@@ -199,13 +201,13 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
             p.dashpot * sqrt(p.normal_stiffness / (disc.inv_mass + other.inv_mass))};
         sh.slot.tangential[slot] = tangential[count];
     }
-    sh.position[seat] = s;
-    sh.motion[seat] = m;
+    sh.body[seat] = body;
+    sh.half_w[seat] = half_w;
     batch.reference[rve * THREADS + seat] = s;
     batch.seated[rve * THREADS + seat] = (unsigned short)t;
     __syncthreads();
 
-    slot = rows.incoming;
+    slot = sh.incoming[seat].first;
     for (unsigned rest = others; rest != 0; rest &= rest - 1, slot += LANES) {
         const unsigned word = found.word[__ffs(int(rest)) - 1];
         const unsigned image = imaged ? reversed(word >> 7 & 127u) << 7 | reversed(word & 127u) : 0;
@@ -220,6 +222,7 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
         batch.neighbour[size_t(rve) * SLOTS + k] = sh.slot.neighbour[k];
         batch.pair[size_t(rve) * SLOTS + k] = sh.slot.pair[k];
     }
-    batch.rows[rve * THREADS + t] = sh.rows[t];
+    const Range own = sh.owned[t], other = sh.incoming[t];
+    batch.rows[rve * THREADS + t] = {own.first, own.end, other.first, other.end};
     __syncthreads();
 }

@@ -178,7 +178,7 @@ __device__ void find_all_images(Found& found, Position s, Real r, int i) {
 #pragma unroll 1
     for (int j = 0; j < DISCS; ++j) {
         const double range = double(r) + double(sh.search.binned[j].r) + skin;
-        const Vec d = nearest(s, sh.position[j]);
+        const Vec d = nearest(s, sh.body[j].s);
         const double x = double(d.x) / PERIOD;
         const double y = double(d.y) / PERIOD;
         // |s_x| > range / width_x puts the branch out of range whatever s_y is.

@@ -40,9 +40,6 @@ __device__ void fetch_rve(const Batch& b, unsigned rve) {
     const size_t seat = size_t(rve) * THREADS;
     const size_t slot = size_t(rve) * SLOTS;
     begin_copies(sh.copies);
-    fetch(sh.copies, sh.position, b.position + seat, THREADS * sizeof(Position));
-    fetch(sh.copies, sh.motion, b.motion + seat, THREADS * sizeof(Motion));
-    fetch(sh.copies, sh.rows, b.rows + seat, THREADS * sizeof(Rows));
     fetch(sh.copies, sh.disc, b.seated + seat, THREADS * sizeof(unsigned short));
     const unsigned owned = b.header[rve].owned;
     fetch(sh.copies, sh.slot.neighbour, b.neighbour + slot, owned * sizeof(unsigned));
@@ -53,12 +50,9 @@ __device__ void fetch_rve(const Batch& b, unsigned rve) {
     end_copies(sh.copies);
 }
 
-// Copies back what every launch changes.
+// Copies back what every launch changes of the list.
 __device__ void store_rve(const Batch& b, unsigned rve) {
     const Shared& sh = shared();
-    const size_t seat = size_t(rve) * THREADS;
-    store(b.position + seat, sh.position, THREADS * sizeof(Position));
-    store(b.motion + seat, sh.motion, THREADS * sizeof(Motion));
     store(b.tangential + size_t(rve) * SLOTS, sh.slot.tangential,
           sh.control.header.owned * sizeof(Real));
 }
@@ -78,10 +72,10 @@ __device__ void add_up(int first, int end, int t) {
     }
 }
 
-__device__ void put_momentum(Real mass, const Motion& m, int t) {
+__device__ void put_momentum(Real mass, Vec u, int t) {
     Shared& sh = shared();
-    sh.summand[MOMENTUM_X][t] = mass * m.x;
-    sh.summand[MOMENTUM_Y][t] = mass * m.y;
+    sh.summand[MOMENTUM_X][t] = mass * u.x;
+    sh.summand[MOMENTUM_Y][t] = mass * u.y;
 }
 
 // Mean velocity, from the sums.
@@ -143,8 +137,12 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     const int warp = t / LANES;
 
     const Disc* const discs = batch.disc + size_t(batch.header[rve].grading) * THREADS;
-    Position reference = batch.reference[rve * THREADS + t];
-    Disc disc = discs[batch.seated[rve * THREADS + t]];
+    const unsigned mine = rve * THREADS + t;
+    Position reference = batch.reference[mine];
+    const Position position = batch.position[mine];
+    const Motion motion = batch.motion[mine];
+    const Rows rows = batch.rows[mine];
+    Disc disc = discs[batch.seated[mine]];
     if (copies(t)) fetch_rve(batch, rve);
     if (t == 0) c.action = begin(c, batch, p, rve, velocity_gradient[rve]);
     // By another warp, if there is one.
@@ -163,25 +161,27 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     // Threads without a disc hold one at rest that nobody sees.
     {
         // Without their mean momentum, which rattlers would carry away.
-        Motion m = sh.motion[t];
+        Vec u = {motion.x, motion.y};
+        Real half_w = motion.half_w;
         Vec mean = c.drift;
         if (isnan(mean.x)) {
-            put_momentum(disc.mass, m, t);
+            put_momentum(disc.mass, u, t);
             __syncthreads();
             add_up(MOMENTUM_X, MOMENTUM_Y + 1, t);
             __syncthreads();
             mean = drift();
         }
         if (t < DISCS) {
-            m.x -= mean.x;
-            m.y -= mean.y;
-            m.half_w += Real(0.5) * c.spin_change;
-            m.rim = Real(2) * disc.r * m.half_w;
+            u = {u.x - mean.x, u.y - mean.y};
+            half_w += Real(0.5) * c.spin_change;
         }
-        sh.motion[t] = m;
+        sh.body[t] = {position, u};
+        sh.half_w[t] = half_w;
+        sh.owned[t] = {rows.owned, rows.owned_end};
+        sh.incoming[t] = {rows.incoming, rows.incoming_end};
     }
     __syncthreads();
-    const bool stale = __syncthreads_or(moved_far(reference, sh.position[t], sh.substep[0].allowed2));
+    const bool stale = __syncthreads_or(moved_far(reference, position, sh.substep[0].allowed2));
 
     Totals total = {};
     int done = 0;
@@ -190,7 +190,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         if (progress.stale) {
             search(batch, p, discs);
             disc = discs[sh.disc[t]];
-            reference = sh.position[t];
+            reference = sh.body[t].s;
         }
         if (progress.stale || done > 0) {
             __syncthreads();
@@ -208,21 +208,24 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
         if (done == int(p.substeps)) break;
     }
 
-    const Motion m = sh.motion[t];
+    const Body body = sh.body[t];
+    const Real half_w = sh.half_w[t];
+    batch.position[mine] = body.s;
+    batch.motion[mine] = {body.u.x, body.u.y, half_w, Real(0)};
     sh.summand[VIRIAL_XX][t] = total.virial.xx;
     sh.summand[VIRIAL_YY][t] = total.virial.yy;
     sh.summand[VIRIAL_SHEAR][t] = total.virial.shear;
     sh.summand[CONTACTS][t] = Real(total.contacts);
     sh.summand[OVERLAPS][t] = total.relative_overlap;
-    put_momentum(disc.mass, m, t);
+    put_momentum(disc.mass, body.u, t);
     offer_stores();
     // A search may be due soon where half of the squared way to it is done.
     const Real half = Real(0.5) * sh.substep[progress.substeps].allowed2;
-    const bool slow = __syncthreads_or(t < DISCS && moved_far(reference, sh.position[t], half));
+    const bool slow = __syncthreads_or(t < DISCS && moved_far(reference, body.s, half));
     if (copies(t)) store_rve(batch, rve);
     if (t == THREADS - 1) queue_again(batch, launch, rve, slow);
     add_up(0, SUMS, t);
-    const bool broken = __syncthreads_or(!isfinite(m.x + m.y + m.half_w));
+    const bool broken = __syncthreads_or(!isfinite(body.u.x + body.u.y + half_w));
     if (t == 0) finish(batch, p, rve, broken);
     if (copies(t)) end_stores();
 }

@@ -15,8 +15,19 @@ struct alignas(16) Substep {
     bool sampled, last;
 };
 
-// A neighbour is the offset of its seat in `position`; in `motion` it is twice that.
-static_assert(sizeof(Motion) == 2 * sizeof(Position));
+// What one row of a warp reads of a neighbour in one access.
+struct alignas(16) Body {
+    Position s;
+    // Peculiar velocity (m/s).
+    Vec u;
+};
+// A neighbour is twice the offset of its seat in `half_w`; in `body` it is twice that again.
+static_assert(sizeof(Position) == 2 * sizeof(Real) && sizeof(Body) == 4 * sizeof(Real));
+
+// Slots of one disc, `LANES` apart.
+struct Range {
+    unsigned short first, end;
+};
 
 enum Action : unsigned { DONE, RESTART, ADVANCE };
 
@@ -53,7 +64,7 @@ struct Slots {
     Vec pair[SLOTS];
     // Tangential spring force (N): the history of the contact.
     Real tangential[SLOTS];
-    // Offset of the neighbour's seat in `position` (bytes), and its image in the upper half.
+    // Seat of the neighbour times the size of a `Position`, and its image in the upper half.
     unsigned neighbour[SLOTS];
     // Slots of the pairs that a disc does not own, in rows of their own.
     unsigned short incoming[INCOMING_SLOTS];
@@ -78,8 +89,10 @@ struct alignas(16) Binned {
 constexpr int BINS = 32;
 
 struct Shared {
-    Position position[THREADS];
-    Motion motion[THREADS];
+    // By seat, and by disc during a search.
+    Body body[THREADS];
+    // Half the angular velocity (1/s).
+    Real half_w[THREADS];
     Slots slot;
     union {
         // What the owner of a pair leaves to the other disc: force (N) and torque (N m).
@@ -105,8 +118,9 @@ struct Shared {
     Real sum[SUMS];
     Substep substep[LANES];
     Control control;
-    // By seat.
-    alignas(16) Rows rows[THREADS];
+    // By seat: slots of the pairs that the disc owns, and of the others.
+    Range owned[THREADS];
+    Range incoming[THREADS];
     // Disc of each seat, and during a search the seat of each disc.
     alignas(16) unsigned short disc[THREADS];
     unsigned short seat[THREADS];

@@ -41,22 +41,33 @@ __device__ inline Real ratio(Real a, Real b) {
 #endif
 }
 
+// What a thread keeps of its disc while substeps last.
+struct Seated {
+    Body body;
+    Real half_w;
+    Real r;
+    // Step over mass (s/kg), and half of step over inertia.
+    Real kick, half_twist;
+};
+
 // Evaluates the pairs that a disc owns. Pairs that do not touch go along with those that do: hardly
 // ever does none of a warp.
 template <bool IMAGED, bool SAMPLED>
 __device__ inline Resistance contact_forces(const Parameters& p, const Real* cell,
-                                            const Real* drive, Position s, const Motion& m, Real r,
-                                            int slot, int end, Totals& total) {
+                                            const Real* drive, const Seated& disc, int slot,
+                                            int end, Totals& total) {
     Shared& sh = shared();
     Resistance sum = {};
+    const Real r = disc.r;
     const Real h0 = cell[0], h1 = cell[1], h2 = cell[2], h3 = cell[3];
 #pragma unroll 1
     for (; slot < end; slot += LANES) {
         const unsigned word = sh.slot.neighbour[slot];
         const Vec pair = sh.slot.pair[slot];
         const unsigned offset = IMAGED ? word & 0xffffu : word;
-        const Vec d = separation<IMAGED>(s, at(sh.position, offset), word);
-        const Motion other = at(sh.motion, 2 * offset);
+        const Body other = at(sh.body, 2 * offset);
+        const Real other_half_w = at(sh.half_w, offset / 2);
+        const Vec d = separation<IMAGED>(disc.body.s, other.s, word);
         const Real lx = h0 * d.x + h1 * d.y;
         const Real ly = h2 * d.x + h3 * d.y;
         const Real distance2 = lx * lx + ly * ly;
@@ -67,13 +78,16 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
         const Real ny = ly * length.y;
         const Real overlap = touch - length.x;
 
-        // v = u_j - u_i + L l, normal and along tau = (-n_y, n_x); rolling is
-        // (r_i - overlap / 2) w_i + (r_j - overlap / 2) w_j.
-        const Real vx = other.x - m.x + drive[0] * lx + drive[1] * ly;
-        const Real vy = other.y - m.y + drive[2] * lx + drive[3] * ly;
-        const Real rolling = (m.rim + other.rim) - overlap * (m.half_w + other.half_w);
+        // v = u_j - u_i + L l, normal and along tau = (-n_y, n_x), where both discs turn about arms
+        // r - overlap / 2.
+        const Real vx = other.u.x - disc.body.u.x + drive[0] * lx + drive[1] * ly;
+        const Real vy = other.u.y - disc.body.u.y + drive[2] * lx + drive[3] * ly;
+        const Real other_r = touch - r;
+        const Real arm = r - Real(0.5) * overlap;
+        const Real other_arm = other_r - Real(0.5) * overlap;
         const Real vn = vx * nx + vy * ny;
-        const Real vt = (vy * nx - vx * ny) - rolling;
+        const Real vt =
+            (vy * nx - vx * ny) - Real(2) * (arm * disc.half_w + other_arm * other_half_w);
 
         // The dashpot must not pull: f_n >= 0. Without a normal force there is no tangential one.
         const Real elastic = p.normal_stiffness * overlap - pair.y * vn;
@@ -83,10 +97,9 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
         const Real tangential = min(max(trial, -limit), limit);
 
         const Vec force = {normal * nx - tangential * ny, normal * ny + tangential * nx};
-        const Real other_r = touch - r;
         sum.x += force.x;
         sum.y += force.y;
-        sum.torque += tangential * (r - Real(0.5) * overlap);
+        sum.torque += tangential * arm;
         total.relative_overlap = max(total.relative_overlap, ratio(overlap, min(r, other_r)));
         if (SAMPLED) {
             total.virial.xx += force.x * lx;
@@ -97,7 +110,7 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
         }
         sh.slot.tangential[slot] = tangential;
         sh.reaction.force[slot] = force;
-        sh.reaction.torque[slot] = tangential * (other_r - Real(0.5) * overlap);
+        sh.reaction.torque[slot] = tangential * other_arm;
     }
     return sum;
 }
@@ -121,56 +134,54 @@ __device__ inline Real damped(Real resisting, Real velocity, Real alpha) {
     return resisting - (power < Real(0) ? alpha : power > Real(0) ? -alpha : Real(0)) * resisting;
 }
 
-// What a thread keeps of its disc while substeps last.
-struct Seated {
-    Position s;
-    Motion m;
-    Real r;
-    // Step over mass (s/kg), and half of step over inertia.
-    Real kick, half_twist;
-};
+// The thread, read anew: kept, it would be spilled, and shared memory and spills share a path.
+__device__ inline int seat() {
+    int t;
+    asm volatile("mov.u32 %0, %%tid.x;" : "=r"(t));
+    return t;
+}
 
 // One DEM step: forces at the present positions, then motion.
 template <bool IMAGED, bool SAMPLED>
 __device__ inline void substep(const Parameters& p, const Substep& now, const Real* drive,
-                               Seated& disc, Totals& total, int t) {
+                               Seated& disc, Totals& total) {
     Shared& sh = shared();
     const Control& c = sh.control;
-    const Rows& rows = sh.rows[t];
-    Motion& m = disc.m;
+    Vec& u = disc.body.u;
+    Position& x = disc.body.s;
     if (SAMPLED) {
         total.virial.xx *= c.growth;
         total.virial.yy *= c.growth;
         total.virial.shear *= c.growth;
         total.contacts = 0;
     }
-    Resistance f = contact_forces<IMAGED, SAMPLED>(p, now.cell, drive, disc.s, m, disc.r, rows.owned,
-                                                   rows.owned_end, total);
+    const Range owned = sh.owned[seat()];
+    Resistance f =
+        contact_forces<IMAGED, SAMPLED>(p, now.cell, drive, disc, owned.first, owned.end, total);
+    const Range incoming = sh.incoming[seat()];
     // The barrier publishes the reactions, and every thread has read its neighbours.
     __syncthreads();
-    add_reactions(f, rows.incoming, rows.incoming_end);
+    add_reactions(f, incoming.first, incoming.end);
     if (p.local_damping != Real(0)) {
-        f.x = damped(f.x, m.x, p.local_damping);
-        f.y = damped(f.y, m.y, p.local_damping);
-        f.torque = damped(f.torque, m.half_w - c.half_spin, p.local_damping);
+        f.x = damped(f.x, u.x, p.local_damping);
+        f.y = damped(f.y, u.y, p.local_damping);
+        f.torque = damped(f.torque, disc.half_w - c.half_spin, p.local_damping);
     }
-    const Real vx = m.x - f.x * disc.kick - p.step * (drive[0] * m.x + drive[1] * m.y);
-    const Real vy = m.y - f.y * disc.kick - p.step * (drive[2] * m.x + drive[3] * m.y);
-    m.x = vx;
-    m.y = vy;
-    m.half_w -= f.torque * disc.half_twist;
-    m.rim = Real(2) * disc.r * m.half_w;
-    disc.s.x = moved(disc.s.x, now.to_units[0] * vx + now.to_units[1] * vy);
-    disc.s.y = moved(disc.s.y, now.to_units[2] * vx + now.to_units[3] * vy);
+    u = {u.x - f.x * disc.kick - p.step * (drive[0] * u.x + drive[1] * u.y),
+         u.y - f.y * disc.kick - p.step * (drive[2] * u.x + drive[3] * u.y)};
+    disc.half_w -= f.torque * disc.half_twist;
+    x = {moved(x.x, now.to_units[0] * u.x + now.to_units[1] * u.y),
+         moved(x.y, now.to_units[2] * u.x + now.to_units[3] * u.y)};
     if (SAMPLED && p.kinetic) {
         // m u (x) u with the velocities after the move.
         const Real mass = ratio(p.step, disc.kick);
-        total.virial.xx += mass * vx * vx;
-        total.virial.yy += mass * vy * vy;
-        total.virial.shear += Real(2) * (mass * vx * vy);
+        total.virial.xx += mass * u.x * u.x;
+        total.virial.yy += mass * u.y * u.y;
+        total.virial.shear += Real(2) * (mass * u.x * u.y);
     }
-    sh.position[t] = disc.s;
-    sh.motion[t] = m;
+    const int t = seat();
+    sh.body[t] = disc.body;
+    sh.half_w[t] = disc.half_w;
 }
 
 struct Progress {
@@ -185,18 +196,18 @@ __device__ Progress advance_substeps(const Parameters& p, const Disc& constants,
     Shared& sh = shared();
     const Control& c = sh.control;
     const Real drive[4] = {c.drive[0], c.drive[1], c.drive[2], c.drive[3]};
-    Seated disc = {sh.position[t], sh.motion[t], constants.r, p.step * constants.inv_mass,
+    Seated disc = {sh.body[t], sh.half_w[t], constants.r, p.step * constants.inv_mass,
                    Real(0.5) * p.step * constants.inv_inertia};
     for (int k = 0;; ++k) {
         const Substep& now = sh.substep[k];
         if (now.sampled) {
-            substep<IMAGED, true>(p, now, drive, disc, total, t);
+            substep<IMAGED, true>(p, now, drive, disc, total);
         } else {
-            substep<IMAGED, false>(p, now, drive, disc, total, t);
+            substep<IMAGED, false>(p, now, drive, disc, total);
         }
         // The barrier also publishes the new positions.
         const Substep& next = sh.substep[k + 1];
-        const bool stale = __syncthreads_or(moved_far(reference, disc.s, next.allowed2));
+        const bool stale = __syncthreads_or(moved_far(reference, disc.body.s, next.allowed2));
         if (stale || next.last) {
             if (t == 0) sh.control.header.cell = next.exact;
             return {k + 1, stale};
