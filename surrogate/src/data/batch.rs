@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{DataError, DataSet, Draft, Order};
+use super::{DataError, DataSet, Draft, Example, Order};
 use crate::features::Normalisation;
 
 /// Windows and what should follow, ready for the model.
@@ -92,18 +92,74 @@ impl Recipe {
     /// What the model gets of examples.
     pub fn batch(&self, draft: &Draft) -> Batch {
         let mut batch = Batch::default();
-        let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
         for example in &draft.examples {
-            let targets = example.acceleration().into_iter().enumerate().map(|(place, a)| {
-                let axis = place % 2;
-                let gravity = if self.without_gravity { example.gravity[axis] } else { 0.0 };
-                ((a - gravity - acceleration_mean[axis]) / acceleration_std[axis]) as f32
-            });
-            batch.targets.extend(targets);
+            let scales = self.scales(example);
+            let normalised = |(a, [mean, std]): (f64, [f64; 2])| ((a - mean) / std) as f32;
+            batch.targets.extend(example.acceleration().into_iter().zip(scales).map(normalised));
             batch.points.push(example.points);
             batch.windows.push(example.window());
             batch.statics.push(example.statics.clone());
         }
         batch
+    }
+
+    /// Accelerations in m/frame² of what the model says of examples.
+    pub fn accelerations(&self, draft: &Draft, normalised: &[f32]) -> Vec<f64> {
+        let scales = draft.examples.iter().flat_map(|e| self.scales(e).take(e.values()));
+        normalised.iter().zip(scales).map(|(&a, [mean, std])| f64::from(a) * std + mean).collect()
+    }
+
+    /// Mean and standard deviation that accelerations are normalised with, for x and y in turn.
+    fn scales(&self, example: &Example) -> impl Iterator<Item = [f64; 2]> + use<> {
+        let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
+        let scale = [0, 1].map(|axis| {
+            let gravity = if self.without_gravity { example.gravity[axis] } else { 0.0 };
+            [acceleration_mean[axis] + gravity, acceleration_std[axis]]
+        });
+        scale.into_iter().cycle()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the model learns and what is made of its answers are inverses, also relative to free
+    /// fall, which a mirror or another scene may change from example to example.
+    #[test]
+    fn accelerations_come_back_from_what_the_model_should_say() {
+        let example = |points: usize, gravity| Example {
+            points,
+            positions: (0..6 * points).map(|k| 0.1 * (k as f64).sin()).collect(),
+            next: vec![0.25; 2 * points],
+            gravity,
+            statics: Vec::new(),
+        };
+        let examples = vec![example(3, [0.5, -1.0]), example(2, [-0.5, -1.0])];
+        let draft = Draft { examples, future: Vec::new(), unroll: 0 };
+        let expected: Vec<f64> = draft.examples.iter().flat_map(Example::acceleration).collect();
+        for without_gravity in [false, true] {
+            let recipe = Recipe {
+                seed: 1,
+                batch: 2,
+                shard: Shard { rank: 0, ranks: 1 },
+                frames: 3,
+                unroll: 0,
+                unroll_from: 0,
+                noise: 0.0,
+                mirror: false,
+                without_gravity,
+                normalisation: Normalisation {
+                    acceleration_mean: vec![0.1, -0.2],
+                    acceleration_std: vec![0.5, 2.0],
+                    ..Normalisation::default()
+                },
+            };
+            let targets = recipe.batch(&draft).targets;
+            assert_eq!(targets.len(), expected.len());
+            for (a, b) in recipe.accelerations(&draft, &targets).iter().zip(&expected) {
+                assert!((a - b).abs() < 1e-6, "{a} {b}"); // targets are f32, accelerations about 1
+            }
+        }
     }
 }

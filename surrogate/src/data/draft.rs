@@ -15,36 +15,42 @@ pub struct Draft {
 
 impl Draft {
     /// Pushforward (Brandstetter, Worrall, Welling, ICLR 2022): moves every window `unroll` frames
-    /// on with the accelerations (m/frame²) that `predict` gives, through which no gradient goes.
-    /// As with noise, the velocity after the step to learn is the true one, so the acceleration to
-    /// learn undoes the error of the velocity.
-    pub fn push_forward(mut self, mut predict: impl FnMut(&Example) -> Vec<f64>) -> Self {
+    /// on with the accelerations (m/frame², of the points of all examples) that `predict` gives,
+    /// through which no gradient goes. As with noise, the velocity after the step to learn is the
+    /// true one, so the acceleration to learn undoes the error of the velocity.
+    ///
+    /// # Errors
+    /// Those of `predict`.
+    pub fn push_forward<E>(
+        mut self,
+        mut predict: impl FnMut(&Self) -> Result<Vec<f64>, E>,
+    ) -> Result<Self, E> {
+        for _ in 0..self.unroll {
+            let accelerations = predict(&self)?;
+            let mut rest = accelerations.as_slice();
+            for example in &mut self.examples {
+                let (mine, others) = rest.split_at(example.values());
+                example.advance(mine);
+                rest = others;
+            }
+        }
         for (example, future) in self.examples.iter_mut().zip(&self.future) {
             let values = example.values();
-            for _ in 0..self.unroll {
-                let acceleration = predict(example);
-                let velocity = example.velocity();
-                let last = example.positions.len() - values;
-                let moved: Vec<f64> = (0..values)
-                    .map(|i| example.positions[last + i] + velocity[i] + acceleration[i])
-                    .collect();
-                example.positions.drain(..values);
-                example.positions.extend(moved);
-            }
-            if self.unroll > 0 {
-                let after = &future[self.unroll * values..][..values];
-                let before = &future[(self.unroll - 1) * values..][..values];
-                let last = &example.positions[example.positions.len() - values..];
-                example.next = (0..values).map(|i| last[i] + (after[i] - before[i])).collect();
+            if let Some(last) = self.unroll.checked_sub(1) {
+                let [before, after] = [last, last + 1].map(|k| &future[k * values..][..values]);
+                let now = &example.positions[example.positions.len() - values..];
+                example.next = (0..values).map(|i| now[i] + (after[i] - before[i])).collect();
             }
         }
         self.unroll = 0;
-        self
+        Ok(self)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
+
     use super::*;
 
     /// A point that falls: x = 1, 1 - 1/2, 1 - 3/2, ...
@@ -62,10 +68,15 @@ mod tests {
         Draft { examples: vec![example], unroll, future: vec![future] }
     }
 
+    fn push_forward(unroll: usize, mut predict: impl FnMut(&Example) -> Vec<f64>) -> Draft {
+        let predict = |draft: &Draft| Ok(draft.examples.iter().flat_map(&mut predict).collect());
+        draft(unroll).push_forward::<Infallible>(predict).unwrap()
+    }
+
     #[test]
     fn a_perfect_model_is_where_the_truth_is() {
         for unroll in 0..4 {
-            let pushed = draft(unroll).push_forward(|example| example.gravity.to_vec());
+            let pushed = push_forward(unroll, |example| example.gravity.to_vec());
             assert_eq!(pushed.unroll, 0);
             let example = &pushed.examples[0];
             assert_eq!(example.positions[2], 0.25 * (unroll + 1) as f64);
@@ -76,7 +87,7 @@ mod tests {
     #[test]
     fn the_acceleration_to_learn_undoes_the_error_of_the_velocity() {
         let mut calls = 0;
-        let pushed = draft(2).push_forward(|_| {
+        let pushed = push_forward(2, |_| {
             calls += 1;
             vec![0.0; 2]
         });

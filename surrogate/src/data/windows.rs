@@ -62,6 +62,15 @@ impl Example {
         self.positions.iter().map(|&x| x as f32).collect()
     }
 
+    /// Moves the window on by a frame, with accelerations in m/frame².
+    pub(super) fn advance(&mut self, acceleration: &[f64]) {
+        let (before, last) = self.last_two();
+        let moved = last.iter().zip(before).zip(acceleration);
+        let moved: Vec<f64> = moved.map(|((x, before), a)| x + (x - before) + a).collect();
+        self.positions.drain(..self.values());
+        self.positions.extend(moved);
+    }
+
     /// Keeps the first `frames` frames and the one after them; gives all frames after them.
     pub(super) fn shorten(&mut self, frames: usize) -> Vec<f64> {
         let mut future = self.positions.split_off(frames * self.values());

@@ -5,6 +5,7 @@ mod blocks;
 mod gns;
 mod message;
 mod mlp;
+mod start;
 mod tgnns;
 
 use burn::module::Module;
@@ -16,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 pub use gns::Gns;
 pub use message::MessageLayer;
 pub use mlp::{Mlp, MlpShape};
+pub use start::Start;
 pub use tgnns::Tgnns;
 
 use crate::config::{ModelConfig, ModelKind};

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use burn::tensor::backend::Backend;
 use miette::{NamedSource, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::schedule::Schedule;
 use crate::config::{ModelConfig, PAPER_NETWORKS};
 use crate::cuda;
+use crate::model::{Model, Start};
 
 /// A training. The defaults are those of the paper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,6 +26,8 @@ pub struct TrainConfig {
     pub steps: u64,
     /// Windows in a step.
     pub batch: usize,
+    /// Weights to start from.
+    pub start: Start,
     /// Decay of a moving average of the weights, which then is what is validated and saved; 0
     /// for none.
     pub ema: f64,
@@ -100,6 +104,7 @@ impl Default for TrainConfig {
             model: None,
             steps: 1_000_000,
             batch: 2,
+            start: Start::default(),
             ema: 0.0,
             precision: Precision::default(),
             data: Data::default(),
@@ -186,6 +191,15 @@ impl TrainConfig {
                 value: format!("{name:?}"),
                 range: format!("one of {}, gns", PAPER_NETWORKS.join(", ")),
             }),
+        }
+    }
+
+    /// The weights that the training of a network starts from, the same on every device.
+    pub fn start<B: Backend>(&self, model: &ModelConfig, device: &B::Device) -> Model<B> {
+        let random = Model::new(model, self.seed, device);
+        match self.start {
+            Start::Random => random,
+            Start::Identity => random.near_identity(),
         }
     }
 

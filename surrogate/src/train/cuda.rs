@@ -12,7 +12,8 @@ use super::parameters::{weights, with_weights};
 use crate::backend::{Cpu, device as cpu};
 use crate::config::ModelConfig;
 use crate::cuda::{
-    BatchBuilder, Capacity, CudaError, CudaTrainer, EDGES_PER_POINT, HostWindows, LOSSES, Rates,
+    BatchBuilder, Capacity, CudaError, CudaTrainer, DeviceBatch, EDGES_PER_POINT, HostWindows,
+    LOSSES, Rates,
 };
 use crate::data::Batch;
 use crate::model::Model;
@@ -65,7 +66,7 @@ impl CudaEngine {
         let room = Capacity { points, edges: EDGES_PER_POINT * points };
         let averaging = config.ema > 0.0;
         let mut trainer = CudaTrainer::new(device, model, precision, room, averaging, ranks)?;
-        let model = Model::new(model, config.seed, &cpu());
+        let model = config.start(model, &cpu());
         let start = weights(&model);
         let zeros = vec![0.0; start.len()];
         trainer.restore(&start, [&zeros, &zeros], averaging.then_some(&start[..]))?;
@@ -134,6 +135,28 @@ impl CudaEngine {
             corrections: [mean, square],
             decay: average_decay(self.decay, self.step),
         };
+        let (trainer, batch) = self.load(batch)?;
+        trainer.step(&batch.frames, &batch.targets, rates)?;
+        self.unread += 1;
+        if self.unread == LOSSES {
+            self.read_losses()?;
+        }
+        Ok(())
+    }
+
+    /// Normalised accelerations that the network as it learns gives for a batch. Waits.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn predict(&mut self, batch: &HostBatch) -> Result<Vec<f32>, CudaError> {
+        let stream = self.device.stream().clone();
+        let (trainer, batch) = self.load(batch)?;
+        let output = trainer.network().forward(&batch.frames)?;
+        Ok(stream.clone_dtoh(&output.slice(..batch.targets.len()))?)
+    }
+
+    /// Makes a batch on the GPU, and room for it in the network.
+    fn load(&mut self, batch: &HostBatch) -> Result<(&mut CudaTrainer, &DeviceBatch), CudaError> {
         let Preparation { config, normalisation, bounds } = &batch.preparation;
         let device = &self.device;
         let builder = self
@@ -142,12 +165,7 @@ impl CudaEngine {
         let batch = builder.make(&batch.windows)?;
         let graph = &batch.frames[0].graph;
         self.trainer.grow(Capacity { points: graph.points, edges: graph.capacity })?;
-        self.trainer.step(&batch.frames, &batch.targets, rates)?;
-        self.unread += 1;
-        if self.unread == LOSSES {
-            self.read_losses()?;
-        }
-        Ok(())
+        Ok((&mut self.trainer, batch))
     }
 
     fn read_losses(&mut self) -> Result<(), CudaError> {
@@ -164,15 +182,6 @@ impl CudaEngine {
     pub fn take_losses(&mut self) -> Result<Vec<f64>, CudaError> {
         self.read_losses()?;
         Ok(std::mem::take(&mut self.losses))
-    }
-
-    /// The network as it learns.
-    ///
-    /// # Errors
-    /// If the GPU failed.
-    pub fn network(&self) -> Result<Model<Cpu>, CudaError> {
-        let [weights, ..] = self.trainer.download()?;
-        Ok(with_weights(self.model.clone(), &weights))
     }
 
     /// The GPU.

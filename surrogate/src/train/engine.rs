@@ -6,6 +6,7 @@ use gpu::ranks::RanksError;
 use serde::{Deserialize, Serialize};
 
 use super::adam::Adam;
+use super::config::TrainConfig;
 use super::parameters::{gradients, weights, with_weights};
 use super::ranks::AllReduce;
 use crate::backend::{Cpu, CpuAutodiff, Device, device};
@@ -76,14 +77,14 @@ pub fn average_decay(decay: f64, step: u64) -> f32 {
 }
 
 impl CpuEngine {
-    /// A network with random weights. `decay` is that of the moving average, 0 for none.
-    pub fn new(config: &ModelConfig, seed: u64, decay: f64) -> Self {
-        let model = Model::new(config, seed, &device());
+    /// The network that a training starts from.
+    pub fn new(model: &ModelConfig, config: &TrainConfig) -> Self {
+        let model = config.start(model, &device());
         let weights = weights(&model);
         let adam = Adam::new(weights.len());
-        let average = (decay > 0.0).then(|| weights.clone());
+        let average = (config.ema > 0.0).then(|| weights.clone());
         let state = State { weights, adam, average, step: 0 };
-        Self { model, state, decay, losses: Vec::new() }
+        Self { model, state, decay: config.ema, losses: Vec::new() }
     }
 
     /// Continues from a state; `false` if it is that of another network.
@@ -139,19 +140,19 @@ impl CpuEngine {
         Ok(())
     }
 
+    /// Normalised accelerations that the network as it learns gives for a batch.
+    pub fn predict(&self, batch: &Prepared) -> Vec<f32> {
+        self.model.forward(&batch.input).into_data().iter::<f32>().collect()
+    }
+
     /// The losses since this was last asked for.
     pub fn take_losses(&mut self) -> Vec<f64> {
         std::mem::take(&mut self.losses)
     }
 
-    /// The network as it learns.
-    pub fn network(&self) -> Model<Cpu> {
-        self.model.valid()
-    }
-
     /// The network to use: with averaged weights if there are any.
     pub fn model(&self) -> Model<Cpu> {
         let weights = self.state.average.as_ref().unwrap_or(&self.state.weights);
-        with_weights(self.network(), weights)
+        with_weights(self.model.valid(), weights)
     }
 }

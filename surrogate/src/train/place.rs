@@ -56,7 +56,7 @@ impl Engine {
         points: usize,
     ) -> miette::Result<Self> {
         let Some(device) = device else {
-            return Ok(Self::Cpu(CpuEngine::new(model, config.seed, config.ema)));
+            return Ok(Self::Cpu(CpuEngine::new(model, config)));
         };
         let engine = CudaEngine::new(device, model, config, points, ranks);
         Ok(Self::Cuda(engine.into_diagnostic()?))
@@ -137,6 +137,21 @@ impl Engine {
         Ok(())
     }
 
+    /// Normalised accelerations that the network as it learns gives for a batch of
+    /// [`prepare`](Self::prepare). Waits for the device.
+    ///
+    /// # Errors
+    /// If the GPU failed.
+    pub fn predict(&mut self, batch: &EngineBatch) -> miette::Result<Vec<f32>> {
+        match (self, batch) {
+            (Self::Cpu(engine), EngineBatch::Cpu(batch)) => Ok(engine.predict(batch)),
+            (Self::Cuda(engine), EngineBatch::Cuda(batch)) => {
+                engine.predict(batch).into_diagnostic()
+            }
+            _ => unreachable!("batches are made for their engine"),
+        }
+    }
+
     /// The losses since this was last asked for. Reading waits for the device, so do it rarely.
     ///
     /// # Errors
@@ -148,17 +163,6 @@ impl Engine {
         }
     }
 
-    /// The network as it learns.
-    ///
-    /// # Errors
-    /// If the GPU failed.
-    pub fn network(&self) -> miette::Result<Model<Cpu>> {
-        match self {
-            Self::Cpu(engine) => Ok(engine.network()),
-            Self::Cuda(engine) => engine.network().into_diagnostic(),
-        }
-    }
-
     /// The network to use: with averaged weights if there are any.
     ///
     /// # Errors
@@ -167,6 +171,65 @@ impl Engine {
         match self {
             Self::Cpu(engine) => Ok(engine.model()),
             Self::Cuda(engine) => engine.model().into_diagnostic(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ranks::Alone;
+    use super::*;
+    use crate::features::Normalisation;
+
+    /// Both engines start from the same weights, so they say the same of a batch; and what they
+    /// say is what they are judged by in the next step.
+    #[test]
+    fn engines_predict_alike_and_are_judged_by_it() {
+        let model = ModelConfig { width: 16, frames: 3, ..Default::default() };
+        let config = TrainConfig { seed: 3, ..TrainConfig::default() };
+        let normalisation = Normalisation {
+            velocity_mean: vec![0.0; 2],
+            velocity_std: vec![0.01; 2],
+            acceleration_mean: vec![0.0; 2],
+            acceleration_std: vec![1.0; 2],
+            ..Normalisation::default()
+        };
+        let preparation =
+            Preparation { config: model.clone(), normalisation, bounds: [[0.0, 1.0]; 2] };
+        let points = [40, 25];
+        let window = |&points: &usize| {
+            let at = |k: usize| 0.5 + 0.45 * (1.7 * (k % (2 * points)) as f32).sin();
+            (0..6 * points).map(|k| at(k) + 1e-4 * (k as f32).cos()).collect()
+        };
+        let batch = Batch {
+            windows: points.iter().map(window).collect(),
+            points: points.to_vec(),
+            statics: vec![Vec::new(); 2],
+            targets: (0..130).map(|k| (k as f32).cos()).collect(),
+        };
+        let loss = |said: &[f32]| {
+            let square = |x: f32| f64::from(x).powi(2);
+            let errors: f64 = said.iter().zip(&batch.targets).map(|(a, b)| square(a - b)).sum();
+            errors / batch.targets.iter().map(|&b| square(b)).sum::<f64>()
+        };
+        let mut engines = vec![Engine::Cpu(CpuEngine::new(&model, &config))];
+        if let Some(device) = gpu::for_tests() {
+            let engine = CudaEngine::new(&device, &model, &config, 65, None);
+            engines.push(Engine::Cuda(engine.unwrap()));
+        }
+        let mut first: Option<Vec<f32>> = None;
+        for mut engine in engines {
+            let prepare = engine.prepare(&preparation);
+            let said = engine.predict(&prepare(batch.clone())).unwrap();
+            engine.step(prepare(batch.clone()), 1e-3, &mut Alone).unwrap();
+            let judged = engine.take_losses().unwrap();
+            assert!((judged[0] / loss(&said) - 1.0).abs() < 1e-4, "{judged:?} {}", loss(&said));
+            // 22 bits of precision through some ten layers.
+            let other = first.get_or_insert_with(|| said.clone());
+            assert_eq!(other.len(), said.len());
+            for (a, b) in other.iter().zip(&said) {
+                assert!((a - b).abs() < 1e-4, "{a} {b}");
+            }
         }
     }
 }

@@ -31,6 +31,10 @@ fn preparation() -> Preparation {
     Preparation { config, normalisation, bounds: [[0.0, 1.0]; 2] }
 }
 
+fn config() -> TrainConfig {
+    TrainConfig { seed: 3, ema: 0.9, ..TrainConfig::default() }
+}
+
 /// Windows of different sizes, so that they weigh differently in the loss.
 fn batch(step: u64, windows: Range<u64>) -> Batch {
     let mut batch = Batch::default();
@@ -51,7 +55,7 @@ fn batch(step: u64, windows: Range<u64>) -> Batch {
 /// Trains on some of the four windows of each step.
 fn train(windows: Range<u64>, ranks: &mut dyn AllReduce) -> (State, Vec<f64>) {
     let preparation = preparation();
-    let mut engine = CpuEngine::new(&preparation.config, 3, 0.9);
+    let mut engine = CpuEngine::new(&preparation.config, &config());
     for step in 0..STEPS {
         let graph = preparation.prepare(&batch(step, windows.clone()));
         engine.step(graph, 1e-3, ranks).unwrap();
@@ -66,8 +70,7 @@ fn train_on(
     ranks: Option<Arc<Ranks>>,
 ) -> (State, Vec<f64>) {
     let preparation = preparation();
-    let config = TrainConfig { seed: 3, ema: 0.9, ..TrainConfig::default() };
-    let mut engine = CudaEngine::new(device, &preparation.config, &config, 42, ranks).unwrap();
+    let mut engine = CudaEngine::new(device, &preparation.config, &config(), 42, ranks).unwrap();
     for step in 0..STEPS {
         let batch = HostBatch::new(batch(step, windows.clone()), &preparation);
         engine.step(&batch, 1e-3).unwrap();
@@ -101,7 +104,7 @@ fn two_ranks(
 /// sums are in another order, and Adam's first steps divide small gradients by their own size.
 fn compare([first, second]: [(State, Vec<f64>); 2], (one, losses): (State, Vec<f64>)) {
     assert_eq!(first, second);
-    let start = CpuEngine::new(&preparation().config, 3, 0.9).state().clone();
+    let start = CpuEngine::new(&preparation().config, &config()).state().clone();
     let distance = |a: &[f32], b: &[f32]| {
         a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
     };

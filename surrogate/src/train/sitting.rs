@@ -19,7 +19,6 @@ use super::{TrainArgs, progress};
 use crate::backend::{Cpu, device};
 use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
-use crate::features::Window;
 use crate::model::Model;
 use crate::range::Range;
 use crate::simulator::{Simulator, Training};
@@ -237,7 +236,8 @@ impl Sitting {
         let batch = match self.batches.next()? {
             Some(Work::Graph(batch)) => batch,
             Some(Work::Draft(draft)) => {
-                let batch = self.recipe.batch(&self.push_forward(draft)?);
+                let draft = self.push_forward(draft)?;
+                let batch = self.recipe.batch(&draft);
                 self.engine.prepare(&self.preparation)(batch)
             }
             None => bail!("the thread that prepares the data has died"),
@@ -263,15 +263,12 @@ impl Sitting {
         Ok(())
     }
 
-    fn push_forward(&self, draft: Draft) -> miette::Result<Draft> {
-        let simulator = self.simulator(self.engine.network()?);
-        let mut network = simulator.inference();
-        let domain = self.preparation.bounds.map(|[_, length]| length);
-        Ok(draft.push_forward(|example| {
-            let (positions, statics) = (&example.window(), &example.statics);
-            let window = Window { positions, points: example.points, statics };
-            simulator.accelerations(&mut network, &window, domain, example.gravity)
-        }))
+    fn push_forward(&mut self, draft: Draft) -> miette::Result<Draft> {
+        let (recipe, prepare) = (&self.recipe, self.engine.prepare(&self.preparation));
+        draft.push_forward(|draft| {
+            let normalised = self.engine.predict(&prepare(recipe.batch(draft)))?;
+            Ok(recipe.accelerations(draft, &normalised))
+        })
     }
 
     fn read_losses(&mut self) -> miette::Result<()> {

@@ -8,6 +8,7 @@ mod messages;
 mod mirror;
 mod numpy;
 mod sizes;
+mod start;
 
 use std::collections::BTreeMap;
 use std::path::Path;
