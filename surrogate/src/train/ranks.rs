@@ -84,6 +84,9 @@ impl AllReduce for Arc<Ranks> {
     }
 }
 
+/// How sums are made on the host, and the GPUs that make them among themselves, if there are any.
+pub type Joined = (Box<dyn AllReduce>, Option<Arc<Ranks>>);
+
 /// Joins the other processes of a launch, if there are any, who are about to train what has the same
 /// fingerprint. Those with a GPU are given as GPUs too.
 ///
@@ -93,7 +96,7 @@ pub fn join(
     launch: Launch,
     device: Option<&Arc<Device>>,
     fingerprint: &Fingerprint,
-) -> Result<(Box<dyn AllReduce>, Option<Arc<Ranks>>), RanksError> {
+) -> Result<Joined, RanksError> {
     match device {
         _ if !launch.is_shared() => Ok((Box::new(Alone), None)),
         None => Ok((Box::new(Tcp::join(launch, fingerprint)?), None)),

@@ -36,7 +36,7 @@ pub fn checkpoint_in(folder: &Path) -> PathBuf {
 
 /// What the next step learns from.
 enum Work {
-    Graph(EngineBatch),
+    Graph(Box<EngineBatch>),
     /// Windows that the network has to move on first, as it is by then.
     Draft(Draft),
 }
@@ -135,7 +135,7 @@ impl Sitting {
             if draft.unroll > 0 {
                 Work::Draft(draft)
             } else {
-                Work::Graph(prepare(ahead.batch(&draft)))
+                Work::Graph(Box::new(prepare(ahead.batch(&draft))))
             }
         });
         Ok(Self {
@@ -234,7 +234,7 @@ impl Sitting {
 
     fn step(&mut self) -> miette::Result<()> {
         let batch = match self.batches.next()? {
-            Some(Work::Graph(batch)) => batch,
+            Some(Work::Graph(batch)) => *batch,
             Some(Work::Draft(draft)) => {
                 let draft = self.push_forward(draft)?;
                 let batch = self.recipe.batch(&draft);

@@ -3,7 +3,7 @@
 use surrogate::simulator::Simulator;
 
 use super::super::outcome::Outcome;
-use super::super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError};
+use super::super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
 use super::super::threshold::Threshold;
 use super::roll::{Direct, WRONG, column, difference, roll, text};
 use crate::context::Suite;
@@ -11,7 +11,7 @@ use crate::context::Suite;
 /// Time that trainings last (s): a collapse.
 const TRAINED: f64 = 1.2;
 
-pub fn study(_: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
+pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let interval = simulator.training.frame_interval;
     let frames = (4.0 * TRAINED / interval) as usize + 1;
     let scene = text([4.0, 2.0], &column([0.5, 0.0], [1.0, pick(suite, 0.75, 1.0)], [0.0, 0.0]));
