@@ -517,7 +517,12 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         model,
         config,
         normalisation: norm,
-        training: Training { frame_interval: motion.interval, without_gravity: true, steps: 0 },
+        training: Training {
+            frame_interval: motion.interval,
+            without_gravity: true,
+            steps: 0,
+            range: None,
+        },
         mirror,
         device: Default::default(),
         gpu: None,

@@ -44,7 +44,7 @@ impl Sides {
     fn class(&self) -> usize {
         let owned = self.rows(0);
         let other = (owned + self.rows(1)).saturating_sub(3).min(4);
-        5 * owned.min(5) + if owned % 2 == 0 { other } else { 4 - other }
+        5 * owned.min(5) + if owned.is_multiple_of(2) { other } else { 4 - other }
     }
 }
 

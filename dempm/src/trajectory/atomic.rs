@@ -35,7 +35,7 @@ pub fn write_atomically<T, E: From<WriteError>>(
     fill: impl FnOnce(&Path) -> Result<T, E>,
 ) -> Result<T, E> {
     let draft = Draft::new(path)?;
-    let value = fill(draft.path())?;
+    let value = fill(draft.temporary())?;
     draft.publish()?;
     Ok(value)
 }
@@ -57,7 +57,7 @@ impl Draft {
     }
 
     /// Where to write.
-    pub fn path(&self) -> &Path {
+    pub fn temporary(&self) -> &Path {
         &self.temporary
     }
 

@@ -226,12 +226,13 @@ impl TrajectoryWriter {
     /// A copy of the file, cut to the frames to keep.
     fn begin_draft(&self) -> Result<Drafted> {
         let draft = Draft::new(&self.path)?;
-        fs::copy(&self.path, draft.path()).map_err(|source| TrajectoryError::Io {
+        fs::copy(&self.path, draft.temporary()).map_err(|source| TrajectoryError::Io {
             path: self.path.clone(),
             action: "copy it",
             source,
         })?;
-        let file = open_for_writing(draft.path()).map_err(TrajectoryError::at(&self.path, "/"))?;
+        let file =
+            open_for_writing(draft.temporary()).map_err(TrajectoryError::at(&self.path, "/"))?;
         self.set_frames(&file, self.kept)?;
         Ok(Drafted { file, draft, frames: 0 })
     }

@@ -119,8 +119,7 @@ fn mirror(
     study: &mut Study,
 ) -> Result<(), StudyError> {
     let interval = simulator.training.frame_interval;
-    // No GPU averages mirror images.
-    let averaging = Simulator { mirror: true, gpu: None, ..simulator.clone() };
+    let averaging = Simulator { mirror: true, ..simulator.clone() };
     let predictions = [("rollout", simulator), ("with --mirror", &averaging)];
     let (mut curves, mut rows) = (Vec::new(), Vec::new());
     for (column, direct) in columns {
