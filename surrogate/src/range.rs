@@ -145,7 +145,7 @@ impl Range {
             let [value, least, most] = [start, &self.least, &self.most].map(q.of);
             let text = |how: &str, limit: f64| {
                 let [value, limit] = [value, limit].map(rounded);
-                format!("{} {value}{unit}, {how} {limit} in training", q.name, unit = q.unit)
+                format!("{} {value}{unit}, {how} {limit}{unit} in training", q.name, unit = q.unit)
             };
             if value > (1.0 + q.margin) * most {
                 Some(text("at most", most))

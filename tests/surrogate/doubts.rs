@@ -74,7 +74,10 @@ fn a_start_is_compared_with_the_training_data() {
     let mirror =
         |simulator: &Simulator| doubts(simulator, &free).iter().any(|d| d.contains("--mirror"));
     assert!(mirror(&simulator) && !mirror(&symmetric));
-    assert!(mirror_difference(&symmetric, &free) < 1e-3 * mirror_difference(&simulator, &free));
+    // What is left is the rounding of positions to f32, on either side of the mirror.
+    let (left, before) =
+        (mirror_difference(&symmetric, &free), mirror_difference(&simulator, &free));
+    assert!(left < 1e-2 * before, "{left} of {before}");
 
     let mut noisy = start.clone();
     for (frame, positions) in noisy.positions.iter_mut().enumerate() {
