@@ -52,7 +52,7 @@ fn summary(study: &Study) -> String {
     }
     let of_theory = |finding: &Finding| {
         let (theory, _) = finding.theory.as_ref()?;
-        Some(finding.measured.value()? / theory)
+        Some(finding.measured.value()? / theory).filter(|ratio| ratio.is_finite())
     };
     let ratios: Vec<f64> = study.findings.iter().filter_map(of_theory).collect();
     if let Some(least) = ratios.iter().copied().reduce(f64::min) {
