@@ -67,6 +67,7 @@ const FULL: Settings = Settings {
         ("200 discs", "rve.discs = 200"),
         ("100 discs", "rve.discs = 100"),
         ("50 discs", "rve.discs = 50"),
+        ("400 discs, 8 packings", "material.packings = 8"),
         ("400 discs + f64", "material.precision = \"f64\""),
         ("400 discs + short substeps", "rve.step_factor = 0.1"),
         ("400 discs + long substeps", "rve.step_factor = 0.4"),
