@@ -555,8 +555,8 @@ impl Kernels {
         Ok(())
     }
 
-    /// Sums of squared errors and of squared targets over points x columns numbers, and the
-    /// gradient of the first in rows of 128.
+    /// Sums of squared errors and of squared targets, each with `floor`² more, over points x columns
+    /// numbers, and the gradient of the first in rows of 128.
     pub fn loss(
         &self,
         [output, target]: [Address; 2],
@@ -564,10 +564,18 @@ impl Kernels {
         columns: usize,
         gradient: Address,
         sums: Address,
+        floor: f32,
     ) -> Result<(), CudaError> {
         let mut launch = self.device.stream().launch_builder(&self.loss);
         let (points, columns) = (points as i32, columns as i32);
-        launch.arg(&output).arg(&target).arg(&points).arg(&columns).arg(&gradient).arg(&sums);
+        launch
+            .arg(&output)
+            .arg(&target)
+            .arg(&points)
+            .arg(&columns)
+            .arg(&gradient)
+            .arg(&sums)
+            .arg(&floor);
         // SAFETY: live buffers of these sizes.
         unsafe { self.launch("loss", launch, config([1, 1], 1024, 0))? };
         Ok(())
