@@ -119,6 +119,7 @@ __device__ __forceinline__ void backward(const Backward& a) {
     Weights weights(a.weights, (uint4*)(scale + WIDTH), a.units, a.resident);
     for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
         scale[k] = a.norm >= 0 && k < a.width ? a.parameters[a.norm + k] : 0.f;
+    wait_for_kernel_before();
     weights.wait();
 
     float sums[4][2] = {};

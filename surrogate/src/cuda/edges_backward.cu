@@ -422,6 +422,7 @@ extern "C" __global__ void __launch_bounds__(EDGE_THREADS, 1)
     if (threadIdx.x < WIDTH)
         shared.scale[threadIdx.x] =
             threadIdx.x < a.width ? a.parameters[a.norm + threadIdx.x] : 0.f;
+    wait_for_kernel_before();
     if (threadIdx.x < SUM_THREADS) backward<true>(shared, a);
     else backward<false>(shared, a);
 }

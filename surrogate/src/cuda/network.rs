@@ -92,7 +92,7 @@ impl CudaNetwork {
         training: bool,
     ) -> Result<Self, CudaError> {
         supports(config)?;
-        let kernels = Kernels::load(device, precision, training)?;
+        let kernels = Kernels::load(device, precision)?;
         let layout = Layout::new(config, precision, kernels.fused());
         let room = Room::new(device, &layout, &kernels, capacity, training)?;
         Ok(Self {

@@ -56,6 +56,7 @@ extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
 // sends: points x 128 each. The graph is symmetric, so the latter are the reverses of the former.
 extern "C" __global__ void collect(const u32* start, const u32* reverse, int points,
                                    const Stored* x, Stored* sent, Stored* received) {
+    wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
     if (node >= points) return;
     const int column = lane % 16 * 8;
@@ -80,6 +81,7 @@ extern "C" __global__ void collect(const u32* start, const u32* reverse, int poi
 // For each edge of a graph the same edge of another one, or NONE.
 extern "C" __global__ void same_edges(const u32* edges, const u32* sender, const u32* receiver,
                                       const u32* other_start, const u32* other_sender, u32* same) {
+    wait_for_kernel_before();
     for (u32 edge = blockIdx.x * blockDim.x + threadIdx.x; edge < *edges;
          edge += gridDim.x * blockDim.x) {
         const u32 from = sender[edge];
