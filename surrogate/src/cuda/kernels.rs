@@ -76,6 +76,7 @@ pub fn defines(precision: Precision) -> Vec<String> {
         format!("THREADS={}", precision.threads()),
         format!("FORWARD_BATCH={FORWARD_BATCH}"),
         format!("RECEIVE_BATCH={RECEIVE_BATCH}"),
+        format!("EDGES_SHARED={EDGES_SHARED}"),
     ]
 }
 
@@ -164,6 +165,7 @@ pub struct Backward {
     pub input32: [Address; 2],
     pub input: Address,
     pub norm_sums: Address,
+    pub sums: Address,
     pub rows: u32,
     pub units: i32,
     pub resident: i32,
@@ -265,14 +267,16 @@ pub struct Kernels {
     shared: usize,
     /// Whether the GPU can begin a kernel while the one before ends.
     early: bool,
-    /// Weights are being packed, which kernels read as soon as they begin.
-    packing: AtomicBool,
+    /// The next launch is the first of a pass: the weights may be new, which kernels read as soon as
+    /// they begin.
+    first: AtomicBool,
     pack: CudaFunction,
     forward: CudaFunction,
     backward: CudaFunction,
     /// In bf16 on Hopper.
     edges_backward: Option<CudaFunction>,
     product: CudaFunction,
+    product_shared: usize,
     receive: CudaFunction,
     collect: CudaFunction,
     same: CudaFunction,
@@ -292,6 +296,8 @@ impl Kernels {
         let [weights, forward, backward, edges, gradient, segment, optimiser] = &modules[..] else {
             unreachable!("seven sources")
         };
+        let hopper = device.architecture() == "sm_90a";
+        let product_shared = product_shared(precision, hopper);
         // What the driver keeps of a block's shared memory is not in the limit.
         let shared = device.limits()?.shared_per_block;
         let with_shared = |module: &Arc<CudaModule>, name: &str, bytes: usize| {
@@ -309,12 +315,13 @@ impl Kernels {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            edges_backward: if precision == Precision::Bf16 && device.architecture() == "sm_90a" {
+            edges_backward: if precision == Precision::Bf16 && hopper {
                 Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
             } else {
                 None
             },
-            product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
+            product: with_shared(gradient, "weight_gradient", product_shared)?,
+            product_shared,
             receive: segment.load_function("receive")?,
             collect: segment.load_function("collect")?,
             same: segment.load_function("same_edges")?,
@@ -327,7 +334,7 @@ impl Kernels {
             profile: Profile::default(),
             shared,
             early: device.context().compute_capability()?.0 >= 9,
-            packing: AtomicBool::new(false),
+            first: AtomicBool::new(true),
         })
     }
 
@@ -339,13 +346,15 @@ impl Kernels {
         packed: Address,
     ) -> Result<(), CudaError> {
         let arguments = arguments![packs, parameters, packed];
+        let config = config([count as u32, 1], 512, 0);
         // SAFETY: the addresses are those of `count` packs, of the weights and of the room that
         // the packs were laid out for.
-        unsafe {
-            self.launch("pack", &self.pack, arguments, config([count as u32, 1], 512, 0), false)?;
-        };
-        self.packing.store(true, Ordering::Relaxed);
-        Ok(())
+        unsafe { self.launch("pack", &self.pack, arguments, config, false) }
+    }
+
+    /// Begins a pass through the network: its first kernel waits for all that was queued before.
+    pub fn begin(&self) {
+        self.first.store(true, Ordering::Relaxed);
     }
 
     /// Launches a kernel. `early`: it waits itself for the one before (`wait_for_kernel_before` of
@@ -362,7 +371,7 @@ impl Kernels {
         early: bool,
     ) -> Result<(), CudaError> {
         let stream = self.device.stream();
-        let early = early && self.early && !self.packing.swap(false, Ordering::Relaxed);
+        let early = self.early && early && !self.first.swap(false, Ordering::Relaxed);
         let mut attribute = CUlaunchAttribute {
             id: CUlaunchAttributeID::CU_LAUNCH_ATTRIBUTE_PROGRAMMATIC_STREAM_SERIALIZATION,
             pad: [0; 4],
@@ -471,8 +480,8 @@ impl Kernels {
         count: usize,
         blocks: usize,
     ) -> Result<(), CudaError> {
-        let shared = product_shared(self.precision);
-        let config = config([blocks as u32, count as u32], 256, shared);
+        let threads = 256 * self.precision.parts() as u32;
+        let config = config([blocks as u32, count as u32], threads, self.product_shared);
         // SAFETY: the addresses in the products are those of live buffers.
         unsafe { self.launch("products", &self.product, arguments![products], config, true) }
     }
@@ -490,19 +499,19 @@ impl Kernels {
         Ok(())
     }
 
-    /// An edge quantity, added over each node's outgoing and incoming edges.
+    /// An edge quantity, added over each node's outgoing and incoming edges; the sums of runs of the
+    /// latter may be there already.
     pub fn collect(
         &self,
         start: Address,
         reverse: Address,
         points: usize,
-        edge: Address,
-        sent: Address,
-        received: Address,
+        [edge, sums]: [Address; 2],
+        [sent, received]: [Address; 2],
     ) -> Result<(), CudaError> {
         let config = config([(points as u32).div_ceil(4), 1], 128, 0);
         let points = points as i32;
-        let arguments = arguments![start, reverse, points, edge, sent, received];
+        let arguments = arguments![start, reverse, points, edge, sums, sent, received];
         // SAFETY: as above.
         unsafe { self.launch("collect", &self.collect, arguments, config, true) }
     }
@@ -572,15 +581,19 @@ impl Kernels {
     }
 }
 
-/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows, three stages
-/// of three tiles of 64, all of 256 bytes, and five vectors.
+/// Threads of a block of `edges_backward`, and its shared memory: two matrices of 128 rows, eight tiles
+/// of 64, all of 256 bytes, and some vectors.
 const EDGES_THREADS: u32 = 512;
-const EDGES_SHARED: usize = (128 + 3 * 3 * 64) * 256 + 5 * WIDTH * 4;
+const EDGES_SHARED: usize = (2 * 128 + 8 * 64) * 256 + (9 << 10);
 
-/// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
-fn product_shared(precision: Precision) -> usize {
-    let stages = if precision == Precision::Bf16 { 3 } else { 1 };
-    stages * 2 * precision.parts() * 64 * 17 * 16
+/// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 256 bytes for each part.
+fn product_shared(precision: Precision, hopper: bool) -> usize {
+    let stages = match (precision, hopper) {
+        (Precision::Bf16, _) => 3,
+        (Precision::F32, true) => 2,
+        (Precision::F32, false) => 1,
+    };
+    stages * 2 * precision.parts() * 64 * 256
 }
 
 fn config(grid: [u32; 2], threads: u32, shared: usize) -> LaunchConfig {

@@ -117,9 +117,7 @@ impl CudaNetwork {
             return Err(CudaError::Weights { found: weights.len(), expected });
         }
         self.kernels.device.stream().memcpy_htod(weights, &mut self.parameters)?;
-        self.pack()?;
-        // Kernels that begin early read them.
-        Ok(self.kernels.device.stream().synchronize()?)
+        self.pack()
     }
 
     /// Makes room for larger batches, if need be.

@@ -19,7 +19,7 @@ constexpr int REDUCE_GROUPS = 4;
 // Every fourth slice from `from` on.
 __device__ float sum_slices(const float* from, int count, int size) {
     float sum = 0.f;
-#pragma unroll 4
+#pragma unroll 8
     for (int k = threadIdx.x / WIDTH; k < count; k += REDUCE_GROUPS) sum += from[(size_t)k * size];
     return sum;
 }
