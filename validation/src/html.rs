@@ -12,6 +12,9 @@ use crate::report::{Written, WrittenSection, figure_file, table_file};
 
 const STYLE: &str = include_str!("style.css");
 
+/// A fact of more lines is folded.
+const MOST_LINES: usize = 4;
+
 /// The whole page. `facts` says what it was made with.
 pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
     let mut html = format!(
@@ -24,8 +27,12 @@ pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
     );
     html += "<dl class=\"facts\">";
     for (name, value) in facts {
+        let (lines, mut value) = (value.lines().count(), escape(value));
+        if lines > MOST_LINES {
+            value = format!("<details><summary>{lines}</summary>{value}</details>");
+        }
         // Writing to a string cannot fail, here and below.
-        let _ = write!(html, "<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value));
+        let _ = write!(html, "<div><dt>{}</dt><dd>{value}</dd></div>", escape(name));
     }
     html += "</dl>\n<p>Tables are in <code>tables/</code> as CSV, figures in <code>figures/</code>, \
              all numbers, commands and messages in <code>results.json</code>.</p>\n</header>\n<nav>";
@@ -201,9 +208,11 @@ fn write_figure(html: &mut String, section: &WrittenSection, figure: &Figure) {
 }
 
 fn write_map(html: &mut String, section: &WrittenSection, map: &Map) {
+    let plain = map.cells.iter().flatten().all(|(_, number)| number.is_empty());
+    let class = if plain { "map plain" } else { "map" };
     let _ = write!(
         html,
-        "<figure class=\"table\"><div class=\"scroll\"><table class=\"map\">\n<thead><tr>\
+        "<figure class=\"table\"><div class=\"scroll\"><table class=\"{class}\">\n<thead><tr>\
          <th>{} ↓<br>{} →</th>",
         inline(&map.y.0),
         inline(&map.x.0)
@@ -216,11 +225,11 @@ fn write_map(html: &mut String, section: &WrittenSection, map: &Map) {
         let _ = write!(html, "<tr><th scope=\"row\">{}</th>", inline(value));
         for (outcome, number) in cells {
             let (word, sign, class) = outcome.words();
-            let _ = write!(
-                html,
-                "<td class=\"{class}\" title=\"{word}\">{sign} <small>{}</small></td>",
-                inline(number)
-            );
+            let number = match number.as_str() {
+                "" => String::new(),
+                number => format!(" <small>{}</small>", inline(number)),
+            };
+            let _ = write!(html, "<td class=\"{class}\" title=\"{word}\">{sign}{number}</td>");
         }
         *html += "</tr>\n";
     }

@@ -47,9 +47,11 @@ impl Section for SpeedAccuracy {
         let mut blocks = vec![Block::text(format!(
             "Scene: {}. The reference ({}) ran with two seeds; errors are means of those \
              against each, and what lies below the difference between the two (the shade) \
-             cannot be told from it. All other runs have a third seed. Time is wall time of the \
-             computation on {}, one run at a time: preparing packings and kernels and writing \
-             files are not counted, the frames that a network starts from are.",
+             cannot be told from it. All other runs have a third seed. The grid of the reference is \
+             that of the scene: settings with other cells show what that choice is worth. Time \
+             is wall time of the computation on {}, one run at a time: preparing packings and \
+             kernels, copying them to the device and writing files are not counted, the frames \
+             that a network starts from are.",
             case.description, case.reference_words, context.device_name
         ))];
         blocks.extend(busy(&sweep));
@@ -57,7 +59,7 @@ impl Section for SpeedAccuracy {
         for (name, unit, measure) in MEASURES {
             let picture = chart(&sweep, name, unit, measure).draw()?;
             blocks.push(Block::Figure(Figure::new(
-                format!("Error of the {name} over time"),
+                format!("Error over wall time: {name}"),
                 picture,
                 "Down and left is better. The line joins what nothing beats in both; numbers are \
                  those of the table.",

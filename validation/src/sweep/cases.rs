@@ -67,6 +67,7 @@ const FULL: Settings = Settings {
         ("200 discs", "rve.discs = 200"),
         ("100 discs", "rve.discs = 100"),
         ("50 discs", "rve.discs = 50"),
+        ("400 discs, 8 packings", "material.packings = 8"),
         ("400 discs + f64", "material.precision = \"f64\""),
         ("400 discs + short substeps", "rve.step_factor = 0.1"),
         ("400 discs + long substeps", "rve.step_factor = 0.4"),
@@ -85,36 +86,30 @@ const FULL: Settings = Settings {
 };
 
 /// What of that is tried on Col2x2.
-const MEDIUM: Settings = Settings {
-    packings: &[
-        ("400 discs", ""),
-        ("200 discs", "rve.discs = 200"),
-        ("100 discs", "rve.discs = 100"),
-        ("50 discs", "rve.discs = 50"),
-        ("400 discs + f64", "material.precision = \"f64\""),
-        ("400 discs + long substeps", "rve.step_factor = 0.4"),
-        ("50 discs + long substeps", "rve.discs = 50\nrve.step_factor = 0.4"),
-        ("400 discs + mass x 10", "rve.mass_scale = 10"),
-        ("400 discs + step 0.5 ms", "step = 5e-4"),
-        ("400 discs + cells of 0.25 m", "domain.cell = 0.25"),
-        ("400 discs + cells of 0.0625 m", "domain.cell = 0.0625"),
-        ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
-    ],
-    ..FULL
-};
+const ON_COL2X2: [&str; 12] = [
+    "400 discs",
+    "200 discs",
+    "100 discs",
+    "50 discs",
+    "400 discs + f64",
+    "400 discs + long substeps",
+    "50 discs + long substeps",
+    "400 discs + mass x 10",
+    "400 discs + step 0.5 ms",
+    "400 discs + cells of 0.25 m",
+    "400 discs + cells of 0.0625 m",
+    "100 discs + cells of 0.25 m",
+];
 
 /// What of that is tried on Col5x3.
-const LARGE: Settings = Settings {
-    packings: &[
-        ("400 discs", ""),
-        ("200 discs", "rve.discs = 200"),
-        ("100 discs", "rve.discs = 100"),
-        ("50 discs + long substeps", "rve.discs = 50\nrve.step_factor = 0.4"),
-        ("400 discs + cells of 0.25 m", "domain.cell = 0.25"),
-        ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
-    ],
-    ..FULL
-};
+const ON_COL5X3: [&str; 6] = [
+    "400 discs",
+    "200 discs",
+    "100 discs",
+    "50 discs + long substeps",
+    "400 discs + cells of 0.25 m",
+    "100 discs + cells of 0.25 m",
+];
 
 /// Settings with the mu(I) law.
 const CONTINUUM: [(&str, &str); 3] = [
@@ -123,9 +118,9 @@ const CONTINUUM: [(&str, &str); 3] = [
     ("mu(I) + cells of 0.0625 m", "material.kind = \"mu-i\"\ndomain.cell = 0.0625"),
 ];
 
-/// Keys of all settings.
+/// Keys of all settings that do not say otherwise.
 const COMMON: &str = "material.precision = \"f32\"\nstep = 1e-4\ndomain.cell = 0.125\n\
-                      output.fields = []";
+                      rve.step_factor = 0.2\noutput.fields = []";
 
 /// Seeds of the two references and of everything else: no setting shares its packings with a
 /// reference.
@@ -155,16 +150,18 @@ impl Case {
                 "the first 2 s of Col2x2, after which only the surface creeps: a column of 2 m x 2 m, \
                  1024 points",
                 &merged(include_str!("../../../scenes/paper/test/col2x2.toml"), "duration = 2.0"),
-                &MEDIUM,
+                &FULL,
                 [2.0, 2.0],
-            ),
+            )
+            .with_only(&ON_COL2X2),
             Self::new(
                 "Col5x3",
                 "a column of 5 m x 3 m, 3840 points, 3 s",
                 include_str!("../../../scenes/paper/test/col5x3.toml"),
-                &LARGE,
+                &FULL,
                 [5.0, 3.0],
-            ),
+            )
+            .with_only(&ON_COL5X3),
         ]
     }
 
@@ -202,6 +199,14 @@ impl Case {
         }
     }
 
+    /// Drops the settings with packings that are not among `names`.
+    fn with_only(mut self, names: &[&str]) -> Self {
+        self.settings.retain(|(family, name, _)| {
+            *family != Family::Packings || names.contains(&name.as_str())
+        });
+        self
+    }
+
     /// The reference with its two seeds.
     pub(super) fn references(&self) -> [String; 2] {
         [SEEDS[0], SEEDS[1]].map(|number| merged(&self.reference, &seed(number)))
@@ -217,6 +222,12 @@ mod tests {
     use dempm::scene::Scene;
 
     use super::*;
+
+    #[test]
+    fn what_larger_scenes_try_is_among_the_settings() {
+        let known = |name: &&str| FULL.packings.iter().any(|(setting, _)| setting == name);
+        assert!(ON_COL2X2.iter().chain(&ON_COL5X3).all(known));
+    }
 
     #[test]
     fn all_settings_are_valid_scenes_of_the_same_material() {

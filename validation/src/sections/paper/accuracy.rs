@@ -13,15 +13,13 @@ use crate::rollouts::{Rollout, animation, chart, failures, roll_out, snapshots, 
 use crate::section::Section;
 use crate::table::number;
 
-/// The paper's network on some cases.
+/// The paper's network on some cases, and beside it what is none of the paper's.
 pub struct Cases {
     pub title: &'static str,
     /// Folder of the data.
     pub set: &'static str,
     /// Which cases of it; all if none.
     pub only: Option<fn(&str) -> bool>,
-    /// Whether to draw snapshots.
-    pub snapshots: bool,
 }
 
 impl Section for Cases {
@@ -32,33 +30,48 @@ impl Section for Cases {
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
         let mut cases = context.cases(self.set);
         cases.retain(|(name, _)| self.only.is_none_or(|only| only(name)));
-        // The paper's network, or what there is in its place.
-        let models: Vec<Model> = baseline(&context.models)
-            .or_else(|| context.models.first().cloned())
-            .into_iter()
-            .collect();
+        let models = shown(&context.models);
         let mut blocks = absent(&cases, &models, self.set);
         if !blocks.is_empty() {
             return Ok(blocks);
         }
-        if !belongs(&models[0].name, "baseline") {
-            blocks.push(Block::text(format!(
-                "There is no model named `baseline`; these are rollouts of `{}`.",
-                models[0].name
-            )));
+        if baseline(&models).is_none() {
+            blocks.push(Block::text("There is no model named `baseline`."));
         }
         let rollouts = roll_out(context, &models, &cases)?;
-        blocks.push(chart("Error over time", &rollouts.iter().collect::<Vec<_>>(), None)?);
         blocks.push(Block::Table(table(&rollouts)));
         blocks.extend(failures(&rollouts));
-        if self.snapshots {
-            for rollout in &rollouts {
+        for model in drawn(&models, &rollouts) {
+            let of_model: Vec<&Rollout> =
+                rollouts.iter().filter(|rollout| rollout.model == model.name).collect();
+            let title = format!("Error over time, {}", model.name);
+            blocks.push(chart(&title, &of_model, None)?);
+            for rollout in of_model {
                 blocks.extend(snapshots(rollout)?);
                 blocks.extend(animation(rollout)?);
             }
         }
         Ok(blocks)
     }
+}
+
+/// The paper's Baseline, and all models that are none of its networks.
+fn shown(models: &[Model]) -> Vec<Model> {
+    let of_paper = |model: &Model| PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name));
+    let others = models.iter().filter(|model| !of_paper(model)).cloned();
+    baseline(models).into_iter().chain(others).collect()
+}
+
+/// The first of them, and the most accurate if that is another.
+fn drawn<'m>(models: &'m [Model], rollouts: &[Rollout]) -> Vec<&'m Model> {
+    let error = |model: &Model| -> f64 {
+        let of_model = rollouts.iter().filter(|rollout| rollout.model == model.name);
+        of_model.map(|rollout| rollout.errors.mean()).sum()
+    };
+    let best = models.iter().min_by(|a, b| error(a).total_cmp(&error(b)));
+    let mut drawn: Vec<&Model> = models.first().into_iter().chain(best).collect();
+    drawn.dedup_by_key(|model| &model.name);
+    drawn
 }
 
 /// Fig. 11 to 14: the ten networks on the validation cases.
@@ -132,21 +145,28 @@ impl Section for Stated {
                 "Mean square distance of points, box width 1. The paper's values are orders of \
                    magnitude.",
             );
-        let model: Vec<Model> = baseline(&context.models).into_iter().collect();
+        let models = shown(&context.models);
         let mut lacking = 0;
         for (set, case, which, words, paper) in STATED {
             let mut cases = context.cases(set);
             cases.retain(|(name, _)| name == case);
-            let rollout = roll_out(context, &model, &cases)?.pop();
-            let ours = rollout.as_ref().and_then(|rollout| value(rollout, which));
-            lacking += usize::from(ours.is_none());
-            rows.row([
-                words.to_owned(),
-                stated(paper),
-                ours.map_or(String::new(), number),
-                ratio(paper, ours),
-                rollout.map_or(String::new(), |rollout| rollout.model),
-            ]);
+            let rollouts = roll_out(context, &models, &cases)?;
+            let mut row = |ours: Option<f64>, network: &str| {
+                lacking += usize::from(ours.is_none());
+                rows.row([
+                    words.to_owned(),
+                    stated(paper),
+                    ours.map_or(String::new(), number),
+                    ratio(paper, ours),
+                    network.to_owned(),
+                ]);
+            };
+            if rollouts.is_empty() {
+                row(None, "");
+            }
+            for rollout in &rollouts {
+                row(value(rollout, which), &rollout.model);
+            }
         }
         let mut blocks = vec![
             Block::Table(rows),
@@ -158,8 +178,8 @@ impl Section for Stated {
         if lacking > 0 {
             blocks.push(Block::missing(
                 format!("Our value of {lacking} of them"),
-                "that takes a model named `baseline` and the case's trajectory.",
-                "See Table 7 for how to make both.",
+                "that takes a model, a rollout that does not end early, and the case's trajectory.",
+                "See Table 7 for how to make a model and data.",
             ));
         }
         Ok(blocks)

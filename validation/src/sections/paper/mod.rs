@@ -20,7 +20,6 @@ pub fn all() -> Vec<Box<dyn Section>> {
             title: "Fig. 9 and 10: validation cases",
             set: "valid",
             only: None,
-            snapshots: true,
         }),
         Box::new(accuracy::Ablation),
         Box::new(resolutions::Resolutions),
@@ -28,13 +27,11 @@ pub fn all() -> Vec<Box<dyn Section>> {
             title: "Fig. 17 to 21: test set",
             set: "test",
             only: Some(|case| case != "penetration"),
-            snapshots: true,
         }),
         Box::new(accuracy::Cases {
             title: "Fig. 22: penetration",
             set: "test",
             only: Some(|case| case == "penetration"),
-            snapshots: true,
         }),
         Box::new(accuracy::Stated),
     ]

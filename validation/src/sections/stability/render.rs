@@ -1,7 +1,7 @@
 //! Studies as blocks of the report.
 
 use super::snapshot;
-use super::study::{Axis, Chart, Map, Study};
+use super::study::{Axis, Chart, Finding, Map, Study};
 use crate::block::{Block, Figure, Table};
 use crate::chart::{self, ChartError, Mark, Series};
 use crate::map;
@@ -14,6 +14,7 @@ use crate::table::number;
 pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
     let mut blocks = vec![Block::text(&study.method)];
     if !study.findings.is_empty() {
+        blocks.push(Block::Findings(vec![summary(study)]));
         blocks.push(Block::Table(thresholds(study)));
     }
     let said = messages(study);
@@ -34,6 +35,41 @@ pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
         blocks.push(Block::List(study.notes.clone()));
     }
     Ok(blocks)
+}
+
+/// The study in a line: how many limits, how near to theory, and where nothing was said.
+fn summary(study: &Study) -> String {
+    let failed: Vec<_> = study.findings.iter().filter(|f| !f.beyond.works()).collect();
+    let mut line = study.of.as_ref().map_or(String::new(), |model| format!("{model}: "));
+    line += &format!("{} pushed, {} until failure", study.findings.len(), failed.len());
+    let silent = |outcome: &super::Outcome| outcome.kind() == map::Outcome::Silent;
+    let unsaid: Vec<&str> =
+        failed.iter().filter(|f| silent(&f.beyond)).map(|f| f.case.as_str()).collect();
+    if !unsaid.is_empty() {
+        line += &format!("; nothing was said of: {}", unsaid.join("; "));
+    } else if !failed.is_empty() {
+        line += ", and the program said so each time";
+    }
+    let of_theory = |finding: &Finding| {
+        let (theory, _) = finding.theory.as_ref()?;
+        Some(finding.measured.value()? / theory).filter(|ratio| ratio.is_finite())
+    };
+    let ratios: Vec<f64> = study.findings.iter().filter_map(of_theory).collect();
+    if let Some(least) = ratios.iter().copied().reduce(f64::min) {
+        let most = ratios.iter().copied().fold(least, f64::max);
+        line += &format!(
+            ". Thresholds over those of theory: {} to {} ({} of them)",
+            number(least),
+            number(most),
+            ratios.len()
+        );
+    }
+    let cells: Vec<_> = study.maps.iter().flat_map(|map| map.outcomes.iter().flatten()).collect();
+    if !cells.is_empty() {
+        let silent = cells.iter().filter(|outcome| silent(outcome)).count();
+        line += &format!(". Maps: {silent} of {} failed silently", cells.len());
+    }
+    line + "."
 }
 
 fn thresholds(study: &Study) -> Table {
@@ -117,7 +153,7 @@ fn drawn(chart: &Chart) -> Result<crate::figure::Picture, ChartError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::study::{Curve, Finding, Picture};
+    use super::super::study::{Curve, Picture};
     use super::super::{Outcome, Threshold};
     use super::*;
 
@@ -161,11 +197,22 @@ mod tests {
         };
         study.name_model("tiny");
         let blocks = blocks(&study).unwrap();
-        let [Block::Text(_), Block::Table(table), Block::Table(said), Block::Map(map), rest @ ..] =
-            blocks.as_slice()
+        let [
+            Block::Text(_),
+            Block::Findings(summary),
+            Block::Table(table),
+            Block::Table(said),
+            Block::Map(map),
+            rest @ ..,
+        ] = blocks.as_slice()
         else {
             panic!("{blocks:?}")
         };
+        assert_eq!(
+            summary,
+            &["tiny: 1 pushed, 1 until failure; nothing was said of: case. Thresholds over those \
+               of theory: 1 to 1 (1 of them). Maps: 1 of 2 failed silently."]
+        );
         assert_eq!(table.title, "Thresholds (tiny)");
         assert_eq!(
             table.rows,
