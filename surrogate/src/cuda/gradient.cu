@@ -1,7 +1,7 @@
 // Gradients of weights of many linears at once. Numbers are bf16 or, with their range of sizes, sums
 // x1 + x2 of two bf16: 16 bits of mantissa are enough here, where errors do not pass through further
 // layers. The product of x2 and y2, 2^-18 of that of x and y, is left out: the sums leave out as much.
-// On Hopper warp groups multiply (`wgmma`) sums of two, and the two tiles that follow are on their way.
+// Sums of two are made while the tensor cores of Hopper multiply (`wgmma`) those of the tile before.
 
 #if PARTS == 2 && defined(__CUDA_ARCH_FEAT_SM90_ALL)
 #define GROUPS_MULTIPLY
@@ -37,7 +37,11 @@ constexpr int GRADIENT_THREADS = 4 * 32 * (WIDTH / COLUMNS);
 // Chunks of eight numbers that each thread copies.
 constexpr int COPIES = ROWS * 16 / GRADIENT_THREADS;
 // Tiles in shared memory: bf16 is copied there as it is, ahead of time.
+#ifdef GROUPS_MULTIPLY
+constexpr int STAGES = 2;
+#else
 constexpr int STAGES = PARTS == 1 ? 3 : 1;
+#endif
 
 struct Stage {
     Rows64 x, dz;
@@ -65,62 +69,40 @@ __device__ __forceinline__ void fetch(const Product& a, Stage& to, u32 tile, u32
     }
 }
 #else
-// What a thread copies of the tiles that follow: it is split before it is stored.
-#ifdef GROUPS_MULTIPLY
-constexpr int TURNS = 2;
-#else
-constexpr int TURNS = 1;
-#endif
-
+// What a thread copies of a tile, on its way: it is split before it is stored.
 struct Ahead {
-    // Eight numbers each of dZ and X, in registers or, of all threads, in shared memory.
-#ifdef GROUPS_MULTIPLY
-    typedef uint4 Words[2][COPIES][2][GRADIENT_THREADS];
-    Words* words;
+    uint4 dz[COPIES][2], x[COPIES][2];
 
-    __device__ __forceinline__ uint4& word(int turn, int which, int n, int k) const {
-        return words[turn][which][n][k][threadIdx.x];
-    }
-#else
-    uint4 words[2][COPIES][2];
-
-    __device__ __forceinline__ uint4& word(int, int which, int n, int k) { return words[which][n][k]; }
-#endif
-
-    __device__ __forceinline__ void load(int turn, int which, int n, const Stored* from, u32 row, int chunk) {
+    __device__ __forceinline__ static void load(uint4 (&to)[2], const Stored* from, u32 row, int chunk) {
         const bool there = row != NONE;
         const uint4* start = (const uint4*)(from + (there ? (size_t)row * WIDTH + 8 * chunk : 0));
 #pragma unroll
         for (int k = 0; k < 2; k++) {
-#ifdef GROUPS_MULTIPLY
-            copy_async(&word(turn, which, n, k), start + k, there);
-#else
-            const uint4 loaded = start[k];
-            word(turn, which, n, k) = there ? loaded : make_uint4(0, 0, 0, 0);
-#endif
+            const uint4 word = start[k];
+            to[k] = there ? word : make_uint4(0, 0, 0, 0);
         }
     }
 
-    __device__ __forceinline__ void fetch(const Product& a, u32 tile, u32 rows, int turn) {
+    __device__ __forceinline__ void fetch(const Product& a, u32 tile, u32 rows) {
 #pragma unroll
         for (int n = 0; n < COPIES; n++) {
             const int chunk = threadIdx.x % 16;
             const u32 row = tile * ROWS + (threadIdx.x + n * GRADIENT_THREADS) / 16;
-            load(turn, 0, n, a.dz, row < rows ? row : NONE, chunk);
-            if (a.x) load(turn, 1, n, a.x, row_of_x(a, row, rows), chunk);
+            load(dz[n], a.dz, row < rows ? row : NONE, chunk);
+            if (a.x) load(x[n], a.x, row_of_x(a, row, rows), chunk);
         }
     }
 
-    __device__ __forceinline__ void put(const Product& a, Stage& to, int turn) {
+    __device__ __forceinline__ void put(const Product& a, Stage& to) const {
 #pragma unroll
         for (int n = 0; n < COPIES; n++) {
             const int local = (threadIdx.x + n * GRADIENT_THREADS) / 16, chunk = threadIdx.x % 16;
             float v[8];
-            for (int which = 0; which < (a.x ? 2 : 1); which++) {
-                const uint4 both[2] = {word(turn, which, n, 0), word(turn, which, n, 1)};
-                unpack8(both, v);
-                put8(which ? to.x : to.dz, local, chunk, v);
-            }
+            unpack8(dz[n], v);
+            put8(to.dz, local, chunk, v);
+            if (!a.x) continue;
+            unpack8(x[n], v);
+            put8(to.x, local, chunk, v);
         }
     }
 };
@@ -270,8 +252,8 @@ extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
     const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + ROWS - 1) / ROWS;
     Sums sums;
     float bias[2] = {};
-#if PARTS == 1
     int stage = 0;
+#if PARTS == 1
     for (int s = 0; s < STAGES - 1; s++) {
         const u32 tile = blockIdx.x + s * a.blocks;
         if (tile < tiles) fetch(a, stages[s], tile, rows);
@@ -290,31 +272,25 @@ extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
         stage = (stage + 1) % STAGES;
     }
 #else
-#ifdef GROUPS_MULTIPLY
-    Ahead ahead = {(Ahead::Words*)(stages + 1)};
-#else
     Ahead ahead;
-#endif
-    for (int turn = 0; turn < TURNS; turn++) {
-        const u32 tile = blockIdx.x + turn * a.blocks;
-        if (tile < tiles) ahead.fetch(a, tile, rows, turn);
-        end_copies();
-    }
-    int turn = 0;
-    for (u32 tile = blockIdx.x; tile < tiles; tile += a.blocks) {
-        wait_for_copies<TURNS - 1>();
-        ahead.put(a, stages[0], turn);
-        if (!a.x) put_features(a, stages[0].x, tile, rows);
+    // Stores the tile that is on its way, and lets the next one come.
+    auto put = [&](Stage& to, u32 tile) {
+        if (tile >= tiles) return;
+        ahead.put(a, to);
+        if (!a.x) put_features(a, to.x, tile, rows);
         show_to_products();
+        if (tile + a.blocks < tiles) ahead.fetch(a, tile + a.blocks, rows);
+    };
+    if (blockIdx.x < tiles) ahead.fetch(a, blockIdx.x, rows);
+    put(stages[0], blockIdx.x);
+    for (u32 tile = blockIdx.x; tile < tiles; tile += a.blocks) {
         __syncthreads();
-        const u32 next = tile + TURNS * a.blocks;
-        if (next < tiles) ahead.fetch(a, next, rows, turn);
-        end_copies();
-        turn = (turn + 1) % TURNS;
-        sums.add(stages[0]);
-        if (a.bias) add_bias(bias, stages[0].dz);
+        sums.add(stages[stage]);
+        if (a.bias) add_bias(bias, stages[stage].dz);
+        stage = (stage + 1) % STAGES;
+        if (STAGES == 1) __syncthreads();
+        put(stages[stage], tile + a.blocks);
         wait_for_products();
-        __syncthreads();
     }
 #endif
     __syncthreads();

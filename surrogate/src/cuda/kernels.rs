@@ -586,12 +586,12 @@ impl Kernels {
 const EDGES_THREADS: u32 = 512;
 const EDGES_SHARED: usize = (2 * 128 + 8 * 64) * 256 + (9 << 10);
 
-/// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 256 bytes for each part. On
-/// Hopper two stages in f32 are those on their way.
+/// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 256 bytes for each part.
 fn product_shared(precision: Precision, hopper: bool) -> usize {
-    let stages = match precision {
-        Precision::F32 if !hopper => 1,
-        _ => 3,
+    let stages = match (precision, hopper) {
+        (Precision::Bf16, _) => 3,
+        (Precision::F32, true) => 2,
+        (Precision::F32, false) => 1,
     };
     stages * 2 * precision.parts() * 64 * 256
 }
