@@ -201,7 +201,7 @@ impl Simulation {
     pub fn record(&mut self) -> Result<(), SimulationError> {
         self.record_wall_time();
         self.state.ledger.clone_from(self.solver.ledger());
-        if let Some(gpu) = &self.gpu {
+        if let Some(gpu) = &mut self.gpu {
             gpu.fetch_material(&mut self.state)
                 .map_err(|error| SimulationError::on_gpu(error, self.scene.step))?;
         }

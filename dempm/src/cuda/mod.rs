@@ -30,6 +30,8 @@ pub(crate) struct CudaSimulation {
     graphs: Option<[CudaGraph; 2]>,
     /// Since when steps are queued beyond those that the CPU knows of.
     ahead: Option<Instant>,
+    /// The step of which the CPU has the material, too.
+    recorded: usize,
     /// Before and after the last step queued outside of a graph.
     events: [CudaEvent; 2],
 }
@@ -91,6 +93,7 @@ impl CudaSimulation {
             material: DeviceMaterial::new(device, &state.material, ranks)?,
             graphs: None,
             ahead: None,
+            recorded: state.step,
             events: timer(device)?,
             device: device.clone(),
         })
@@ -144,20 +147,25 @@ impl CudaSimulation {
         Ok(time)
     }
 
-    /// Copies back what only checkpoints need: the state of the material.
+    /// Copies back what only checkpoints need, the state of the material, unless the CPU has it.
     ///
     /// # Errors
     /// A failure of the GPU.
     ///
     /// # Panics
     /// If steps beyond `state` are queued.
-    pub fn fetch_material(&self, state: &mut State) -> Result<(), CudaError> {
+    pub fn fetch_material(&mut self, state: &mut State) -> Result<(), CudaError> {
         assert!(self.ahead.is_none(), "a checkpoint is of one moment");
-        match (&self.material, &mut state.material) {
-            (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) => twin.fetch_packings(rve),
-            (DeviceMaterial::MuI(twin), SceneMaterial::MuI(law)) => twin.fetch(law),
-            _ => Ok(()),
+        if self.recorded == state.step {
+            return Ok(());
         }
+        match (&self.material, &mut state.material) {
+            (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) => twin.fetch_packings(rve)?,
+            (DeviceMaterial::MuI(twin), SceneMaterial::MuI(law)) => twin.fetch(law)?,
+            _ => {}
+        }
+        self.recorded = state.step;
+        Ok(())
     }
 
     /// Queues macro steps, all but the last one as graphs: that one is timed.
