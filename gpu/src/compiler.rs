@@ -108,7 +108,8 @@ pub(crate) fn compile_cached(
 ) -> Result<Vec<u8>, Error> {
     let nvrtc = nvrtc_version()?;
     let mut hasher = DefaultHasher::new();
-    (PRELUDE, source, architecture, defines, driver, nvrtc, env!("CARGO_PKG_VERSION")).hash(&mut hasher);
+    (PRELUDE, source, architecture, defines, driver, nvrtc, env!("CARGO_PKG_VERSION"))
+        .hash(&mut hasher);
     let file = cache_directory().map(|folder| {
         let stem = name.trim_end_matches(".cu");
         folder.join(format!("{stem}-{architecture}-{:016x}.cubin", hasher.finish()))

@@ -7,8 +7,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use cudarc::driver::CudaSlice;
-use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState};
 use dem::RveBatch;
+use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState};
 use gpu::Device;
 use gpu::ranks::Ranks;
 

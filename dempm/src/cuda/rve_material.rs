@@ -9,8 +9,8 @@ use cudarc::driver::{
 };
 use dem::RveState;
 use dem::cuda::{CudaError as RveError, DeviceState};
-use gpu::{Device, argument};
 use gpu::ranks::Ranks;
+use gpu::{Device, argument};
 use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
 use mpm::{Basis, MaterialError};
 
