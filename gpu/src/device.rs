@@ -170,8 +170,8 @@ impl Device {
         self.stream.alloc_zeros(len).map_err(|e| self.memory_error(e, len * size_of::<T>()))
     }
 
-    /// Page-locked host memory, which the GPU copies to while the host does something else. Not
-    /// initialised.
+    /// Page-locked host memory, which the GPU copies to while the host does something else: a copy is
+    /// there once its stream was waited for, which reading does not do. Not initialised.
     pub fn pinned<T: DeviceRepr + ValidAsZeroBits>(
         &self,
         len: usize,

@@ -129,7 +129,7 @@ impl CudaRveMaterial {
         Ok(stream.memcpy_dtoh(&self.tally, &mut self.frame_tally)?)
     }
 
-    /// Waits for the copies and takes them, `steps` steps after the last time.
+    /// Takes the copies, `steps` steps after the last time. The caller has waited for the stream.
     pub fn fetched(&self, rve: &mut RveMaterial, steps: usize) -> Result<(), CudaError> {
         // Several ranks have room for a few more.
         let states = self.frame_states.as_slice()?.iter().take(rve.states.len());

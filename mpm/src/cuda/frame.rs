@@ -34,7 +34,7 @@ impl FrameCopy {
         })
     }
 
-    /// Queues the copies. `as_slice` of each array waits for its own.
+    /// Queues the copies, which are there once the stream has come to this point.
     pub fn queue(&mut self, stream: &Arc<CudaStream>, memory: &Memory) -> Result<(), Error> {
         stream.memcpy_dtoh(&memory.clock, &mut self.clock)?;
         stream.memcpy_dtoh(&memory.position, &mut self.position)?;

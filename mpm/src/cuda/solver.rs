@@ -204,11 +204,12 @@ impl CudaSolver {
         material: &dyn CudaMaterial,
     ) -> Result<(), CudaError> {
         self.queue_fetch()?;
+        self.device.stream().synchronize()?;
         self.fetched(points, solver, material)
     }
 
     /// Queues copies of the points, and of what contacts have done, as they are after the steps
-    /// queued so far. [`fetched`](Self::fetched) takes them; steps queued in between go on meanwhile.
+    /// queued so far. [`fetched`](Self::fetched) takes them.
     ///
     /// # Errors
     /// A failure of the device.
@@ -219,7 +220,8 @@ impl CudaSolver {
         Ok(self.frame.queue(self.device.stream(), &self.memory)?)
     }
 
-    /// Waits for the copies and takes them.
+    /// Takes the copies. The caller has waited for the stream after [`queue_fetch`](Self::queue_fetch);
+    /// steps queued since then may go on.
     ///
     /// # Errors
     /// The failure of the first step that failed, in the words of the CPU; nothing is taken then.
