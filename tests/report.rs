@@ -69,13 +69,7 @@ fn fixture(directory: &Path) {
         connection_radius: 0.13,
         ..ModelConfig::default()
     };
-    let normalisation = Normalisation {
-        velocity_mean: vec![0.0; 2],
-        velocity_std: vec![1e-3; 2],
-        acceleration_mean: vec![0.0; 2],
-        acceleration_std: vec![1e-6; 2],
-        ..Normalisation::default()
-    };
+    let normalisation = Normalisation::about_zero(2, 1e-3, 1e-6);
     let training = r#"{ "frame_interval": 0.01, "without_gravity": false, "steps": 1000 }"#;
     let extra = [("training".to_owned(), training.to_owned())].into();
     let model: Model<Cpu> = Model::new(&config, 1, &device());

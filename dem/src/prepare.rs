@@ -95,12 +95,15 @@ pub fn ladder(
     Ok(rungs.into_iter().flatten().collect())
 }
 
-/// An element with the damping of preparation, which never gives up a loose packing.
+/// An element with the damping of preparation, which never gives up a loose packing. Its step is the
+/// default one, so that packings are the same whatever the step of flow: each step would lead to
+/// another packing, and packings differ more than steps do.
 fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, StageError> {
     let p = RveParameters {
         local_damping: p.preparation.local_damping,
         free_solid_fraction: 0.0,
         mass_scale: 1.0,
+        step_factor: RveParameters::default().step_factor,
         ..p.clone()
     };
     Element::new(packing, &p, CONTROL_STEPS * p.step())
@@ -138,4 +141,18 @@ fn cloud(p: &RveParameters, seed: u64) -> Result<Packing<f64>, String> {
         discs.push(PlainDisc { x, r });
     }
     Ok(Packing::new(Cell::square(side), &discs, |r| p.disc_mass(r)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packing_does_not_depend_on_the_step_of_flow() {
+        let made = |step_factor| {
+            let p = RveParameters { discs: 30, step_factor, ..RveParameters::default() };
+            prepare(&p, 1, &[5.0e3]).unwrap()
+        };
+        assert_eq!(made(0.1), made(0.4));
+    }
 }

@@ -170,11 +170,13 @@ mod tests {
     const SCENE: &str = "duration = 0.02\nframe_interval = 0.001\n[domain]\nsize = [2.0, 1.0]\n\
                          [[column]]\nsize = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n";
 
+    /// A run with its first frame.
     fn start(directory: &Path) -> (Simulation, Output) {
         let simulation = Simulation::new(Scene::parse(SCENE, "scene.toml").unwrap()).unwrap();
         let (header, points) = (simulation.header(String::new()), simulation.static_points());
         let writer = TrajectoryWriter::create(&directory.join("run.h5"), &header, &points).unwrap();
-        let output = Output::new(writer, directory.join("run.ckpt"), SCENE.to_owned());
+        let mut output = Output::new(writer, directory.join("run.ckpt"), SCENE.to_owned());
+        output.push(simulation.frame());
         (simulation, output)
     }
 
@@ -199,7 +201,6 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("run.h5");
         let (mut simulation, mut output) = start(directory.path());
-        output.push(simulation.frame());
         for _ in 0..5 {
             next_frame(&mut simulation, &mut output);
             output.save(simulation.state.clone());
@@ -224,7 +225,6 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("run.h5");
         let (mut simulation, mut output) = start(directory.path());
-        output.push(simulation.frame());
         output.save(simulation.state.clone());
         saved(&mut output).unwrap();
 

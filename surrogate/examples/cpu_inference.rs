@@ -20,13 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let config = ModelConfig::named(&name).ok_or("no such network")?;
     let model = Model::<Cpu>::new(&config, 1, &device());
     let mut inference = Inference::new(&model, &config, 1);
-    let norm = Normalisation {
-        velocity_mean: vec![0.0; 2],
-        velocity_std: vec![0.01; 2],
-        acceleration_mean: vec![0.0; 2],
-        acceleration_std: vec![0.1; 2],
-        ..Normalisation::default()
-    };
+    let norm = Normalisation::about_zero(2, 0.01, 0.1);
     // A column of points 1/16 m apart, each a little off its place, that flows apart.
     let columns = (points as f64).sqrt().ceil() as usize;
     let offset = |k: usize| (k as f64 * 0.618_034).fract() * 0.02;

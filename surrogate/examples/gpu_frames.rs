@@ -97,13 +97,7 @@ fn main() -> Result<(), Failure> {
 
 fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let config = ModelConfig::default();
-    let norm = Normalisation {
-        velocity_mean: vec![0.0; 2],
-        velocity_std: vec![0.01; 2],
-        acceleration_mean: vec![0.0; 2],
-        acceleration_std: vec![1e-3; 2],
-        ..Normalisation::default()
-    };
+    let norm = Normalisation::about_zero(2, 0.01, 1e-3);
     let text = "duration = 1.0\n[material]\nkind = \"mu-i\"\n[domain]\nsize = [100.0, 100.0]\n\
         [[column]]\nsize = [0.5, 0.5]\n\
         [[obstacle]]\ncorner = [50.0, 0.0]\nsize = [0.5, 0.8]\n";

@@ -28,13 +28,7 @@ const WINDOWS: usize = 2;
 const REPEATS: usize = 50;
 
 fn normalisation() -> Normalisation {
-    Normalisation {
-        velocity_mean: vec![0.0; 2],
-        velocity_std: vec![0.004; 2],
-        acceleration_mean: vec![0.0; 2],
-        acceleration_std: vec![1e-3; 2],
-        ..Normalisation::default()
-    }
+    Normalisation::about_zero(2, 0.004, 1e-3)
 }
 
 /// Jittered columns in random motion.

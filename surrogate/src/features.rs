@@ -32,6 +32,19 @@ pub struct Normalisation {
     pub features_std: Vec<f64>,
 }
 
+impl Normalisation {
+    /// Means of zero and the same deviations (m/frame, m/frame²) along all axes.
+    pub fn about_zero(dimensions: usize, velocity: f64, acceleration: f64) -> Self {
+        Self {
+            velocity_mean: vec![0.0; dimensions],
+            velocity_std: vec![velocity; dimensions],
+            acceleration_mean: vec![0.0; dimensions],
+            acceleration_std: vec![acceleration; dimensions],
+            ..Self::default()
+        }
+    }
+}
+
 /// Consecutive frames of one trajectory.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {

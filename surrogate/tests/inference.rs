@@ -18,13 +18,7 @@ fn trajectory(points: usize, frames: usize) -> Vec<Vec<f32>> {
 }
 
 fn input(frames: &[Vec<f32>], config: &ModelConfig) -> WindowInput<Cpu> {
-    let norm = Normalisation {
-        velocity_mean: vec![0.0; 2],
-        velocity_std: vec![0.01; 2],
-        acceleration_mean: vec![0.0; 2],
-        acceleration_std: vec![0.1; 2],
-        ..Normalisation::default()
-    };
+    let norm = Normalisation::about_zero(2, 0.01, 0.1);
     let window = Window { positions: &frames.concat(), points: frames[0].len() / 2, statics: &[] };
     window_input(&[window], config, &norm, &[[0.0, 2.0]; 2], &device())
 }

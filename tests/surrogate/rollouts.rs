@@ -103,13 +103,7 @@ fn a_broken_model_says_where_it_broke() {
         let simulator = Simulator {
             model,
             config: config.clone(),
-            normalisation: Normalisation {
-                velocity_mean: vec![0.0; 2],
-                velocity_std: vec![1e-3; 2],
-                acceleration_mean: vec![0.0; 2],
-                acceleration_std: vec![size; 2],
-                ..Normalisation::default()
-            },
+            normalisation: Normalisation::about_zero(2, 1e-3, size),
             training: Training {
                 frame_interval: 0.01,
                 without_gravity: false,

@@ -187,13 +187,7 @@ mod tests {
     fn engines_predict_alike_and_are_judged_by_it() {
         let model = ModelConfig { width: 16, frames: 3, ..Default::default() };
         let config = TrainConfig { seed: 3, ..TrainConfig::default() };
-        let normalisation = Normalisation {
-            velocity_mean: vec![0.0; 2],
-            velocity_std: vec![0.01; 2],
-            acceleration_mean: vec![0.0; 2],
-            acceleration_std: vec![1.0; 2],
-            ..Normalisation::default()
-        };
+        let normalisation = Normalisation::about_zero(2, 0.01, 1.0);
         let preparation =
             Preparation { config: model.clone(), normalisation, bounds: [[0.0, 1.0]; 2] };
         let points = [40, 25];

@@ -21,13 +21,7 @@ const STEPS: u64 = 20;
 
 fn preparation() -> Preparation {
     let config = ModelConfig { width: 8, frames: 3, connection_radius: 0.3, ..Default::default() };
-    let normalisation = Normalisation {
-        velocity_mean: vec![0.0; 2],
-        velocity_std: vec![0.01; 2],
-        acceleration_mean: vec![0.0; 2],
-        acceleration_std: vec![1.0; 2],
-        ..Normalisation::default()
-    };
+    let normalisation = Normalisation::about_zero(2, 0.01, 1.0);
     Preparation { config, normalisation, bounds: [[0.0, 1.0]; 2] }
 }
 
