@@ -4,8 +4,9 @@ use surrogate::config::{ModelConfig, PAPER_NETWORKS};
 use surrogate::simulator::Simulator;
 
 use super::ratio;
+use super::times::baseline;
 use crate::block::{Block, Table};
-use crate::context::Context;
+use crate::context::{Context, Model};
 use crate::model_cost::ModelCost;
 use crate::section::Section;
 use crate::table::number;
@@ -88,6 +89,14 @@ impl Section for Networks {
 pub fn belongs(model: &str, network: &str) -> bool {
     let rest = model.strip_prefix(network);
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with("-data"))
+}
+
+/// The paper's Baseline, and all models that are none of its networks: its other nine are ablations
+/// that differ too little to be looked at one by one.
+pub fn baseline_and_others(models: &[Model]) -> Vec<Model> {
+    let of_paper = |model: &Model| PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name));
+    let others = models.iter().filter(|model| !of_paper(model)).cloned();
+    baseline(models).into_iter().chain(others).collect()
 }
 
 #[cfg(test)]
