@@ -41,14 +41,17 @@ impl Section for Cases {
         let rollouts = roll_out(context, &models, &cases)?;
         blocks.push(Block::Table(table(&rollouts)));
         blocks.extend(failures(&rollouts));
-        for model in drawn(&models, &rollouts) {
+        for (place, model) in drawn(&models, &rollouts).into_iter().enumerate() {
             let of_model: Vec<&Rollout> =
                 rollouts.iter().filter(|rollout| rollout.model == model.name).collect();
             let title = format!("Error over time, {}", model.name);
             blocks.push(chart(&title, &of_model, None)?);
             for rollout in of_model {
                 blocks.extend(snapshots(rollout)?);
-                blocks.extend(animation(rollout)?);
+                // Animations of one model are enough for a page.
+                if place == 0 {
+                    blocks.extend(animation(rollout)?);
+                }
             }
         }
         Ok(blocks)
