@@ -145,22 +145,37 @@ impl Simulation {
         Ok(())
     }
 
-    /// Advances to the next stop, where `state` is complete but for packings on a GPU: by one macro
-    /// step on the CPU, and to the next frame on a GPU.
+    /// Advances to the next stop, where `state` is complete but for a material on a GPU (see
+    /// [`record`](Self::record)): by one macro step on the CPU, and to the next frame on a GPU.
     ///
     /// # Errors
     /// When a point leaves the grid or its material fails; the step is then half done.
     pub fn advance(&mut self) -> Result<(), SimulationError> {
+        self.advance_and(false)
+    }
+
+    /// As [`advance`](Self::advance); told to `go_on`, a GPU makes the steps to the stop after it
+    /// while the caller looks at this one, and may not be asked to [`record`](Self::record) it.
+    ///
+    /// # Errors
+    /// As [`advance`](Self::advance).
+    pub fn advance_and(&mut self, go_on: bool) -> Result<(), SimulationError> {
         let start = Instant::now();
         let per_frame = self.scene.steps_per_frame();
         let to_next_frame = per_frame - self.state.step % per_frame;
-        match &mut self.gpu {
-            None => self.step()?,
-            Some(gpu) => gpu
-                .advance(to_next_frame, &mut self.state, &mut self.solver)
-                .map_err(|error| SimulationError::on_gpu(error, self.scene.step))?,
-        }
-        self.advancing += start.elapsed();
+        let time = match &mut self.gpu {
+            None => {
+                self.step()?;
+                start.elapsed()
+            }
+            Some(gpu) => {
+                let left = self.scene.steps().saturating_sub(self.state.step + to_next_frame);
+                let next = if go_on { left.min(per_frame) } else { 0 };
+                gpu.advance(to_next_frame, next, &mut self.state, &mut self.solver)
+                    .map_err(|error| SimulationError::on_gpu(error, self.scene.step))?
+            }
+        };
+        self.advancing += time;
         Ok(())
     }
 
@@ -186,8 +201,8 @@ impl Simulation {
     pub fn record(&mut self) -> Result<(), SimulationError> {
         self.record_wall_time();
         self.state.ledger.clone_from(self.solver.ledger());
-        if let Some(gpu) = &self.gpu {
-            gpu.fetch_packings(&mut self.state)
+        if let Some(gpu) = &mut self.gpu {
+            gpu.fetch_material(&mut self.state)
                 .map_err(|error| SimulationError::on_gpu(error, self.scene.step))?;
         }
         Ok(())

@@ -193,14 +193,18 @@ impl Sitting {
         let steps = self.simulation.scene.steps();
         let per_frame = self.simulation.scene.steps_per_frame();
         while self.simulation.state.step < steps {
-            let frame_done = self.simulation.state.step.is_multiple_of(per_frame);
-            match self.agreed(interrupted.load(Ordering::Relaxed), frame_done) {
-                Ok(false) => {}
-                Ok(true) => return End::Interrupted,
-                Err(error) => return End::Failed(error.into()),
-            }
             let before = self.simulation.state.step;
-            if let Err(error) = self.simulation.advance() {
+            let frame_done = before.is_multiple_of(per_frame);
+            // Before the stop that they are for: where nothing is to be saved, a GPU goes on at once.
+            let stop = self.agreed(interrupted.load(Ordering::Relaxed), frame_done);
+            let due = interval.is_zero() || self.is_due(interval);
+            // The first rank knows best what a checkpoint costs.
+            let due = self.agreed(due && self.output.is_some(), frame_done);
+            let (stop, due) = match (stop, due) {
+                (Ok(stop), Ok(due)) => (stop, due),
+                (Err(error), _) | (_, Err(error)) => return End::Failed(error.into()),
+            };
+            if let Err(error) = self.simulation.advance_and(!stop && !due) {
                 return End::Failed(error);
             }
             let step = self.simulation.state.step;
@@ -220,16 +224,14 @@ impl Sitting {
             if let Some(total) = &self.total {
                 total.inc(((step - before) * self.simulation.state.points.len()) as u64);
             }
-            let due = if interval.is_zero() { frame_done } else { self.is_due(interval) };
-            // The first rank knows best what a checkpoint costs.
-            match self.agreed(due && self.output.is_some(), frame_done) {
-                Ok(false) => {}
-                Ok(true) => {
-                    if let Err(report) = self.save() {
-                        self.bar.suspend(|| eprintln!("{report:?}"));
-                    }
-                }
-                Err(error) => return End::Failed(error.into()),
+            if stop && step < steps {
+                return End::Interrupted;
+            }
+            if due
+                && (frame_done || !interval.is_zero())
+                && let Err(report) = self.save()
+            {
+                self.bar.suspend(|| eprintln!("{report:?}"));
             }
         }
         End::Finished

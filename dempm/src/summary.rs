@@ -57,6 +57,7 @@ pub fn summary(simulation: &Simulation, stable_step: f64, output: &Path) -> Stri
         let rate = disc_steps / times.get("rve").copied().unwrap_or(f64::NAN);
         line("disc-steps", format!("{disc_steps:.2e}, {rate:.2e} per second"));
         let share = |count: u64| 100.0 * count as f64 / tally.steps.max(1) as f64;
+        line("neighbour searches", format!("{:.1} in 100 RVE steps", share(tally.searches)));
         line("stress-free", format!("{:.1} % of RVE steps", share(tally.free_steps)));
         line(
             "thinnest cell",

@@ -9,6 +9,9 @@ use cudarc::nvrtc::{result, sys};
 use crate::cache_directory;
 use crate::error::Error;
 
+/// What every source may use.
+const PRELUDE: &str = include_str!("await_turn.cuh");
+
 /// Whether the run-time compiler can be loaded.
 pub fn nvrtc_is_present() -> bool {
     // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
@@ -29,7 +32,7 @@ pub(crate) fn nvrtc_version() -> Result<(i32, i32), Error> {
 }
 
 /// Compiles `source` (known as `name` in messages) to a cubin for an architecture such as `sm_90`,
-/// with preprocessor definitions `NAME=value`.
+/// with preprocessor definitions `NAME=value`. It may call `await_turn` (`await_turn.cuh`).
 ///
 /// Needs no GPU.
 ///
@@ -61,7 +64,8 @@ pub fn compile(
     .collect();
     let c_string =
         |s: &str| CString::new(s).map_err(|_| fail("the source holds a zero byte".into()));
-    let (c_source, c_name) = (c_string(source)?, c_string(name)?);
+    let source = format!("#line 1 \"await_turn.cuh\"\n{PRELUDE}#line 1 \"{name}\"\n{source}");
+    let (c_source, c_name) = (c_string(&source)?, c_string(name)?);
     let program =
         result::create_program(&c_source, Some(&c_name)).map_err(|e| fail(format!("{e:?}")))?;
 
@@ -104,7 +108,8 @@ pub(crate) fn compile_cached(
 ) -> Result<Vec<u8>, Error> {
     let nvrtc = nvrtc_version()?;
     let mut hasher = DefaultHasher::new();
-    (source, architecture, defines, driver, nvrtc, env!("CARGO_PKG_VERSION")).hash(&mut hasher);
+    (PRELUDE, source, architecture, defines, driver, nvrtc, env!("CARGO_PKG_VERSION"))
+        .hash(&mut hasher);
     let file = cache_directory().map(|folder| {
         let stem = name.trim_end_matches(".cu");
         folder.join(format!("{stem}-{architecture}-{:016x}.cubin", hasher.finish()))

@@ -4,7 +4,8 @@ use std::sync::{Arc, OnceLock};
 
 use cudarc::driver::sys::{self, CUdevice_attribute, CUresult};
 use cudarc::driver::{
-    CudaContext, CudaModule, CudaSlice, CudaStream, DeviceRepr, DriverError, ValidAsZeroBits,
+    CudaContext, CudaModule, CudaSlice, CudaStream, DeviceRepr, DriverError, PinnedHostSlice,
+    ValidAsZeroBits,
 };
 use cudarc::nvrtc::Ptx;
 
@@ -36,6 +37,7 @@ pub struct Device {
     name: String,
     architecture: String,
     driver: (i32, i32),
+    overlaps_kernels: bool,
 }
 
 impl Device {
@@ -77,6 +79,8 @@ impl Device {
             name: context.name()?,
             architecture: architecture(major, minor),
             driver,
+            // From this driver on also in graphs.
+            overlaps_kernels: major >= 9 && driver >= (12, 4),
             context,
             stream,
         }))
@@ -112,6 +116,11 @@ impl Device {
 
     pub fn stream(&self) -> &Arc<CudaStream> {
         &self.stream
+    }
+
+    /// Whether a kernel can take its place before the one ahead of it has ended.
+    pub(crate) fn overlaps_kernels(&self) -> bool {
+        self.overlaps_kernels
     }
 
     /// What bounds the size of a thread block.
@@ -159,6 +168,16 @@ impl Device {
         len: usize,
     ) -> Result<CudaSlice<T>, Error> {
         self.stream.alloc_zeros(len).map_err(|e| self.memory_error(e, len * size_of::<T>()))
+    }
+
+    /// Page-locked host memory, which the GPU copies to while the host does something else: a copy is
+    /// there once its stream was waited for, which reading does not do. Not initialised.
+    pub fn pinned<T: DeviceRepr + ValidAsZeroBits>(
+        &self,
+        len: usize,
+    ) -> Result<PinnedHostSlice<T>, Error> {
+        // SAFETY: any bits are numbers. No flags: memory without caches would be slow to read.
+        Ok(unsafe { self.context.alloc_pinned_with_flags(len, 0) }?)
     }
 
     fn memory_error(&self, error: DriverError, needed: usize) -> Error {

@@ -6,9 +6,11 @@ mod cache;
 mod compiler;
 mod device;
 mod error;
+mod launch;
 pub mod ranks;
 
 pub use cache::cache_directory;
 pub use compiler::{compile, nvrtc_is_present};
 pub use device::{Device, Limits, for_tests, nvrtc_for_tests};
 pub use error::Error;
+pub use launch::{Argument, argument};

@@ -3,9 +3,9 @@
 // A skin weighs searches against pairs listed in vain. A search costs as much as about 16 substeps
 // and is due whenever the fastest disc has moved half the skin; every skin of one largest radius
 // makes a substep 0.4 times dearer. With n substeps in which the fastest disc moves v, the cost
-// 16 * 2 v / skin + 0.4 n skin / r_max is least at this skin for n = 9.
+// 16 * 2 v / skin + 0.4 n skin / r_max is least at this skin.
 __device__ inline Real best_skin(Real travel, const Header& h, const Parameters& p) {
-    const Real skin = Real(3) * sqrt(Real(0.5) * Real(h.reach) * travel);
+    const Real skin = sqrt(Real(80) * Real(0.5) * Real(h.reach) * travel / Real(p.substeps));
     return min(max(skin, Real(p.least_skin)), Real(p.skin));
 }
 

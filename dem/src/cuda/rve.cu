@@ -128,6 +128,7 @@ __device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bo
 extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
 rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Parameters p,
             const Matrix* __restrict__ velocity_gradient) {
+    await_turn();
     Shared& sh = shared();
     Control& c = sh.control;
     const unsigned launch = batch.queue->launch;

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use cudarc::driver::sys::CUfunction_attribute;
 use cudarc::driver::{
-    CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr, LaunchConfig, PushKernelArg, sys,
+    CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr, LaunchConfig, sys,
 };
-use gpu::Device;
+use gpu::{Device, argument};
 use nalgebra::Matrix2;
 
 use super::error::{CudaError, RveFailure};
@@ -238,18 +238,15 @@ impl<R: CudaReal> CudaRveBatch<R> {
             queue: address(&self.queue, stream),
         };
         let parameters = Parameters::<R>::new(&self.parameters, dt, self.rves);
-        let mut launch = stream.launch_builder(&self.kernel);
-        launch.arg(&arrays).arg(&parameters).arg(&gradient);
+        let config = LaunchConfig {
+            grid_dim: (self.rves as u32, 1, 1),
+            block_dim: (self.shape.threads as u32, 1, 1),
+            shared_mem_bytes: self.shape.shared_bytes as u32,
+        };
+        let arguments = [argument(&arrays), argument(&parameters), argument(&gradient)];
         // SAFETY: the argument types are laid out as those of `rve_advance`, the arrays as long as
         // it expects, and the gradients by the caller's slice.
-        unsafe {
-            launch.launch(LaunchConfig {
-                grid_dim: (self.rves as u32, 1, 1),
-                block_dim: (self.shape.threads as u32, 1, 1),
-                shared_mem_bytes: self.shape.shared_bytes as u32,
-            })?;
-        }
-        Ok(())
+        Ok(unsafe { self.device.launch_early(stream, &self.kernel, config, &arguments) }?)
     }
 
     /// Advances RVE `p` by `dt` (s) under `velocity_gradient[p]` (1/s) into `states[p]` and waits:

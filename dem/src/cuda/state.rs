@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use cudarc::driver::DeviceRepr;
+use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
 use nalgebra::Matrix2;
 use rayon::prelude::*;
 
@@ -61,6 +61,9 @@ pub struct State {
 
 // SAFETY: plain numbers without padding, laid out as in `batch.cuh`.
 unsafe impl DeviceRepr for State {}
+
+// SAFETY: as above.
+unsafe impl ValidAsZeroBits for State {}
 
 impl From<State> for RveState {
     fn from(s: State) -> Self {

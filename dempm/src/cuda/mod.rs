@@ -28,6 +28,10 @@ pub(crate) struct CudaSimulation {
     material: DeviceMaterial,
     /// One step and [`STEPS_PER_GRAPH`] steps.
     graphs: Option<[CudaGraph; 2]>,
+    /// Since when steps are queued beyond those that the CPU knows of.
+    ahead: Option<Instant>,
+    /// The step of which the CPU has the material, too.
+    recorded: usize,
     /// Before and after the last step queued outside of a graph.
     events: [CudaEvent; 2],
 }
@@ -88,46 +92,79 @@ impl CudaSimulation {
                 .map_err(|error| SimulationError::on_gpu(error, dt))?,
             material: DeviceMaterial::new(device, &state.material, ranks)?,
             graphs: None,
+            ahead: None,
+            recorded: state.step,
             events: timer(device)?,
             device: device.clone(),
         })
     }
 
-    /// Makes `steps` macro steps and copies back what frames are made of.
+    /// Makes `steps` macro steps and copies back what frames are made of; begins with the `next`
+    /// steps, which are those of the next call. Returns the time taken.
     ///
     /// # Errors
     /// When a point leaves the grid or its material fails, as on the CPU.
     pub fn advance(
         &mut self,
         steps: usize,
+        next: usize,
         state: &mut State,
         solver: &mut Solver,
-    ) -> Result<(), CudaError> {
-        let start = Instant::now();
-        self.queue(steps)?;
-        self.solver.fetch(&mut state.points, solver, self.material.as_dyn())?;
-        state.step += steps;
-        match (&mut self.material, &mut state.material) {
-            (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) => {
-                twin.fetch_states(rve, steps)?;
-                rve.time += start.elapsed().mul_f64(twin.time()?.div_duration_f64(self.time()?));
+    ) -> Result<Duration, CudaError> {
+        let start = match self.ahead.take() {
+            Some(start) => start,
+            None => {
+                let start = Instant::now();
+                self.queue(steps)?;
+                start
             }
-            (DeviceMaterial::MuI(twin), SceneMaterial::MuI(law)) => twin.fetch(law)?,
-            _ => {}
+        };
+        self.solver.queue_fetch()?;
+        if let DeviceMaterial::Rve(twin) = &mut self.material {
+            twin.queue_fetch()?;
         }
-        Ok(())
-    }
+        self.device.stream().synchronize().map_err(gpu::Error::from)?;
+        let end = Instant::now();
+        let step = self.time()?;
+        let packings = match &self.material {
+            DeviceMaterial::Rve(twin) => twin.time()?,
+            DeviceMaterial::MuI(_) | DeviceMaterial::Elastic(_) => Duration::ZERO,
+        };
+        if next > 0 {
+            self.queue(next)?;
+            self.ahead = Some(end);
+        }
 
-    /// Copies back what only checkpoints need: the packings.
-    ///
-    /// # Errors
-    /// A failure of the GPU.
-    pub fn fetch_packings(&self, state: &mut State) -> Result<(), CudaError> {
+        self.solver.fetched(&mut state.points, solver, self.material.as_dyn())?;
+        state.step += steps;
+        let time = end - start;
         if let (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) =
             (&self.material, &mut state.material)
         {
-            twin.fetch_packings(rve)?;
+            twin.fetched(rve, steps)?;
+            rve.time += time.mul_f64(packings.div_duration_f64(step));
         }
+        Ok(time)
+    }
+
+    /// Copies back what only checkpoints need, the state of the material, unless the CPU has it.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    ///
+    /// # Panics
+    /// If steps beyond `state` are queued.
+    pub fn fetch_material(&mut self, state: &mut State) -> Result<(), CudaError> {
+        assert!(self.ahead.is_none(), "a checkpoint is of one moment");
+        if self.recorded == state.step {
+            return Ok(());
+        }
+        match (&self.material, &mut state.material) {
+            (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) => twin.fetch_packings(rve)?,
+            (DeviceMaterial::MuI(twin), SceneMaterial::MuI(law)) => twin.fetch(law)?,
+            _ => {}
+        }
+        self.recorded = state.step;
         Ok(())
     }
 

@@ -7,8 +7,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use cudarc::driver::CudaSlice;
+use dem::RveBatch;
 use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState};
-use dem::{RveBatch, RveState};
 use gpu::Device;
 use gpu::ranks::Ranks;
 
@@ -103,15 +103,6 @@ impl<R: CudaReal> RankedRveBatch<R> {
         self.shared.as_ref().map_or(self.count, |shared| shared.ranks.chunk(self.count))
     }
 
-    /// States of all packings, once the last launch is done.
-    ///
-    /// # Errors
-    /// A kernel failed.
-    pub fn states(&self) -> Result<Vec<RveState>, CudaError> {
-        let states = self.device.stream().clone_dtoh(self.device_states())?;
-        Ok(states.into_iter().take(self.count).map(RveState::from).collect())
-    }
-
     /// Copies all packings back to rank 0, for a checkpoint; `None` on the others.
     ///
     /// # Errors
@@ -195,7 +186,9 @@ mod tests {
             let gradients: Vec<f64> = (1..=5).flat_map(|k| [0.0, f64::from(k), 0.0, 0.0]).collect();
             let gradients = device.upload(&gradients).unwrap();
             (0..50).for_each(|_| twin.launch(1.0e-4, &gradients).unwrap());
-            (twin.states().unwrap(), twin.download().unwrap())
+            let states = device.stream().clone_dtoh(twin.device_states()).unwrap();
+            let states: Vec<_> = states.into_iter().map(dem::RveState::from).collect();
+            (states, twin.download().unwrap())
         };
         assert_eq!(run(Some(&ranks)), run(None));
     }

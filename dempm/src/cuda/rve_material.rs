@@ -4,10 +4,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cudarc::driver::sys::CUstreamCaptureStatus;
-use cudarc::driver::{CudaEvent, CudaFunction, CudaSlice, DeviceRepr, PushKernelArg};
+use cudarc::driver::{
+    CudaEvent, CudaFunction, CudaSlice, DevicePtr, DeviceRepr, PinnedHostSlice, ValidAsZeroBits,
+};
+use dem::RveState;
 use dem::cuda::{CudaError as RveError, DeviceState};
-use gpu::Device;
 use gpu::ranks::Ranks;
+use gpu::{Device, argument};
 use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
 use mpm::{Basis, MaterialError};
 
@@ -35,6 +38,9 @@ pub(super) struct CudaRveMaterial {
     kernel: CudaFunction,
     volume_per_area: CudaSlice<f64>,
     tally: CudaSlice<DeviceTally>,
+    /// Copies of the states and of what was counted, for a frame.
+    frame_states: PinnedHostSlice<DeviceState>,
+    frame_tally: PinnedHostSlice<DeviceTally>,
     /// What was counted before the upload.
     earlier: Tally,
     overlap_warning: f64,
@@ -73,6 +79,9 @@ struct DeviceTally {
 // SAFETY: plain numbers, laid out as in `rve_material.cu`.
 unsafe impl DeviceRepr for DeviceTally {}
 
+// SAFETY: as above.
+unsafe impl ValidAsZeroBits for DeviceTally {}
+
 impl CudaRveMaterial {
     /// Copies the packings to a GPU; with `ranks` those of this rank.
     ///
@@ -96,7 +105,10 @@ impl CudaRveMaterial {
             max_overlap: 0.0,
             min_width: f64::INFINITY,
         };
+        let states = with_batch!(&batch, batch => batch.device_states().len());
         Ok(Self {
+            frame_states: device.pinned(states)?,
+            frame_tally: device.pinned(packings)?,
             batch,
             kernel: device
                 .module("rve_material.cu", &source(), &defines())?
@@ -110,15 +122,22 @@ impl CudaRveMaterial {
         })
     }
 
-    /// Copies back the states of the packings and what was counted, `steps` steps after the last
-    /// time.
-    pub fn fetch_states(&self, rve: &mut RveMaterial, steps: usize) -> Result<(), CudaError> {
-        rve.states = with_batch!(&self.batch, batch => batch.states()).map_err(device_error)?;
-        let packings = rve.states.len();
-        let made = rve.tally.steps + (steps * packings) as u64;
+    /// Queues copies of the states of the packings, and of what was counted.
+    pub fn queue_fetch(&mut self) -> Result<(), CudaError> {
+        let (stream, states) = (self.device.stream(), &mut self.frame_states);
+        with_batch!(&self.batch, batch => stream.memcpy_dtoh(batch.device_states(), states))?;
+        Ok(stream.memcpy_dtoh(&self.tally, &mut self.frame_tally)?)
+    }
+
+    /// Takes the copies, `steps` steps after the last time. The caller has waited for the stream.
+    pub fn fetched(&self, rve: &mut RveMaterial, steps: usize) -> Result<(), CudaError> {
+        // Several ranks have room for a few more.
+        let states = self.frame_states.as_slice()?.iter().take(rve.states.len());
+        rve.states = states.copied().map(RveState::from).collect();
+        let made = rve.tally.steps + (steps * rve.states.len()) as u64;
         rve.tally = Tally { steps: made, ..self.earlier };
         let total = &mut rve.tally;
-        for tally in self.device.stream().clone_dtoh(&self.tally)? {
+        for tally in self.frame_tally.as_slice()? {
             total.free_steps += tally.free_steps;
             total.thin_steps += tally.thin_steps;
             total.overlap_steps += tally.overlap_steps;
@@ -166,17 +185,24 @@ impl CudaRveMaterial {
     }
 
     fn queue_response(&mut self, queue: &Queue) -> Result<(), CudaError> {
-        let mut launch = queue.stream.launch_builder(&self.kernel);
-        launch.arg(queue.view);
-        with_batch!(&self.batch, batch => {
-            launch.arg(batch.device_states()).arg(batch.failed());
+        let stream = queue.stream;
+        let (states, failed, chunk) = with_batch!(&self.batch, batch => {
+            let states = batch.device_states().device_ptr(stream).0;
+            (states, batch.failed().device_ptr(stream).0, batch.chunk() as i32)
         });
-        let chunk = with_batch!(&self.batch, batch => batch.chunk()) as i32;
-        launch.arg(&chunk);
-        launch.arg(&self.volume_per_area).arg(&mut self.tally).arg(&self.overlap_warning);
+        let volume_per_area = self.volume_per_area.device_ptr(stream).0;
+        let tally = self.tally.device_ptr(stream).0;
+        let arguments = [
+            argument(queue.view),
+            argument(&states),
+            argument(&failed),
+            argument(&chunk),
+            argument(&volume_per_area),
+            argument(&tally),
+            argument(&self.overlap_warning),
+        ];
         // SAFETY: the arguments of `rve_response`, with one entry a point.
-        unsafe { launch.launch(queue.one_thread_a_point()) }?;
-        Ok(())
+        unsafe { queue.over_points(&self.kernel, &arguments) }
     }
 }
 

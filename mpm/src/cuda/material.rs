@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaSlice, DeviceRepr, PushKernelArg};
-use gpu::{Device, Error};
+use cudarc::driver::{CudaFunction, CudaSlice, DeviceRepr};
+use gpu::{Device, Error, argument};
 
 use super::error::CudaError;
-use super::memory::upload;
+use super::memory::{address, upload};
 use super::solver::Queue;
 use super::source::{SOURCE, defines};
 use crate::{Basis, DruckerPrager, DruckerPragerParameters, Elastic, MaterialError};
@@ -45,11 +45,10 @@ impl CudaElastic {
 
 impl CudaMaterial for CudaElastic {
     fn queue_update(&mut self, queue: &Queue) -> Result<(), CudaError> {
-        let mut launch = queue.stream.launch_builder(&self.kernel);
-        launch.arg(queue.view).arg(&self.lambda).arg(&self.shear_modulus);
+        let arguments =
+            [argument(queue.view), argument(&self.lambda), argument(&self.shear_modulus)];
         // SAFETY: the arguments of `elastic`.
-        unsafe { launch.launch(queue.one_thread_a_point()) }?;
-        Ok(())
+        unsafe { queue.over_points(&self.kernel, &arguments) }
     }
 
     fn failure(&self, point: usize) -> Result<MaterialError, CudaError> {
@@ -93,11 +92,10 @@ impl CudaDruckerPrager {
 
 impl CudaMaterial for CudaDruckerPrager {
     fn queue_update(&mut self, queue: &Queue) -> Result<(), CudaError> {
-        let mut launch = queue.stream.launch_builder(&self.kernel);
-        launch.arg(queue.view).arg(&self.law).arg(&mut self.volume_strain);
+        let strain = address(&self.volume_strain, queue.stream);
+        let arguments = [argument(queue.view), argument(&self.law), argument(&strain)];
         // SAFETY: the arguments of `drucker_prager`, an entry of `volume_strain` for each point.
-        unsafe { launch.launch(queue.one_thread_a_point()) }?;
-        Ok(())
+        unsafe { queue.over_points(&self.kernel, &arguments) }
     }
 
     fn failure(&self, point: usize) -> Result<MaterialError, CudaError> {

@@ -6,6 +6,7 @@
 //! device the result is the same bit by bit, and it differs from the CPU's by round-off.
 
 mod error;
+mod frame;
 mod material;
 mod memory;
 mod solver;

@@ -145,10 +145,16 @@ static_assert(sizeof(Stencil) == STENCIL_BYTES && sizeof(Obstacle) == OBSTACLE_B
 
 __device__ inline int thread_index() { return int(blockIdx.x * blockDim.x + threadIdx.x); }
 
+// Begins every kernel of a step; false if the run has failed.
+__device__ inline bool may_run(const Mpm& m) {
+    await_turn();
+    return m.clock->running;
+}
+
 // The point of this thread, or NOBODY if there is none or the run has failed.
 __device__ inline int point_of_thread(const Mpm& m) {
     const int p = thread_index();
-    return p < m.points && m.clock->running ? p : NOBODY;
+    return may_run(m) && p < m.points ? p : NOBODY;
 }
 
 __device__ inline void raise(const Mpm& m, unsigned phase, int point, int fault) {

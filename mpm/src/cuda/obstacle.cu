@@ -112,6 +112,7 @@ __device__ inline Vec project(const Placed& o, Vec x, int side) {
 
 // The first kernel of a step: counts it and places the boxes, at its beginning and at its end.
 extern "C" __global__ void begin_step(const Mpm m) {
+    await_turn();
     Clock& clock = *m.clock;
     if (threadIdx.x == 0) {
         clock.running = clock.failure == NO_FAILURE;

@@ -43,7 +43,7 @@ __device__ inline int node_of_thread() { return thread_index() / LANES; }
 
 // MUSL and USL: all sums at once, then the momentum balance.
 extern "C" __global__ void p2g(const Mpm m) {
-    if (!m.clock->running) return;
+    if (!may_run(m)) return;
     const int node = node_of_thread();
     double sum[5];
     const bool writes = sum_over_points(m, node, sum, [&](int p, int a, int b, double(&sum)[5]) {
@@ -62,7 +62,7 @@ extern "C" __global__ void p2g(const Mpm m) {
 
 // USF, before stresses are updated: mass, momentum and the velocity before the step.
 extern "C" __global__ void p2g_mass_and_momentum(const Mpm m) {
-    if (!m.clock->running) return;
+    if (!may_run(m)) return;
     const int node = node_of_thread();
     double sum[3];
     const bool writes = sum_over_points(m, node, sum, [&](int p, int a, int b, double(&sum)[3]) {
@@ -80,7 +80,7 @@ extern "C" __global__ void p2g_mass_and_momentum(const Mpm m) {
 
 // USF, after stresses are updated: internal force and the momentum balance.
 extern "C" __global__ void p2g_internal_force(const Mpm m) {
-    if (!m.clock->running) return;
+    if (!may_run(m)) return;
     const int node = node_of_thread();
     double sum[2];
     const bool writes = sum_over_points(m, node, sum, [&](int p, int a, int b, double(&sum)[2]) {
@@ -94,7 +94,7 @@ extern "C" __global__ void p2g_internal_force(const Mpm m) {
 
 // The second mapping of MUSL: velocity of the new point velocities, still at the old positions.
 extern "C" __global__ void p2g_velocity(const Mpm m) {
-    if (!m.clock->running) return;
+    if (!may_run(m)) return;
     const int node = node_of_thread();
     double sum[2];
     const bool writes = sum_over_points(m, node, sum, [&](int p, int a, int b, double(&sum)[2]) {

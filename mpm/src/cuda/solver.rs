@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use cudarc::driver::{CudaFunction, CudaSlice, CudaStream, LaunchConfig, PushKernelArg};
-use gpu::Device;
+use gpu::{Argument, Device, argument};
 
 use super::error::CudaError;
+use super::frame::FrameCopy;
 use super::material::CudaMaterial;
 use super::memory::Memory;
 use super::source::{SOURCE, defines};
@@ -24,6 +25,7 @@ pub struct CudaSolver {
     device: Arc<Device>,
     kernels: Kernels,
     memory: Memory,
+    frame: FrameCopy,
     view: DeviceView,
     scheme: Scheme,
     cell_average: bool,
@@ -49,9 +51,21 @@ pub struct Queue<'a> {
 }
 
 impl Queue<'_> {
-    /// Blocks and threads for one thread a point.
-    pub fn one_thread_a_point(&self) -> LaunchConfig {
-        threads(self.points)
+    /// Queues a kernel with one thread a point, which begins with `point_of_thread`.
+    ///
+    /// # Errors
+    /// The launch was refused.
+    ///
+    /// # Safety
+    /// As [`Device::launch_early`].
+    pub unsafe fn over_points(
+        &self,
+        kernel: &CudaFunction,
+        arguments: &[Argument<'_>],
+    ) -> Result<(), CudaError> {
+        let config = threads(self.points);
+        // SAFETY: the caller's.
+        Ok(unsafe { self.device.launch_early(self.stream, kernel, config, arguments) }?)
     }
 }
 
@@ -118,6 +132,7 @@ impl CudaSolver {
         let view = memory.view(device.stream(), solver, (points.len(), mass), dt, step);
         Ok(Self {
             kernels: Kernels::load(device, numerics.basis)?,
+            frame: FrameCopy::new(device, &memory)?,
             memory,
             view,
             scheme: numerics.scheme,
@@ -181,35 +196,57 @@ impl CudaSolver {
     /// Waits for all queued steps and copies points, and what contacts have done, back to the CPU.
     ///
     /// # Errors
-    /// The failure of the first step that failed, in the words of the CPU; nothing is copied then.
+    /// As [`fetched`](Self::fetched).
     pub fn fetch(
         &mut self,
         points: &mut Points,
         solver: &mut Solver,
         material: &dyn CudaMaterial,
     ) -> Result<(), CudaError> {
+        self.queue_fetch()?;
+        self.device.stream().synchronize()?;
+        self.fetched(points, solver, material)
+    }
+
+    /// Queues copies of the points, and of what contacts have done, as they are after the steps
+    /// queued so far. [`fetched`](Self::fetched) takes them.
+    ///
+    /// # Errors
+    /// A failure of the device.
+    pub fn queue_fetch(&mut self) -> Result<(), CudaError> {
         let Memory { node_ledger, point_ledger, .. } = &self.memory;
         self.sum_ledger(node_ledger, self.nodes)?;
         self.sum_ledger(point_ledger, self.points)?;
-        let stream = self.device.stream();
-        let clock = stream.clone_dtoh(&self.memory.clock)?;
+        Ok(self.frame.queue(self.device.stream(), &self.memory)?)
+    }
+
+    /// Takes the copies. The caller has waited for the stream after [`queue_fetch`](Self::queue_fetch);
+    /// steps queued since then may go on.
+    ///
+    /// # Errors
+    /// The failure of the first step that failed, in the words of the CPU; nothing is taken then.
+    pub fn fetched(
+        &self,
+        points: &mut Points,
+        solver: &mut Solver,
+        material: &dyn CudaMaterial,
+    ) -> Result<(), CudaError> {
+        let frame = &self.frame;
+        let clock = frame.clock.as_slice()?;
+        let step = self.first_step + clock[0] as usize;
         if clock[1] != NO_FAILURE {
-            let step = self.first_step + clock[0] as usize;
             let source = self.failure((clock[1] & 0xffff_ffff) as usize, material)?;
             return Err(CudaError::Step { step, source });
         }
-
-        let memory = &self.memory;
-        let host = |array| stream.clone_dtoh(array);
-        set_vectors(&mut points.position, &host(&memory.position)?);
-        set_vectors(&mut points.velocity, &host(&memory.velocity)?);
-        set_matrices(&mut points.affine, &host(&memory.affine_velocity)?);
-        set_matrices(&mut points.velocity_gradient, &host(&memory.velocity_gradient)?);
-        set_matrices(&mut points.stress, &host(&memory.stress)?);
-        points.volume.copy_from_slice(&host(&memory.volume)?[..self.points]);
+        set_vectors(&mut points.position, frame.position.as_slice()?);
+        set_vectors(&mut points.velocity, frame.velocity.as_slice()?);
+        set_matrices(&mut points.affine, frame.affine_velocity.as_slice()?);
+        set_matrices(&mut points.velocity_gradient, frame.velocity_gradient.as_slice()?);
+        set_matrices(&mut points.stress, frame.stress.as_slice()?);
+        points.volume.copy_from_slice(&frame.volume.as_slice()?[..self.points]);
         solver
-            .set_ledger(ledger(&host(&memory.ledger)?))
-            .map_err(|source| CudaError::Step { step: self.first_step + clock[0] as usize, source })
+            .set_ledger(ledger(frame.ledger.as_slice()?))
+            .map_err(|source| CudaError::Step { step, source })
     }
 
     /// Why a point failed. It is where it was when it did.
@@ -245,11 +282,9 @@ impl CudaSolver {
     }
 
     fn launch(&self, kernel: &CudaFunction, config: LaunchConfig) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(kernel);
-        launch.arg(&self.view);
+        let (stream, arguments) = (self.device.stream(), [argument(&self.view)]);
         // SAFETY: the kernels of the solver take its view, whose arrays live as long as it does.
-        unsafe { launch.launch(config) }?;
-        Ok(())
+        Ok(unsafe { self.device.launch_early(stream, kernel, config, &arguments) }?)
     }
 
     fn sum_ledger(&self, entries: &CudaSlice<f64>, slots: usize) -> Result<(), CudaError> {

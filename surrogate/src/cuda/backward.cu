@@ -22,15 +22,21 @@ __device__ __forceinline__ void sum_rows(float (&v)[16], float (&sum)[2]) {
 // and x = (z - mean(z)) / deviation. Adds dy x and dy, summed over the rows, to `sums`.
 __device__ void normalise_backward(Tile& z, const Backward& a, const Place& at, const float* scale,
                                    float (&sums)[4][2]) {
-    float mean[2] = {0.f, 0.f}, product[2] = {0.f, 0.f};
+    float mean[2] = {0.f, 0.f}, product[2] = {0.f, 0.f}, inverse[2];
+    u32 own[2];
+    at.rows(own);
+    const Rows<Stored> rows(a.normal, own, at.t);
+#pragma unroll
+    for (int half = 0; half < 2; half++)
+        inverse[half] = at.live[half] ? a.deviation[at.row[half]] : 0.f;
 #pragma unroll
     for (int q = 0; q < 4; q++) {
         float s[8], both[16] = {};
         load8(scale + at.column(q), s);
 #pragma unroll
         for (int half = 0; half < 2; half++) {
-            float x[8] = {}, dy[8];
-            if (at.live[half]) load8(a.normal + (size_t)at.row[half] * WIDTH + at.column(q), x);
+            float x[8], dy[8];
+            rows.numbers(half, q, x);
             chunk(z, q, half, dy);
 #pragma unroll
             for (int k = 0; k < 8; k++) {
@@ -43,12 +49,10 @@ __device__ void normalise_backward(Tile& z, const Backward& a, const Place& at, 
         sum_rows(both, sums[q]);
     }
     const float share = 1.f / a.width;
-    float inverse[2];
 #pragma unroll
     for (int half = 0; half < 2; half++) {
         mean[half] = row_sum(mean[half]) * share;
         product[half] = row_sum(product[half]) * share;
-        inverse[half] = at.live[half] ? a.deviation[at.row[half]] : 0.f;
     }
 #pragma unroll
     for (int q = 0; q < 4; q++) {
@@ -56,8 +60,8 @@ __device__ void normalise_backward(Tile& z, const Backward& a, const Place& at, 
         load8(scale + at.column(q), s);
 #pragma unroll
         for (int half = 0; half < 2; half++) {
-            float x[8] = {};
-            if (at.live[half]) load8(a.normal + (size_t)at.row[half] * WIDTH + at.column(q), x);
+            float x[8];
+            rows.numbers(half, q, x);
 #pragma unroll
             for (int k = 0; k < 8; k++) {
                 float& dz = z[4 * q + k / 2][2 * half + k % 2];
@@ -69,19 +73,19 @@ __device__ void normalise_backward(Tile& z, const Backward& a, const Place& at, 
 
 // The derivative of LeakyReLU, whose values tell the sign of its arguments.
 __device__ void leaky_backward(Tile& z, const Stored* hidden, const Place& at, float slope) {
+    u32 own[2];
+    at.rows(own);
+    const Rows<Stored> rows(hidden, own, at.t);
 #pragma unroll
-    for (int half = 0; half < 2; half++) {
-        if (!at.live[half]) continue;
-        const Stored* start = hidden + (size_t)at.row[half] * WIDTH;
+    for (int half = 0; half < 2; half++)
 #pragma unroll
         for (int q = 0; q < 4; q++) {
             float h[8];
-            load8(start + at.column(q), h);
+            rows.numbers(half, q, h);
 #pragma unroll
             for (int k = 0; k < 8; k++)
                 if (!(h[k] > 0.f)) z[4 * q + k / 2][2 * half + k % 2] *= slope;
         }
-    }
 }
 
 // The gradient of the output.
@@ -119,6 +123,7 @@ __device__ __forceinline__ void backward(const Backward& a) {
     Weights weights(a.weights, (uint4*)(scale + WIDTH), a.units, a.resident);
     for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
         scale[k] = a.norm >= 0 && k < a.width ? a.parameters[a.norm + k] : 0.f;
+    wait_for_kernel_before();
     weights.wait();
 
     float sums[4][2] = {};

@@ -31,6 +31,9 @@ struct Backward {
     Stored* input;
     // For each block, gradients of LayerNorm's scale and shift, 128 each.
     float* norm_sums;
+    // Gradients of the first linear's outputs, summed over rows with the same `gathered_index`
+    // (edges_backward.cu).
+    float* sums;
 
     u32 rows;
     int units, resident, select_none;

@@ -106,7 +106,10 @@ impl CudaNetwork {
                 None => passed.other_edge(turn.edge),
             };
         }
+        // The forward pass has done with its sums.
+        let sums = if self.kernels.fused() { room.sums } else { 0 };
         let message = Backward {
+            sums,
             output,
             output_index: turn.next,
             gathered: passed.received,
@@ -120,8 +123,8 @@ impl CudaNetwork {
         (turn.messages_used, turn.next) = (true, 0);
 
         let (sent, received) = (room.sender_gradient, room.receiver_gradient);
-        let first = room.message.linear;
-        self.kernels.collect(view.start, view.reverse, view.points, first, sent, received)?;
+        let edge = [room.message.linear, sums];
+        self.kernels.collect(view.start, view.reverse, view.points, edge, [sent, received])?;
         let nodes = Forward {
             x: [sent, received],
             rows,

@@ -1,56 +1,96 @@
-// MLPs of edges, backward, in bf16 on Hopper: gradients of the weights and of what was read. A block takes its
-// share of the rows, 64 at a time, through one linear after the other, from the last to the first:
+// MLPs of edges, backward, in bf16 on Hopper: gradients of the weights and of what was read. With X, what a
+// linear reads,
 //
-//     dW += X^T dZ,   dX = dZ W^T,   dZ of the linear before = dX where X > 0, else slope dX
+//     dW += X^T dZ,   dX = dZ W^T,   dZ of the linear before = dX where X > 0, else slope dX.
 //
-// with X, the output of the layer before, read once for both. Two warp groups add up dW, of which
-// each keeps 64 rows in registers. Two compute 64 columns of dX each and, of the next tile, the last
-// dZ, that of LayerNorm's derivative, which stays in shared memory.
+// A block takes its share of the rows, 64 at a time, through the linears in passes from the last to the
+// first: two linears with hidden states in a pass, so that the dZ between them stays on the chip, and in
+// a last one the states that the MLP itself reads. Two warp groups add up the dW of a linear each, in
+// registers. Two others, the walkers, take every other tile: they fetch it and compute LayerNorm's
+// derivative and dX.
 
 #if PARTS == 1 && defined(__CUDA_ARCH_FEAT_SM90_ALL)
 
 constexpr int GROUP_THREADS = 128;
-constexpr int SUM_THREADS = 2 * GROUP_THREADS;
-constexpr int EDGE_THREADS = 2 * SUM_THREADS;
-constexpr int STAGES = 3;
+constexpr int WALKERS = 2;
+constexpr int EDGE_THREADS = (2 + WALKERS) * GROUP_THREADS;
 constexpr int ROWS = 64;
+// Registers of a thread that adds up, and of one that walks: 128 on average.
+constexpr int SUM_REGISTERS = 160, WALKER_REGISTERS = 96;
 // Threads that share a pair of columns in sums over rows.
-constexpr int SHARERS = SUM_THREADS / (WIDTH / 2);
-// Rows of a tile of which a thread copies eight columns.
-constexpr int SHARE = ROWS * 16 / SUM_THREADS;
+constexpr int SHARERS = GROUP_THREADS / (WIDTH / 2);
+// Rows of a tile of which a thread copies eight columns, and how many of them it works on at a time.
+constexpr int SHARE = ROWS * 16 / GROUP_THREADS;
+constexpr int TOGETHER = SHARE / 2;
+// Features of an edge and 1: there are at most two differences of places and a distance, in three
+// dimensions.
+constexpr int EDGE_FEATURES = 8;
 
-// 128 columns as the tensor cores read them: of half the columns first, rows of 128 bytes, in which
-// chunks of eight numbers are exchanged lest those of a column share memory banks.
-template <int N>
-struct Matrix {
-    uint4 chunks[2][N][8];
-
-    __device__ uint4& at(int row, int chunk) { return chunks[chunk / 8][row][(chunk ^ row) & 7]; }
-    __device__ const uint4& at(int row, int chunk) const {
-        return chunks[chunk / 8][row][(chunk ^ row) & 7];
-    }
+// A part of shared memory for a tile.
+struct Stage {
+    static constexpr bool WHOLE = true;
+    // dZ and X of the pass's first linear, X of its second.
+    Matrix<ROWS> dz, x[2];
+    // Gradient of the MLP's output, then dZ of the second linear. dZ of the features' linear is where
+    // that of the linear before the last was.
+    Matrix<ROWS> output;
+    // Row of `gathered` that is added to the gradient of the output.
+    u32 node[ROWS];
+    // LayerNorm's reciprocal standard deviation.
+    float inverse[ROWS];
+    float features[ROWS * EDGE_FEATURES];
 };
 
-struct Stage {
-    Matrix<ROWS> dz, x;
-    // Gradients of the MLP's output; of the first linear the features before they are rounded.
-    uint4 output[ROWS][16];
+// The same in the pass of what the MLP reads.
+struct SmallStage {
+    static constexpr bool WHOLE = false;
+    Matrix<ROWS> dz, x[1];
+    u32 node[ROWS];
 };
 
 struct Shared {
-    // W, whose rows are in the order in which the tensor cores shall get them.
-    Matrix<WIDTH> weights;
-    Stage stages[STAGES];
-    float scale[WIDTH];
-    float partial[SHARERS][WIDTH];
+    // W of both linears, whose rows are in the order in which the tensor cores shall get them.
+    Matrix<WIDTH> weights[2];
+    // Those of a walker: every other one.
+    union {
+        Stage stages[WALKERS];
+        SmallStage small[2 * WALKERS];
+    };
+    // LayerNorm's scale, and 1 / width.
+    float scale[WIDTH], share;
+    // Sums over rows that are left to be added up.
+    float partial[2][SHARERS][WIDTH];
 };
 
-// What the tensor cores need to know of a part of a `Matrix`: bytes from 64 columns to the next, if
-// columns are contiguous for the product, and from eight rows to the next.
-__device__ unsigned long long describe(const void* part, int columns) {
-    const unsigned long long address = (u32)__cvta_generic_to_shared(part), swizzle_128_bytes = 1;
-    return address >> 4 | (unsigned long long)(columns >> 4) << 16 | 1024ull >> 4 << 32 |
-           swizzle_128_bytes << 62;
+static_assert(sizeof(Shared) <= EDGES_SHARED, "shared memory of a block");
+
+// What a pass computes.
+struct Pass {
+    // The first linear's dZ or, if it is that before LayerNorm, what LayerNorm made.
+    const Stored* dz;
+    // Products for the gradients of the weights: of one or two linears, and of one that reads features
+    // and has the dZ that the pass ends with.
+    const Product *product[2], *features;
+    // Where what the pass ends with goes, if it is needed; X are hidden states.
+    Stored* to;
+    const uint4* weights;
+    bool hidden;
+    // Sums of dZ over runs of rows of the same node, if they are wanted.
+    float* sums;
+};
+
+// Where groups of threads meet, a place for each walker: it has made the dZ of the first linear, of the
+// second or of the one that reads features; the first dZ has been read, the tile is done with; the
+// walker's own threads. Then those of groups that add up.
+enum Meeting { BLOCK, FIRST, FIRST_DONE = 3, SECOND = 5, FEATURES = 7, TILE_DONE = 9, WALKER = 11, SUMS = 13 };
+
+__device__ __forceinline__ void meet(int where, int threads = 2 * GROUP_THREADS) {
+    asm volatile("bar.sync %0, %1;" : : "r"(where), "r"(threads) : "memory");
+}
+
+// As `meet`, but goes on.
+__device__ __forceinline__ void announce(int where, int threads = 2 * GROUP_THREADS) {
+    asm volatile("bar.arrive %0, %1;" : : "r"(where), "r"(threads) : "memory");
 }
 
 #define FOUR(j) "+f"(z[j][0]), "+f"(z[j][1]), "+f"(z[j][2]), "+f"(z[j][3])
@@ -83,335 +123,489 @@ __device__ __forceinline__ void add_columns_product(float (&z)[8][4], unsigned l
 }
 #undef FOUR
 
-// The rows of a tile of which this thread copies eight columns.
-struct Mine {
-    int chunk = threadIdx.x % 16;
-
-    __device__ int local(int n) const {
-        return threadIdx.x % SUM_THREADS / 16 + SUM_THREADS / 16 * n;
-    }
-};
-
 // Where a row of W is in shared memory, so that neighbours there are columns of dX that a lane has
 // next to each other (tile_column of weights.cu).
 __device__ int place_of(int row) {
     return (row & 96) | (row >> 1 & 3) << 3 | (row >> 3 & 3) << 1 | (row & 1);
 }
 
-__device__ void fetch_weights(Shared& shared, const uint4* weights) {
-    for (int n = threadIdx.x; n < UNIT; n += EDGE_THREADS)
-        copy_async(&shared.weights.at(place_of(n / 16), n % 16), &weights[n], true);
-    end_copies();
-}
+// The rows of a tile of which this thread copies eight columns.
+struct Mine {
+    int chunk = threadIdx.x % 16;
 
-// Row of `output` that is the gradient of an edge's, or NONE.
-__device__ u32 output_row(const Backward& a, u32 row, u32 rows) {
-    if (row >= rows) return NONE;
-    if (a.selection && (a.selection[row] == NONE) != (a.select_none != 0)) return NONE;
-    return a.output_index ? a.output_index[row] : row;
-}
-
-// Begins to copy X of a tile.
-__device__ void fetch_x(Stage& to, const Product& p, u32 tile, u32 rows) {
-    const Mine mine;
-    if (p.x) {
-#pragma unroll
-        for (int n = 0; n < SHARE; n++) {
-            const u32 row = tile * ROWS + mine.local(n);
-            const u32 from = row >= rows ? NONE : p.index ? p.index[row] : row;
-            const bool there = from != NONE;
-            copy_async(&to.x.at(mine.local(n), mine.chunk),
-                       p.x + (there ? (size_t)from * WIDTH + 8 * mine.chunk : 0), there);
-        }
-        return;
-    }
-    const size_t first = (size_t)tile * ROWS * p.feature_count;
-    const size_t end = (size_t)rows * p.feature_count;
-    for (int n = threadIdx.x; n < ROWS * p.feature_count; n += SUM_THREADS) {
-        const bool valid = first + n < end;
-        copy_async((float*)to.output + n, p.features + (valid ? first + n : 0), valid);
-    }
-}
-
-// Begins to copy `dz`, the gradient of the linear's output or, of the last linear, what LayerNorm
-// made of it; then the output's gradient too.
-template <bool LAST>
-__device__ void fetch_dz(Stage& to, const Backward& a, const Stored* dz, u32 tile, u32 rows,
-                         const u32 (&output)[SHARE]) {
-    const Mine mine;
-#pragma unroll
-    for (int n = 0; n < SHARE; n++) {
-        const int local = mine.local(n), column = 8 * mine.chunk;
-        const u32 row = tile * ROWS + local;
-        const bool valid = row < rows, there = output[n] != NONE;
-        copy_async(&to.dz.at(local, mine.chunk), dz + (valid ? (size_t)row * WIDTH + column : 0),
-                   valid);
-        if (LAST && a.output)
-            copy_async(&to.output[local][mine.chunk],
-                       a.output + (there ? (size_t)output[n] * WIDTH + column : 0), there);
-    }
-}
-
-// Rounds the features that this thread has copied.
-__device__ void round_features(Stage& stage, int count) {
-    for (int n = threadIdx.x; n < ROWS * count; n += SUM_THREADS)
-        ((Stored*)&stage.x.at(n / count, n % count / 8))[n % count % 8] =
-            pack(((const float*)stage.output)[n], 0.f);
-}
-
-// What the derivative of LayerNorm needs besides the tile, of this thread's rows.
-struct Ahead {
-    // Row that is added to the output's gradient, or NONE; reciprocal standard deviation.
-    u32 node[SHARE];
-    float inverse[SHARE];
-
-    __device__ void read(const Backward& a, u32 tile, u32 rows) {
-#pragma unroll
-        for (int n = 0; n < SHARE; n++) {
-            const u32 row = tile * ROWS + Mine().local(n);
-            node[n] = row < rows && a.gathered ? a.gathered_index[row] : NONE;
-            inverse[n] = row < rows ? a.deviation[row] : 0.f;
-        }
-    }
-
-    // What is added.
-    __device__ void gather(const Backward& a, float (&rows)[SHARE][8]) const {
-#pragma unroll
-        for (int n = 0; n < SHARE; n++) {
-            const bool there = node[n] != NONE;
-            load8(a.gathered + (there ? (size_t)node[n] * WIDTH : 0) + 8 * Mine().chunk, rows[n]);
-#pragma unroll
-            for (int k = 0; k < 8; k++) rows[n][k] = there ? rows[n][k] : 0.f;
-        }
+    __device__ int local(int n) const {
+        return threadIdx.x % GROUP_THREADS / 16 + GROUP_THREADS / 16 * n;
     }
 };
+
+// Begins to copy a tile of rows.
+__device__ __forceinline__ void fetch(Matrix<ROWS>& to, const Stored* from, u32 tile, u32 rows) {
+    const Mine mine;
+    const u32 first = tile * ROWS + mine.local(0);
+    const Stored* start = from + (size_t)first * WIDTH + 8 * mine.chunk;
+    if ((tile + 1) * ROWS <= rows) {
+#pragma unroll
+        for (int n = 0; n < SHARE; n++)
+            copy_async(&to.at(mine.local(0), mine.chunk) + n * (sizeof to.chunks[0] / SHARE / 16),
+                       start + n * (ROWS / SHARE) * WIDTH, true);
+    } else {
+#pragma unroll 1
+        for (int n = 0; n < SHARE; n++) {
+            const bool there = first + n * (ROWS / SHARE) < rows;
+            copy_async(&to.at(mine.local(n), mine.chunk),
+                       there ? start + n * (ROWS / SHARE) * WIDTH : from, there);
+        }
+    }
+}
+
+// The same if row k of the tile is row `source(k)`, zeros if that is NONE.
+template <class Source>
+__device__ __forceinline__ void gather(Matrix<ROWS>& to, const Stored* from, u32 tile, Source source) {
+    const Mine mine;
+#pragma unroll 2
+    for (int n = 0; n < SHARE; n++) {
+        const u32 row = source(tile * ROWS + mine.local(n));
+        const bool there = row != NONE;
+        copy_async(&to.at(mine.local(n), mine.chunk),
+                   from + (there ? (size_t)row * WIDTH + 8 * mine.chunk : 0), there);
+    }
+}
 
 // dy -> dz = (dx - mean(dx) - x mean(dx x)) / deviation with dx = scale dy, for y = scale x + shift
 // and x = (z - mean(z)) / deviation, of the parts of rows that this thread has copied; x is where dz
-// shall be. Adds dy x and dy to `sums`.
-__device__ void normalise_backward(Stage& stage, const Backward& a, const float* scale,
-                                   const float (&gathered)[SHARE][8], const Ahead& ahead,
-                                   float (&sums)[2][8]) {
+// shall be. Of the tile's rows as many as `rows` exist. Adds dy x and dy to `sums`.
+__device__ __forceinline__ void normalise_backward(Stage& stage, const Backward& a,
+                                                   const Shared& shared, u32 rows, float (&sums)[2][8]) {
     const Mine mine;
-    const float share = 1.f / a.width;
     float s[8];
-    load8(scale + 8 * mine.chunk, s);
+    load8(shared.scale + 8 * mine.chunk, s);
+#pragma unroll 1
+    for (int first = 0; first < SHARE; first += TOGETHER) {
+        float dy[TOGETHER][8] = {};
+        if (a.gathered)
 #pragma unroll
-    for (int n = 0; n < SHARE; n++) {
-        Stored* place = (Stored*)&stage.dz.at(mine.local(n), mine.chunk);
-        float x[8], dy[8], mean = 0.f, product = 0.f;
-        load8(place, x);
+            for (u32 n = 0; n < TOGETHER; n++) {
+                const u32 local = mine.local(first + n);
+                load8(a.gathered + (size_t)stage.node[local] * WIDTH + 8 * mine.chunk, dy[n]);
 #pragma unroll
-        for (int k = 0; k < 8; k++) dy[k] = gathered[n][k];
-        if (a.output) {
-            float more[8];
-            load8((const Stored*)&stage.output[mine.local(n)][mine.chunk], more);
+                for (int k = 0; k < 8; k++) dy[n][k] = local < rows ? dy[n][k] : 0.f;
+            }
 #pragma unroll
-            for (int k = 0; k < 8; k++) dy[k] += more[k];
+        for (int n = 0; n < TOGETHER; n++) {
+            const int local = mine.local(first + n);
+            Stored* place = (Stored*)&stage.dz.at(local, mine.chunk);
+            float x[8], mean = 0.f, product = 0.f;
+            load8(place, x);
+            if (a.output) {
+                float more[8];
+                load8((const Stored*)&stage.output.at(local, mine.chunk), more);
+#pragma unroll
+                for (int k = 0; k < 8; k++) dy[n][k] += more[k];
+            }
+#pragma unroll
+            for (int k = 0; k < 8; k++) {
+                sums[0][k] += dy[n][k] * x[k];
+                sums[1][k] += dy[n][k];
+                dy[n][k] *= s[k];
+                mean += dy[n][k];
+                product += dy[n][k] * x[k];
+            }
+            // A row is sixteen lanes'.
+#pragma unroll
+            for (int bit = 1; bit < 16; bit *= 2) {
+                mean += __shfl_xor_sync(ALL, mean, bit);
+                product += __shfl_xor_sync(ALL, product, bit);
+            }
+            mean *= shared.share, product *= shared.share;
+#pragma unroll
+            for (int k = 0; k < 8; k++)
+                dy[n][k] = stage.inverse[local] * (dy[n][k] - mean - x[k] * product);
+            store8(place, dy[n]);
         }
-#pragma unroll
-        for (int k = 0; k < 8; k++) {
-            sums[0][k] += dy[k] * x[k];
-            sums[1][k] += dy[k];
-            dy[k] *= s[k];
-            mean += dy[k];
-            product += dy[k] * x[k];
-        }
-        // A row is sixteen lanes'.
-#pragma unroll
-        for (int bit = 1; bit < 16; bit *= 2) {
-            mean += __shfl_xor_sync(ALL, mean, bit);
-            product += __shfl_xor_sync(ALL, product, bit);
-        }
-        mean *= share, product *= share;
-#pragma unroll
-        for (int k = 0; k < 8; k++) dy[k] = ahead.inverse[n] * (dy[k] - mean - x[k] * product);
-        store8(place, dy);
     }
 }
 
-// dX of a tile, by the warp groups that do not add up dW: each has half the columns.
-__device__ void input_gradient(const Shared& shared, const Stage& stage, Stored* to, u32 tile,
-                               u32 rows, bool hidden, float slope, bool accumulate) {
-    const int side = threadIdx.x / GROUP_THREADS % 2;
+// What becomes of dX: it is multiplied by the derivative of LeakyReLU, whose values are X (`hidden`), or
+// added to what is there (`accumulate`), and goes to shared memory and memory, if not null.
+struct Destination {
+    Matrix<ROWS>* tile;
+    Stored* memory;
+    const Matrix<ROWS>& x;
+    bool hidden, accumulate;
+    float slope;
+};
+
+// dX = dZ W^T of a tile, half of the columns after the other.
+__device__ __forceinline__ void input_gradient(const Matrix<ROWS>& dz, const Matrix<WIDTH>& weights,
+                                               const Destination& to, u32 tile, u32 rows) {
     const int lane = threadIdx.x % 32, g = lane / 4, t = lane % 4;
-    float z[8][4] = {};
-    begin_products();
+#pragma unroll 1
+    for (int side = 0; side < 2; side++) {
+        float z[8][4] = {};
+        begin_products();
 #pragma unroll
-    for (int k = 0; k < 8; k++)
-        add_columns_product(z, describe((const char*)stage.dz.chunks[k / 4] + k % 4 * 32, 0),
-                            describe((const char*)shared.weights.chunks[k / 4][64 * side] + k % 4 * 32, 0));
-    end_products();
-#pragma unroll
-    for (int q = 0; q < 2; q++)
+        for (int k = 0; k < 8; k++)
+            add_columns_product(z, describe((const char*)dz.chunks[k / 4] + k % 4 * 32, 0),
+                                describe((const char*)weights.chunks[k / 4][64 * side] + k % 4 * 32, 0));
+        end_products();
 #pragma unroll
         for (int half = 0; half < 2; half++) {
             const int local = threadIdx.x % GROUP_THREADS / 32 * 16 + 8 * half + g;
-            const int chunk = 4 * (2 * side + q) + t;
             const u32 row = tile * ROWS + local;
-            if (row >= rows) continue;
-            float v[8], other[8];
 #pragma unroll
-            for (int k = 0; k < 8; k++) v[k] = z[4 * q + k / 2][2 * half + k % 2];
-            Stored* place = to + (size_t)row * WIDTH + 8 * chunk;
-            if (hidden) {
-                load8((const Stored*)&stage.x.at(local, chunk), other);
+            for (int q = 0; q < 2; q++) {
+                const int chunk = 4 * (2 * side + q) + t;
+                Stored* place = to.memory + (size_t)row * WIDTH + 8 * chunk;
+                float v[8], other[8];
 #pragma unroll
-                for (int k = 0; k < 8; k++)
-                    if (!(other[k] > 0.f)) v[k] *= slope;
-            } else if (accumulate) {
-                load8(place, other);
+                for (int k = 0; k < 8; k++) v[k] = z[4 * q + k / 2][2 * half + k % 2];
+                if (to.hidden) {
+                    load8((const Stored*)&to.x.at(local, chunk), other);
 #pragma unroll
-                for (int k = 0; k < 8; k++) v[k] += other[k];
+                    for (int k = 0; k < 8; k++)
+                        if (!(other[k] > 0.f)) v[k] *= to.slope;
+                } else if (to.accumulate && row < rows) {
+                    load8(place, other);
+#pragma unroll
+                    for (int k = 0; k < 8; k++) v[k] += other[k];
+                }
+                if (to.tile) store8((Stored*)&to.tile->at(local, chunk), v);
+                if (to.memory && row < rows) store8(place, v);
             }
-            store8(place, v);
         }
+    }
 }
 
-// dW and the column sums of dZ, of a block's rows.
-struct Sums {
-    // 64 rows of dW for each warp group.
-    float weight[16][4] = {};
-    float bias[2] = {};
-    int side = threadIdx.x / GROUP_THREADS;
+// The stages of a pass; the first half of them is used by the walkers in turn, then the second.
+__device__ __forceinline__ auto& stages_of(Shared& shared, Stage*) { return shared.stages; }
+__device__ __forceinline__ auto& stages_of(Shared& shared, SmallStage*) { return shared.small; }
 
-    __device__ void add(const Stage& stage, bool with_bias) {
-        if (with_bias) {
-            const int pair = threadIdx.x % (WIDTH / 2), share = ROWS / SHARERS;
+// Takes every other tile of the block through a pass. LAST: its first linear is that before LayerNorm.
+template <bool LAST, class Kind>
+__device__ __forceinline__ void walk(Shared& shared, const Backward& a, const Pass& pass,
+                                     float (&norm_sums)[2][8]) {
+    auto& stages = stages_of(shared, (Kind*)nullptr);
+    constexpr int STAGES = sizeof stages / sizeof(Kind);
+    const u32 rows = *a.count, tiles = (rows + ROWS - 1) / ROWS, step = WALKERS * a.blocks;
+    const int walker = threadIdx.x / GROUP_THREADS % WALKERS, local = threadIdx.x % GROUP_THREADS;
+    const bool two = Kind::WHOLE && pass.product[1];
+    // Whether the tile is read after its first dZ.
+    const bool late = two || pass.features || pass.sums;
+    const Stored* x[2] = {pass.product[0]->x, two ? pass.product[1]->x : nullptr};
+    const u32* x_index = pass.product[0]->index;
+    const float* features = pass.features ? pass.features->features : nullptr;
+    const u32 feature_count = pass.features ? pass.features->feature_count : 0;
+
+    auto fetch_x = [&](Kind& stage, u32 tile) {
+        if (tile >= tiles) return;
+        if (x_index)
+            gather(stage.x[0], x[0], tile, [&](u32 row) { return row < rows ? x_index[row] : NONE; });
+        else
+            fetch(stage.x[0], x[0], tile, rows);
+    };
+    auto fetch_rest = [&](Kind& stage, u32 tile) {
+        if (tile >= tiles) return;
+        fetch(stage.dz, pass.dz, tile, rows);
+        const u32 own = tile * ROWS + local;
+        const bool there = own < rows;
+        if ((LAST || pass.sums) && a.gathered && local < ROWS)
+            copy_async((float*)&stage.node[local],
+                       (const float*)a.gathered_index + (there ? own : 0), there);
+        if constexpr (LAST) {
+            if (local < ROWS)
+                copy_async(&stage.inverse[local], a.deviation + (there ? own : 0), there);
+            if (a.output && (a.selection || a.output_index))
+                gather(stage.output, a.output, tile, [&](u32 row) {
+                    if (row >= rows) return NONE;
+                    if (a.selection && (a.selection[row] == NONE) != (a.select_none != 0)) return NONE;
+                    return a.output_index ? a.output_index[row] : row;
+                });
+            else if (a.output)
+                fetch(stage.output, a.output, tile, rows);
+        }
+        if constexpr (Kind::WHOLE) {
+            if (features) {
+                const u32 first = tile * ROWS * feature_count, end = rows * feature_count;
+                for (u32 n = local; n < ROWS * feature_count; n += GROUP_THREADS) {
+                    const bool there = first + n < end;
+                    copy_async(&stage.features[n], features + (there ? first + n : 0), there);
+                }
+            }
+            if (two) fetch(stage.x[1], x[1], tile, rows);
+        }
+    };
+    u32 tile = blockIdx.x + walker * a.blocks;
 #pragma unroll
-            for (int k = 0; k < share; k++) {
-                const uint4& chunk = stage.dz.at(threadIdx.x / (WIDTH / 2) * share + k, pair / 4);
-                const u32 both = ((const u32*)&chunk)[pair % 4];
-                bias[0] += low(both);
-                bias[1] += high(both);
+    for (int s = 0; s < STAGES / WALKERS; s++) {
+        Kind& stage = stages[walker + s * WALKERS];
+        fetch_x(stage, tile + s * step);
+        fetch_rest(stage, tile + s * step);
+        end_copies();
+    }
+    // The weights are there.
+    barrier();
+    for (int current = walker; tile < tiles; tile += step, current = (current + WALKERS) % STAGES) {
+        Kind& stage = stages[current];
+        const u32 next = tile + step * (STAGES / WALKERS);
+        wait_for_copies<STAGES / WALKERS - 1>();
+        if constexpr (LAST) {
+            // What one thread has copied of the last, others need.
+            meet(WALKER + walker, GROUP_THREADS);
+            normalise_backward(stage, a, shared, rows - tile * ROWS, norm_sums);
+        }
+        show_to_products();
+        announce(FIRST + walker);
+        if (pass.sums) announce(SECOND + walker);
+        meet(WALKER + walker, GROUP_THREADS);
+        const Matrix<ROWS>* dz = &stage.dz;
+        if constexpr (Kind::WHOLE)
+            if (two) {
+                input_gradient(stage.dz, shared.weights[0],
+                               {&stage.output, nullptr, stage.x[0], true, false, a.slope}, tile, rows);
+                show_to_products();
+                announce(SECOND + walker);
+                dz = &stage.output;
+            }
+        // Also for the threads of the walker.
+        meet(FIRST_DONE + walker);
+        if (two) fetch_x(stage, next);
+        Matrix<ROWS>* features_dz = nullptr;
+        if constexpr (Kind::WHOLE)
+            if (features) features_dz = two ? &stage.dz : &stage.output;
+        input_gradient(*dz, shared.weights[two],
+                       {features_dz, pass.to, stage.x[two], pass.hidden, bool(a.accumulate & 1), a.slope},
+                       tile, rows);
+        if (features) announce(FEATURES + walker);
+        // Into what all have done with.
+        if (late) meet(TILE_DONE + walker);
+        else meet(WALKER + walker, GROUP_THREADS);
+        if (!two) fetch_x(stage, next);
+        fetch_rest(stage, next);
+        end_copies();
+    }
+}
+
+// Of a linear's dZ, the sums of its columns over a tile's rows: this thread's pair of columns.
+__device__ __forceinline__ void add_bias(float (&bias)[2], const Matrix<ROWS>& dz) {
+    const int pair = threadIdx.x % (WIDTH / 2), share = ROWS / SHARERS;
+#pragma unroll 8
+    for (int k = 0; k < share; k++) {
+        const int row = threadIdx.x % GROUP_THREADS / (WIDTH / 2) * share + k;
+        const u32 both = ((const u32*)&dz.at(row, pair / 4))[pair % 4];
+        bias[0] += low(both);
+        bias[1] += high(both);
+    }
+}
+
+// The block's share of the gradient of a bias. For all threads of a group.
+__device__ void write_bias(const Product& a, const float (&bias)[2], Shared& shared, int group) {
+    const int pair = threadIdx.x % (WIDTH / 2), column = threadIdx.x % GROUP_THREADS;
+    for (int i = 0; i < 2; i++) shared.partial[group][column / (WIDTH / 2)][2 * pair + i] = bias[i];
+    meet(SUMS + group, GROUP_THREADS);
+    float total = 0.f;
+    for (int k = 0; k < SHARERS; k++) total += shared.partial[group][k][column];
+    a.bias[blockIdx.x * WIDTH + column] = total;
+    meet(SUMS + group, GROUP_THREADS);
+}
+
+// X^T dZ with features for X, and 1 for the last of them, of a tile after the other; a warp has 32
+// columns.
+struct FeatureSums {
+    // Of row g and eight times four columns.
+    float weight[4][2] = {};
+
+    __device__ void add(const float* features, int count, const Matrix<ROWS>& dz) {
+        const int lane = threadIdx.x % 32, g = lane / 4, t = lane % 4;
+        const int chunk = threadIdx.x % GROUP_THREADS / 32 * 4;
+        // Rows 2t and 2t + 1 of column g.
+        const float* from = features + 2 * t * count + g;
+#pragma unroll
+        for (int k = 0; k < ROWS / 16; k++) {
+            // There are no rows but eight.
+            u32 left[4] = {};
+#pragma unroll
+            for (int half = 0; half < 2; half++, from += 8 * count)
+                left[2 * half] = g < count               ? pack(from[0], from[count])
+                                 : g == EDGE_FEATURES - 1 ? pack(1.f, 1.f)
+                                                          : 0;
+#pragma unroll
+            for (int j = 0; j < 4; j += 2) {
+                u32 b[4];
+                load_transposed(b, &dz.at(16 * k + lane % 16, chunk + j + lane / 16));
+#pragma unroll
+                for (int i = 0; i < 2; i++) {
+                    float sum[4] = {weight[j + i][0], weight[j + i][1]};
+                    multiply_add(sum, left, b[2 * i], b[2 * i + 1]);
+                    weight[j + i][0] = sum[0], weight[j + i][1] = sum[1];
+                }
             }
         }
-        begin_products();
-#pragma unroll
-        for (int k = 0; k < ROWS; k += 16)
-            add_rows_product(weight, describe(stage.x.chunks[side][k], sizeof stage.x.chunks[0]),
-                             describe(stage.dz.chunks[0][k], sizeof stage.dz.chunks[0]));
-        end_products();
     }
 
-    // The block's share of the gradient; of the bias, what is left to be added up.
-    __device__ void write(const Product& a, float (*partial)[WIDTH]) const {
-        const int g = threadIdx.x % 32 / 4, t = threadIdx.x % 4;
-        float* to = a.weight + (size_t)blockIdx.x * WIDTH * WIDTH +
-                    (threadIdx.x / 32 * 16 + g) * WIDTH + 2 * t;
+    __device__ void write(const Product& a) const {
+        const int lane = threadIdx.x % 32, g = lane / 4, t = lane % 4;
+        const int column = threadIdx.x % GROUP_THREADS / 32 * 32 + 2 * t;
+        float* to = a.weight + (size_t)blockIdx.x * WIDTH * WIDTH + g * WIDTH + column;
+        // The sums of dZ.
+        if (g == EDGE_FEATURES - 1 && a.bias) to = a.bias + blockIdx.x * WIDTH + column;
 #pragma unroll
-        for (int j = 0; j < 16; j++) {
-            *(float2*)(to + 8 * j) = make_float2(weight[j][0], weight[j][1]);
-            *(float2*)(to + 8 * j + 8 * WIDTH) = make_float2(weight[j][2], weight[j][3]);
-        }
-        for (int i = 0; i < 2; i++)
-            partial[threadIdx.x / (WIDTH / 2)][2 * (threadIdx.x % (WIDTH / 2)) + i] = bias[i];
+        for (int j = 0; j < 4; j++) *(float2*)(to + 8 * j) = make_float2(weight[j][0], weight[j][1]);
     }
 };
 
-// The block's share of the gradient of the bias, once all partial sums are there.
-__device__ void write_bias(const Product& a, const float (*partial)[WIDTH]) {
-    if (!a.bias || threadIdx.x >= WIDTH) return;
-    float total = 0.f;
-    for (int k = 0; k < SHARERS; k++) total += partial[k][threadIdx.x];
-    a.bias[blockIdx.x * WIDTH + threadIdx.x] = total;
+// Adds up the rows of dZ that have the same node, in a warp's part of a tile: the sum of node v in part
+// k is row k + v (as in forward.cu).
+__device__ __forceinline__ void sum_runs(Shared& shared, const Backward& a, float* sums) {
+    constexpr int PART = 16, STAGES = sizeof shared.small / sizeof(SmallStage);
+    const u32 rows = *a.count, tiles = (rows + ROWS - 1) / ROWS;
+    const int lane = threadIdx.x % 32, first = threadIdx.x % GROUP_THREADS / 32 * PART;
+    int current = 0;
+    for (u32 tile = blockIdx.x; tile < tiles; tile += a.blocks, current = (current + 1) % STAGES) {
+        const SmallStage& stage = shared.small[current];
+        meet(SECOND + current % WALKERS);
+        const u32 part = (tile * ROWS + first) / PART;
+        const int end = min(rows - min(rows, part * PART), PART);
+        float sum[4] = {};
+        for (int k = 0; k < end; k++) {
+            const int row = first + k;
+            const uint2 both = ((const uint2*)&stage.dz.at(row, lane / 2))[lane % 2];
+            sum[0] += low(both.x), sum[1] += high(both.x);
+            sum[2] += low(both.y), sum[3] += high(both.y);
+            const u32 node = stage.node[row];
+            if (k + 1 == end || stage.node[row + 1] != node) {
+                float4* to = (float4*)(sums + (size_t)(part + node) * WIDTH + 4 * lane);
+                *to = make_float4(sum[0], sum[1], sum[2], sum[3]);
+                sum[0] = sum[1] = sum[2] = sum[3] = 0.f;
+            }
+        }
+        announce(TILE_DONE + current % WALKERS);
+    }
 }
 
-// The block's sums for LayerNorm's scale and shift, of the threads that have any.
-__device__ void write_norm_sums(Shared& shared, float* to, const float (&sums)[2][8], bool any) {
+// dW of linear number SUMMED of a pass, of a block's rows; that of the last one's group has the
+// features' too.
+template <int SUMMED, class Kind>
+__device__ __forceinline__ void add_up(Shared& shared, const Backward& a, const Pass& pass) {
+    // W for the walker.
+    for (int k = 0; k < 2; k++)
+        if (pass.product[k])
+            for (int n = threadIdx.x; n < UNIT; n += 2 * GROUP_THREADS)
+                copy_async(&shared.weights[k].at(place_of(n / 16), n % 16),
+                           &pass.weights[k * UNIT + n], true);
+    end_copies();
+    wait_for_copies<0>();
+    show_to_products();
+    barrier();
+
+    if constexpr (SUMMED == 1 && !Kind::WHOLE) {
+        if (pass.sums) sum_runs(shared, a, pass.sums);
+        return;
+    }
+    const Product* product = pass.product[SUMMED];
+    const Product* features = pass.product[1 - SUMMED] && SUMMED == 0 ? nullptr : pass.features;
+    if (!product) return;
+    auto& stages = stages_of(shared, (Kind*)nullptr);
+    constexpr int STAGES = sizeof stages / sizeof(Kind);
+    const u32 rows = *a.count, tiles = (rows + ROWS - 1) / ROWS;
+    float weight[2][16][4] = {}, bias[2] = {};
+    FeatureSums feature_sums;
+    int current = 0;
+    for (u32 tile = blockIdx.x; tile < tiles; tile += a.blocks, current = (current + 1) % STAGES) {
+        const Kind& stage = stages[current];
+        const int walker = current % WALKERS;
+        const Matrix<ROWS>* dz = &stage.dz;
+        if constexpr (SUMMED == 1 && Kind::WHOLE) dz = &stage.output;
+        meet((SUMMED == 0 ? FIRST : SECOND) + walker);
+        begin_products();
+#pragma unroll
+        for (int side = 0; side < 2; side++)
+#pragma unroll
+            for (int k = 0; k < ROWS; k += 16)
+                add_rows_product(
+                    weight[side],
+                    describe(stage.x[SUMMED].chunks[side][k], sizeof stage.x[0].chunks[0]),
+                    describe(dz->chunks[0][k], sizeof dz->chunks[0]));
+        commit_products();
+        if (product->bias) add_bias(bias, *dz);
+        wait_for_products();
+        if (SUMMED == 0) announce(FIRST_DONE + walker);
+        if constexpr (Kind::WHOLE)
+            if (features) {
+                meet(FEATURES + walker);
+                feature_sums.add(stage.features, features->feature_count,
+                                 SUMMED == 1 ? stage.dz : stage.output);
+            }
+        if (SUMMED == 1 || features) announce(TILE_DONE + walker);
+    }
+    const int g = threadIdx.x % 32 / 4, t = threadIdx.x % 4;
+    float* to = product->weight + (size_t)blockIdx.x * WIDTH * WIDTH +
+                (threadIdx.x % GROUP_THREADS / 32 * 16 + g) * WIDTH + 2 * t;
+#pragma unroll
+    for (int side = 0; side < 2; side++)
+#pragma unroll
+        for (int j = 0; j < 16; j++) {
+            const float(&w)[4] = weight[side][j];
+            float* place = to + 64 * side * WIDTH + 8 * j;
+            *(float2*)place = make_float2(w[0], w[1]);
+            *(float2*)(place + 8 * WIDTH) = make_float2(w[2], w[3]);
+        }
+    if (product->bias) write_bias(*product, bias, shared, SUMMED);
+    if (features) feature_sums.write(*features);
+}
+
+// The block's sums for LayerNorm's scale and shift, of the walkers. For all threads.
+__device__ void write_norm_sums(Shared& shared, float* to, const float (&sums)[2][8], bool walks) {
+    constexpr int WARPS = WALKERS * GROUP_THREADS / 32;
     float(*all)[2 * WIDTH] = (float(*)[2 * WIDTH])shared.stages;
     barrier();
-    if (any)
+    if (walks)
 #pragma unroll
         for (int i = 0; i < 2; i++)
 #pragma unroll
             for (int k = 0; k < 8; k++) {
                 const float sum = sums[i][k] + __shfl_xor_sync(ALL, sums[i][k], 16);
                 if (threadIdx.x % 32 < 16)
-                    all[threadIdx.x % SUM_THREADS / 32][i * WIDTH + 8 * Mine().chunk + k] = sum;
+                    all[threadIdx.x / 32 % WARPS][i * WIDTH + 8 * Mine().chunk + k] = sum;
             }
     barrier();
     if (threadIdx.x < 2 * WIDTH) {
         float sum = 0.f;
-        for (int warp = 0; warp < SUM_THREADS / 32; warp++) sum += all[warp][threadIdx.x];
+        for (int warp = 0; warp < WARPS; warp++) sum += all[warp][threadIdx.x];
         to[blockIdx.x * 2 * WIDTH + threadIdx.x] = sum;
     }
 }
 
-// One linear: product n. ADDS: this warp is one of those that add up dW. LAST: the one before
-// LayerNorm.
-template <bool ADDS, bool LAST>
-__device__ void linear_backward(Shared& shared, const Backward& a, int n) {
-    const Product p = a.products[n];
-    const bool hidden = n < a.layers;
-    Stored* to = hidden ? (Stored*)a.products[n + 1].dz : p.x ? a.input : nullptr;
-    const Stored* dz = LAST ? a.normal : p.dz;
-    const u32 rows = *a.count, tiles = (rows + ROWS - 1) / ROWS, step = a.blocks;
-
-    // All have done with the linear before, and what they have written can be read.
-    barrier();
-    if (to) fetch_weights(shared, a.weights + n * UNIT);
-    if (!p.x) {
-        for (int s = 0; s < STAGES; s++)
-            for (int k = threadIdx.x; k < ROWS * 16; k += EDGE_THREADS)
-                (&shared.stages[s].x.chunks[0][0][0])[k] = make_uint4(0, 0, 0, 0);
-        barrier();
-    }
-    // Rows of the output's gradient for the tile to be fetched next.
-    u32 output[SHARE] = {};
-    auto read_output = [&](u32 tile) {
-        if (!ADDS && LAST && a.output)
-#pragma unroll
-            for (int k = 0; k < SHARE; k++)
-                output[k] = output_row(a, tile * ROWS + Mine().local(k), rows);
-    };
-    auto fetch = [&](int stage, u32 tile) {
-        if (tile < tiles) {
-            if (ADDS) fetch_x(shared.stages[stage], p, tile, rows);
-            else fetch_dz<LAST>(shared.stages[stage], a, dz, tile, rows, output);
-        }
-        end_copies();
-        read_output(tile + step);
-    };
-    read_output(blockIdx.x);
-    for (int s = 0; s < STAGES - 1; s++) fetch(s, blockIdx.x + s * step);
-    Ahead ahead;
-    if (!ADDS && LAST) ahead.read(a, blockIdx.x, rows);
+// All passes; a walker if the role is not to add up.
+template <int ROLE>
+__device__ __forceinline__ void backward(Shared& shared, const Backward& a) {
+    const Product* states = a.products + a.layers;
+    const Product* features = a.products + a.product_count - 1;
+    if (!states->x) states = nullptr;
+    if (features->x) features = nullptr;
     float norm_sums[2][8] = {};
-    Sums sums;
-
-    int current = 0;
-    for (u32 tile = blockIdx.x; tile < tiles; tile += step) {
-        Stage& stage = shared.stages[current];
-        if (!ADDS && LAST) {
-            float gathered[SHARE][8] = {};
-            if (a.gathered) ahead.gather(a, gathered);
-            wait_for_copies<STAGES - 2>();
-            normalise_backward(stage, a, shared.scale, gathered, ahead, norm_sums);
-        } else {
-            wait_for_copies<STAGES - 2>();
-            if (ADDS && !p.x) round_features(stage, p.feature_count);
-        }
-        show_to_products();
+    for (int n = 0; n < a.layers; n += 2) {
+        const bool two = n + 1 < a.layers, end = n + 2 >= a.layers;
+        const Product* product = a.products + n;
+        const Pass pass = {n == 0 ? a.normal : product->dz,
+                           {product, two ? product + 1 : nullptr},
+                           end ? features : nullptr,
+                           !end || states ? (Stored*)product[two ? 2 : 1].dz : nullptr,
+                           a.weights + n * UNIT,
+                           true,
+                           nullptr};
+        if constexpr (ROLE < 2) add_up<ROLE, Stage>(shared, a, pass);
+        else if (n == 0) walk<true, Stage>(shared, a, pass, norm_sums);
+        else walk<false, Stage>(shared, a, pass, norm_sums);
+        // What was written can be read.
         barrier();
-        // Into the stage that all have done with.
-        fetch((current + STAGES - 1) % STAGES, tile + (STAGES - 1) * step);
-        if (!ADDS && LAST) ahead.read(a, tile + step, rows);
-        if (ADDS) sums.add(stage, p.bias);
-        else if (to)
-            input_gradient(shared, stage, to, tile, rows, hidden, a.slope, a.accumulate & 1);
-        current = (current + 1) % STAGES;
     }
-    if (ADDS) sums.write(p, shared.partial);
-    if (LAST) write_norm_sums(shared, a.norm_sums, norm_sums, !ADDS);
-    barrier();
-    write_bias(p, shared.partial);
-}
-
-template <bool ADDS>
-__device__ void backward(Shared& shared, const Backward& a) {
-    linear_backward<ADDS, true>(shared, a, 0);
-    for (int n = 1; n < a.product_count; n++) linear_backward<ADDS, false>(shared, a, n);
+    if (states) {
+        const Pass pass = {states->dz, {states, nullptr}, nullptr,
+                           a.input,    a.weights + a.layers * UNIT, false, a.sums};
+        if constexpr (ROLE < 2) add_up<ROLE, SmallStage>(shared, a, pass);
+        else walk<false, SmallStage>(shared, a, pass, norm_sums);
+    }
+    write_norm_sums(shared, a.norm_sums, norm_sums, ROLE == 2);
 }
 
 extern "C" __global__ void __launch_bounds__(EDGE_THREADS, 1)
@@ -422,8 +616,17 @@ extern "C" __global__ void __launch_bounds__(EDGE_THREADS, 1)
     if (threadIdx.x < WIDTH)
         shared.scale[threadIdx.x] =
             threadIdx.x < a.width ? a.parameters[a.norm + threadIdx.x] : 0.f;
-    if (threadIdx.x < SUM_THREADS) backward<true>(shared, a);
-    else backward<false>(shared, a);
+    if (threadIdx.x == 0) shared.share = 1.f / a.width;
+    wait_for_kernel_before();
+    const int role = __shfl_sync(ALL, threadIdx.x / GROUP_THREADS, 0);
+    if (role < 2) {
+        asm volatile("setmaxnreg.inc.sync.aligned.u32 %0;" : : "n"(SUM_REGISTERS));
+        if (role == 0) backward<0>(shared, a);
+        else backward<1>(shared, a);
+    } else {
+        asm volatile("setmaxnreg.dec.sync.aligned.u32 %0;" : : "n"(WALKER_REGISTERS));
+        backward<2>(shared, a);
+    }
 }
 
 #endif

@@ -169,6 +169,8 @@ __device__ void finish(Tile& z, const Forward& a, const Place& at, const u32 (&s
                 for (int half = 0; half < 2; half++)
                     if (at.live[half]) a.deviation[at.row[half]] = deviation[half];
         }
+        // Of many edges there is no more to be known.
+        if (!a.output && !a.output32 && !a.narrow) return;
 #pragma unroll
         for (int q = 0; q < 4; q++) {
             float s[8], b[8];

@@ -40,14 +40,8 @@ impl CudaNetwork {
     fn edge_encoder(&self, frame: usize, view: &View) -> Forward {
         let mlp = if frame == 0 { self.layout.edge_first } else { self.layout.edge_later };
         let room = &self.room.frames[frame];
-        let item = Forward {
-            features: view.edge.at,
-            feature_stride: view.edge.stride as i32,
-            count: view.edges,
-            output: room.edge,
-            ..self.mlp(mlp)
-        };
-        item.saving(&room.edge_encoder)
+        let item = Forward { output: room.edge, ..self.mlp(mlp) };
+        item.reading_edges(view).saving(&room.edge_encoder)
     }
 
     /// The encoded edges of a frame.
@@ -92,6 +86,7 @@ impl CudaNetwork {
 
     /// The network on a window, the oldest frame first.
     pub(super) fn pass(&self, views: &[View]) -> Result<(), CudaError> {
+        self.kernels.begin();
         let training = self.room.training.is_some();
         if training {
             self.encode(&views.iter().enumerate().collect::<Vec<_>>())?;
@@ -157,13 +152,10 @@ impl CudaNetwork {
                 x: [messages.at, 0],
                 input_norm: messages.norm,
                 index: room.previous,
-                features: view.edge.at,
-                feature_stride: view.edge.stride as i32,
-                count: view.edges,
                 output: room.edge,
                 ..self.mlp(fusion)
             };
-            item.saving(&room.edge_fusion)
+            item.reading_edges(view).saving(&room.edge_fusion)
         });
         self.kernels.forward(&edges.collect::<Vec<_>>(), self.room.capacity.edges)
     }
@@ -233,6 +225,16 @@ impl CudaNetwork {
 }
 
 impl Forward {
+    /// With the features of a frame's edges.
+    fn reading_edges(self, view: &View) -> Self {
+        Self {
+            features: view.edge.at,
+            feature_stride: view.edge.stride as i32,
+            count: view.edges,
+            ..self
+        }
+    }
+
     /// With places for what the gradient needs.
     fn saving(self, saved: &Saved) -> Self {
         Self {

@@ -1,14 +1,14 @@
 //! The compiled kernels and what they take, laid out as in the sources.
 
+use std::ffi::c_void;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use cudarc::driver::sys::{
     CUfunction_attribute, CUlaunchAttribute, CUlaunchAttributeID, CUlaunchAttributeValue,
     CUlaunchConfig, cuLaunchKernelEx,
 };
-use cudarc::driver::{
-    CudaFunction, CudaModule, DeviceRepr, LaunchArgs, LaunchConfig, PushKernelArg,
-};
+use cudarc::driver::{CudaFunction, CudaModule, DeviceRepr, LaunchConfig};
 use gpu::Device;
 
 use super::error::CudaError;
@@ -76,7 +76,13 @@ pub fn defines(precision: Precision) -> Vec<String> {
         format!("THREADS={}", precision.threads()),
         format!("FORWARD_BATCH={FORWARD_BATCH}"),
         format!("RECEIVE_BATCH={RECEIVE_BATCH}"),
+        format!("EDGES_SHARED={EDGES_SHARED}"),
     ]
+}
+
+/// Pointers to the arguments of a kernel.
+macro_rules! arguments {
+    ($($argument:ident),*) => { [$((&raw const $argument).cast_mut().cast::<c_void>()),*] };
 }
 
 /// Address in device memory; 0 is none.
@@ -159,6 +165,7 @@ pub struct Backward {
     pub input32: [Address; 2],
     pub input: Address,
     pub norm_sums: Address,
+    pub sums: Address,
     pub rows: u32,
     pub units: i32,
     pub resident: i32,
@@ -258,15 +265,18 @@ pub struct Kernels {
     /// Times of launches, if they are wanted.
     pub profile: Profile,
     shared: usize,
-    /// Whether kernels may begin while those before them end: the GPU can do it, and the weights stay
-    /// the same.
+    /// Whether the GPU can begin a kernel while the one before ends.
     early: bool,
+    /// The next launch is the first of a pass: the weights may be new, which kernels read as soon as
+    /// they begin.
+    first: AtomicBool,
     pack: CudaFunction,
     forward: CudaFunction,
     backward: CudaFunction,
     /// In bf16 on Hopper.
     edges_backward: Option<CudaFunction>,
     product: CudaFunction,
+    product_shared: usize,
     receive: CudaFunction,
     collect: CudaFunction,
     same: CudaFunction,
@@ -277,11 +287,7 @@ pub struct Kernels {
 
 impl Kernels {
     /// Compiles what is not in the cache.
-    pub fn load(
-        device: &Arc<Device>,
-        precision: Precision,
-        training: bool,
-    ) -> Result<Self, CudaError> {
+    pub fn load(device: &Arc<Device>, precision: Precision) -> Result<Self, CudaError> {
         let defines = defines(precision);
         let modules = SOURCES
             .iter()
@@ -290,6 +296,8 @@ impl Kernels {
         let [weights, forward, backward, edges, gradient, segment, optimiser] = &modules[..] else {
             unreachable!("seven sources")
         };
+        let hopper = device.architecture() == "sm_90a";
+        let product_shared = product_shared(precision, hopper);
         // What the driver keeps of a block's shared memory is not in the limit.
         let shared = device.limits()?.shared_per_block;
         let with_shared = |module: &Arc<CudaModule>, name: &str, bytes: usize| {
@@ -307,12 +315,13 @@ impl Kernels {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            edges_backward: if precision == Precision::Bf16 && device.architecture() == "sm_90a" {
+            edges_backward: if precision == Precision::Bf16 && hopper {
                 Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
             } else {
                 None
             },
-            product: with_shared(gradient, "weight_gradient", product_shared(precision))?,
+            product: with_shared(gradient, "weight_gradient", product_shared)?,
+            product_shared,
             receive: segment.load_function("receive")?,
             collect: segment.load_function("collect")?,
             same: segment.load_function("same_edges")?,
@@ -324,7 +333,8 @@ impl Kernels {
             precision,
             profile: Profile::default(),
             shared,
-            early: !training && device.context().compute_capability()?.0 >= 9,
+            early: device.context().compute_capability()?.0 >= 9,
+            first: AtomicBool::new(true),
         })
     }
 
@@ -335,44 +345,34 @@ impl Kernels {
         parameters: Address,
         packed: Address,
     ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.pack);
-        launch.arg(&packs).arg(&parameters).arg(&packed);
+        let arguments = arguments![packs, parameters, packed];
+        let config = config([count as u32, 1], 512, 0);
         // SAFETY: the addresses are those of `count` packs, of the weights and of the room that
         // the packs were laid out for.
-        unsafe { self.launch("pack", launch, config([count as u32, 1], 512, 0))? };
-        Ok(())
+        unsafe { self.launch("pack", &self.pack, arguments, config, false) }
     }
 
-    /// # Safety
-    /// As for [`LaunchArgs::launch`].
-    unsafe fn launch(
-        &self,
-        name: &'static str,
-        mut launch: LaunchArgs,
-        config: LaunchConfig,
-    ) -> Result<(), CudaError> {
-        let stream = self.device.stream();
-        self.profile.around(name, stream, || {
-            // SAFETY: the caller's.
-            unsafe { launch.launch(config)? };
-            Ok(())
-        })
+    /// Begins a pass through the network: its first kernel waits for all that was queued before.
+    pub fn begin(&self) {
+        self.first.store(true, Ordering::Relaxed);
     }
 
-    /// Launches a kernel that waits itself for the one before (`wait_for_kernel_before` of ptx.cuh),
-    /// and until then reads weights only. If these do not change it can begin while that one ends.
+    /// Launches a kernel. `early`: it waits itself for the one before (`wait_for_kernel_before` of
+    /// ptx.cuh), and until then reads weights only, so that it can begin while that one ends.
     ///
     /// # Safety
-    /// As for [`LaunchArgs::launch`]; `argument` is the kernel's only one.
-    unsafe fn launch_early<T: DeviceRepr>(
+    /// As for any kernel, and `arguments` are pointers to what it takes.
+    unsafe fn launch<const N: usize>(
         &self,
         name: &'static str,
         kernel: &CudaFunction,
-        mut argument: T,
+        mut arguments: [*mut c_void; N],
         config: LaunchConfig,
+        early: bool,
     ) -> Result<(), CudaError> {
         let stream = self.device.stream();
-        let mut early = CUlaunchAttribute {
+        let early = self.early && early && !self.first.swap(false, Ordering::Relaxed);
+        let mut attribute = CUlaunchAttribute {
             id: CUlaunchAttributeID::CU_LAUNCH_ATTRIBUTE_PROGRAMMATIC_STREAM_SERIALIZATION,
             pad: [0; 4],
             value: CUlaunchAttributeValue { programmaticStreamSerializationAllowed: 1 },
@@ -386,10 +386,9 @@ impl Kernels {
             blockDimZ: config.block_dim.2,
             sharedMemBytes: config.shared_mem_bytes,
             hStream: stream.cu_stream(),
-            attrs: &raw mut early,
-            numAttrs: u32::from(self.early),
+            attrs: &raw mut attribute,
+            numAttrs: u32::from(early),
         };
-        let mut arguments = [(&raw mut argument).cast::<std::ffi::c_void>()];
         self.profile.around(name, stream, || {
             // SAFETY: the caller's; the pointers are to what is alive here.
             unsafe {
@@ -434,7 +433,8 @@ impl Kernels {
             let grid = [self.blocks(rows, part.len()) as u32, part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
             unsafe {
-                self.launch_early(name, &self.forward, batch, config(grid, threads, shared))?;
+                let config = config(grid, threads, shared);
+                self.launch(name, &self.forward, arguments![batch], config, true)?;
             }
         }
         Ok(())
@@ -461,11 +461,10 @@ impl Kernels {
             if edges && self.edges_backward.is_some() {
                 shared = EDGES_SHARED;
             }
-            let mut launch = self.device.stream().launch_builder(kernel);
-            launch.arg(&batch);
             let grid = [part[0].blocks as u32, part.len() as u32];
+            let config = config(grid, threads, shared);
             // SAFETY: the addresses in the items are those of live buffers for their rows.
-            unsafe { self.launch(name, launch, config(grid, threads, shared))? };
+            unsafe { self.launch(name, kernel, arguments![batch], config, true)? };
         }
         Ok(())
     }
@@ -481,14 +480,10 @@ impl Kernels {
         count: usize,
         blocks: usize,
     ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.product);
-        launch.arg(&products);
-        let shared = product_shared(self.precision);
+        let threads = 256 * self.precision.parts() as u32;
+        let config = config([blocks as u32, count as u32], threads, self.product_shared);
         // SAFETY: the addresses in the products are those of live buffers.
-        unsafe {
-            self.launch("products", launch, config([blocks as u32, count as u32], 256, shared))?
-        };
-        Ok(())
+        unsafe { self.launch("products", &self.product, arguments![products], config, true) }
     }
 
     /// Messages of each node's edges, added, of up to `points` nodes.
@@ -497,30 +492,28 @@ impl Kernels {
             let mut batch = ReceiveBatch::default();
             batch.0[..part.len()].copy_from_slice(part);
             let grid = [(points as u32).div_ceil(4), part.len() as u32];
+            let config = config(grid, 128, 0);
             // SAFETY: live buffers for the graphs' points and edges.
-            unsafe { self.launch_early("receive", &self.receive, batch, config(grid, 128, 0))? };
+            unsafe { self.launch("receive", &self.receive, arguments![batch], config, true)? };
         }
         Ok(())
     }
 
-    /// An edge quantity, added over each node's outgoing and incoming edges.
+    /// An edge quantity, added over each node's outgoing and incoming edges; the sums of runs of the
+    /// latter may be there already.
     pub fn collect(
         &self,
         start: Address,
         reverse: Address,
         points: usize,
-        edge: Address,
-        sent: Address,
-        received: Address,
+        [edge, sums]: [Address; 2],
+        [sent, received]: [Address; 2],
     ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.collect);
+        let config = config([(points as u32).div_ceil(4), 1], 128, 0);
         let points = points as i32;
-        launch.arg(&start).arg(&reverse).arg(&points).arg(&edge).arg(&sent).arg(&received);
+        let arguments = arguments![start, reverse, points, edge, sums, sent, received];
         // SAFETY: as above.
-        unsafe {
-            self.launch("collect", launch, config([(points as u32).div_ceil(4), 1], 128, 0))?
-        };
-        Ok(())
+        unsafe { self.launch("collect", &self.collect, arguments, config, true) }
     }
 
     /// For each edge of a graph (its count, senders and receivers), the same one of another (its
@@ -531,13 +524,11 @@ impl Kernels {
         other: [Address; 2],
         same: Address,
     ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.same);
         let ([edges, sender, receiver], [other_start, other_sender]) = (graph, other);
-        launch.arg(&edges).arg(&sender).arg(&receiver).arg(&other_start).arg(&other_sender);
-        launch.arg(&same);
+        let arguments = arguments![edges, sender, receiver, other_start, other_sender, same];
+        let config = config([4 * self.processors, 1], 256, 0);
         // SAFETY: as above.
-        unsafe { self.launch("same_edges", launch, config([4 * self.processors, 1], 256, 0))? };
-        Ok(())
+        unsafe { self.launch("same_edges", &self.same, arguments, config, true) }
     }
 
     pub fn reduce(
@@ -547,12 +538,10 @@ impl Kernels {
         parameters: Address,
         gradient: Address,
     ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.reduce);
-        launch.arg(&targets).arg(&parameters).arg(&gradient);
-        let grid = [WIDTH as u32, count as u32];
+        let arguments = arguments![targets, parameters, gradient];
+        let config = config([WIDTH as u32, count as u32], 512, 0);
         // SAFETY: the addresses in the targets are those of live buffers.
-        unsafe { self.launch("reduce", launch, config(grid, 512, 0))? };
-        Ok(())
+        unsafe { self.launch("reduce", &self.reduce, arguments, config, true) }
     }
 
     /// Sums of squared errors and of squared targets over points x columns numbers, and the
@@ -565,12 +554,10 @@ impl Kernels {
         gradient: Address,
         sums: Address,
     ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.loss);
         let (points, columns) = (points as i32, columns as i32);
-        launch.arg(&output).arg(&target).arg(&points).arg(&columns).arg(&gradient).arg(&sums);
+        let arguments = arguments![output, target, points, columns, gradient, sums];
         // SAFETY: live buffers of these sizes.
-        unsafe { self.launch("loss", launch, config([1, 1], 1024, 0))? };
-        Ok(())
+        unsafe { self.launch("loss", &self.loss, arguments, config([1, 1], 1024, 0), true) }
     }
 
     /// Adam on `count` weights: weights, averages of gradients and of their squares, average of
@@ -583,27 +570,30 @@ impl Kernels {
         [losses, counter]: [Address; 2],
         room: usize,
     ) -> Result<(), CudaError> {
-        let mut launch = self.device.stream().launch_builder(&self.adam);
-        for list in &lists {
-            launch.arg(list);
-        }
-        let (number, room) = (count as i32, room as u32);
-        launch.arg(&number).arg(&losses).arg(&counter).arg(&room);
+        let [weights, mean, square, average, gradient, rates] = lists;
+        let config = config([(count as u32).div_ceil(256), 1], 256, 0);
+        let (count, room) = (count as i32, room as u32);
+        let arguments = arguments![
+            weights, mean, square, average, gradient, rates, count, losses, counter, room
+        ];
         // SAFETY: live buffers of this size.
-        unsafe { self.launch("adam", launch, config([(count as u32).div_ceil(256), 1], 256, 0))? };
-        Ok(())
+        unsafe { self.launch("adam", &self.adam, arguments, config, false) }
     }
 }
 
-/// Threads of a block of `edges_backward`, and its shared memory: a matrix of 128 rows, three stages
-/// of three tiles of 64, all of 256 bytes, and five vectors.
+/// Threads of a block of `edges_backward`, and its shared memory: two matrices of 128 rows, eight tiles
+/// of 64, all of 256 bytes, and some vectors.
 const EDGES_THREADS: u32 = 512;
-const EDGES_SHARED: usize = (128 + 3 * 3 * 64) * 256 + 5 * WIDTH * 4;
+const EDGES_SHARED: usize = (2 * 128 + 8 * 64) * 256 + (9 << 10);
 
-/// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 17 words of 16 bytes.
-fn product_shared(precision: Precision) -> usize {
-    let stages = if precision == Precision::Bf16 { 3 } else { 1 };
-    stages * 2 * precision.parts() * 64 * 17 * 16
+/// Shared memory of `weight_gradient`: in each stage two tiles of 64 rows of 256 bytes for each part.
+fn product_shared(precision: Precision, hopper: bool) -> usize {
+    let stages = match (precision, hopper) {
+        (Precision::Bf16, _) => 3,
+        (Precision::F32, true) => 2,
+        (Precision::F32, false) => 1,
+    };
+    stages * 2 * precision.parts() * 64 * 256
 }
 
 fn config(grid: [u32; 2], threads: u32, shared: usize) -> LaunchConfig {

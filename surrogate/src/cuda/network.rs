@@ -92,7 +92,7 @@ impl CudaNetwork {
         training: bool,
     ) -> Result<Self, CudaError> {
         supports(config)?;
-        let kernels = Kernels::load(device, precision, training)?;
+        let kernels = Kernels::load(device, precision)?;
         let layout = Layout::new(config, precision, kernels.fused());
         let room = Room::new(device, &layout, &kernels, capacity, training)?;
         Ok(Self {
@@ -117,9 +117,7 @@ impl CudaNetwork {
             return Err(CudaError::Weights { found: weights.len(), expected });
         }
         self.kernels.device.stream().memcpy_htod(weights, &mut self.parameters)?;
-        self.pack()?;
-        // Kernels that begin early read them.
-        Ok(self.kernels.device.stream().synchronize()?)
+        self.pack()
     }
 
     /// Makes room for larger batches, if need be.

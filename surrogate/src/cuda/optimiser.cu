@@ -19,7 +19,7 @@ constexpr int REDUCE_GROUPS = 4;
 // Every fourth slice from `from` on.
 __device__ float sum_slices(const float* from, int count, int size) {
     float sum = 0.f;
-#pragma unroll 4
+#pragma unroll 8
     for (int k = threadIdx.x / WIDTH; k < count; k += REDUCE_GROUPS) sum += from[(size_t)k * size];
     return sum;
 }
@@ -27,6 +27,7 @@ __device__ float sum_slices(const float* from, int count, int size) {
 // Block (x, y) adds up row x of target y: four groups of 128 threads a quarter of the slices each.
 extern "C" __global__ void reduce_gradient(const Target* targets, const float* parameters,
                                            float* gradient) {
+    wait_for_kernel_before();
     const Target a = targets[blockIdx.y];
     const int row = blockIdx.x, column = threadIdx.x % WIDTH, group = threadIdx.x / WIDTH;
     if (row >= a.rows) return;
@@ -61,6 +62,7 @@ __device__ float block_sum(float x) {
 extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
     loss_gradient(const float* output, const float* target, int points, int columns,
                   float* gradient, float* sums) {
+    wait_for_kernel_before();
     float error = 0.f, scale = 0.f;
     for (int n = threadIdx.x; n < points * columns; n += LOSS_THREADS) {
         float e = output[n] - target[n];

@@ -39,25 +39,19 @@ __device__ __forceinline__ void unpack_f16(u32 both, float& low, float& high) {
         : "r"(both));
 }
 
+#define LOAD_MATRICES(TRANSPOSED) \
+    asm volatile("ldmatrix.sync.aligned.m8n8.x4" TRANSPOSED ".shared.b16 {%0, %1, %2, %3}, [%4];" \
+                 : "=r"(d[0]), "=r"(d[1]), "=r"(d[2]), "=r"(d[3]) \
+                 : "r"((u32)__cvta_generic_to_shared(row)) \
+                 : "memory")
+
 // Four 8 x 8 matrices of two-byte numbers from shared memory: lane 8 m + k gives the address of row
 // k of matrix m, and gets columns 2t and 2t + 1 of row g of each.
-__device__ __forceinline__ void load_matrices(u32 (&d)[4], const void* row) {
-    u32 address = (u32)__cvta_generic_to_shared(row);
-    asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
-                 : "=r"(d[0]), "=r"(d[1]), "=r"(d[2]), "=r"(d[3])
-                 : "r"(address)
-                 : "memory");
-}
+__device__ __forceinline__ void load_matrices(u32 (&d)[4], const void* row) { LOAD_MATRICES(""); }
 
-// The same of bf16, transposed: lane 8 m + k gives the address of row
-// k of matrix m, and gets rows 2t and 2t + 1 of column g of each.
-__device__ __forceinline__ void load_transposed(u32 (&d)[4], const void* row) {
-    u32 address = (u32)__cvta_generic_to_shared(row);
-    asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0, %1, %2, %3}, [%4];"
-                 : "=r"(d[0]), "=r"(d[1]), "=r"(d[2]), "=r"(d[3])
-                 : "r"(address)
-                 : "memory");
-}
+// The same, but gets rows 2t and 2t + 1 of column g of each.
+__device__ __forceinline__ void load_transposed(u32 (&d)[4], const void* row) { LOAD_MATRICES(".trans"); }
+#undef LOAD_MATRICES
 
 // Waits for all threads of the block, which may be at different places of the program.
 __device__ __forceinline__ void barrier() { asm volatile("bar.sync 0;" ::: "memory"); }
@@ -152,6 +146,7 @@ __device__ __forceinline__ void add_product(float (&z)[16][4], const u32 (&a)[4]
 #else
 __device__ __forceinline__ void begin_products() {}
 __device__ __forceinline__ void end_products() {}
+__device__ __forceinline__ void wait_for_products() {}
 __device__ __forceinline__ void show_to_products() {}
 
 template <bool F16>

@@ -247,7 +247,7 @@ impl Maker<'_> {
                     Some(encoded) => encoded.node,
                     None => self.states(points)?,
                 },
-                node_encoder: self.saved(node, points, 1)?,
+                node_encoder: self.saved(node, points, layout.frames)?,
                 edge_encoder: self.saved(edge, edges, layout.frames)?,
                 ..FrameRoom::default()
             };

@@ -6,6 +6,19 @@ __device__ __forceinline__ void combine(float (&v)[8]) {
     for (int k = 0; k < 8; k++) v[k] += __shfl_xor_sync(ALL, v[k], 16);
 }
 
+// Adds what a half of a warp has to add of the sums of a node's runs of edges: one in each tile of 16
+// (forward.cu).
+__device__ __forceinline__ void add_runs(float (&total)[8], const float* sums, int node, u32 first,
+                                         u32 end, int column) {
+#pragma unroll 2
+    for (u32 tile = first / 16 + threadIdx.x % 32 / 16; 16 * tile < end && first < end; tile += 2) {
+        float v[8];
+        load8(sums + (size_t)(tile + node) * WIDTH + column, v);
+#pragma unroll
+        for (int k = 0; k < 8; k++) total[k] += v[k];
+    }
+}
+
 struct Receive {
     const u32* start;
     // Sums of the messages x of runs of edges (forward.cu).
@@ -32,14 +45,7 @@ extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
     const int column = lane % 16 * 8;
     const u32 first = a.start[node], end = a.start[node + 1];
     float total[8] = {};
-    // Runs of this node: one in each tile of 16 edges.
-#pragma unroll 2
-    for (u32 tile = first / 16 + lane / 16; 16 * tile < end && first < end; tile += 2) {
-        float v[8];
-        load8(a.sums + (size_t)(tile + node) * WIDTH + column, v);
-#pragma unroll
-        for (int k = 0; k < 8; k++) total[k] += v[k];
-    }
+    add_runs(total, a.sums, node, first, end, column);
     combine(total);
     const float degree = end - first;
 #pragma unroll
@@ -53,21 +59,28 @@ extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
 }
 
 // For each node the sum of an edge quantity over the edges that it receives, and over those that it
-// sends: points x 128 each. The graph is symmetric, so the latter are the reverses of the former.
+// sends: points x 128 each. The graph is symmetric, so the latter are the reverses of the former. If
+// `sums` is not null, the former are added up already as far as runs go.
 extern "C" __global__ void collect(const u32* start, const u32* reverse, int points,
-                                   const Stored* x, Stored* sent, Stored* received) {
+                                   const Stored* x, const float* sums, Stored* sent,
+                                   Stored* received) {
+    wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
     if (node >= points) return;
     const int column = lane % 16 * 8;
-    const u32 end = start[node + 1];
+    const u32 first = start[node], end = start[node + 1];
     float in[8] = {}, out[8] = {};
+    if (sums) add_runs(in, sums, node, first, end, column);
 #pragma unroll 4
-    for (u32 edge = start[node] + lane / 16; edge < end; edge += 2) {
-        float v[8], w[8];
-        load8(x + (size_t)edge * WIDTH + column, v);
-        load8(x + (size_t)reverse[edge] * WIDTH + column, w);
+    for (u32 edge = first + lane / 16; edge < end; edge += 2) {
+        float v[8];
+        load8(x + (size_t)reverse[edge] * WIDTH + column, v);
 #pragma unroll
-        for (int k = 0; k < 8; k++) in[k] += v[k], out[k] += w[k];
+        for (int k = 0; k < 8; k++) out[k] += v[k];
+        if (sums) continue;
+        load8(x + (size_t)edge * WIDTH + column, v);
+#pragma unroll
+        for (int k = 0; k < 8; k++) in[k] += v[k];
     }
     combine(in);
     combine(out);
@@ -80,6 +93,7 @@ extern "C" __global__ void collect(const u32* start, const u32* reverse, int poi
 // For each edge of a graph the same edge of another one, or NONE.
 extern "C" __global__ void same_edges(const u32* edges, const u32* sender, const u32* receiver,
                                       const u32* other_start, const u32* other_sender, u32* same) {
+    wait_for_kernel_before();
     for (u32 edge = blockIdx.x * blockDim.x + threadIdx.x; edge < *edges;
          edge += gridDim.x * blockDim.x) {
         const u32 from = sender[edge];
