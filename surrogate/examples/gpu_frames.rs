@@ -120,7 +120,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let edges = builder.needed()?;
     let before = position.as_view();
     let history = [before, position.as_view()];
-    let features = time(device, || builder.features(&history, &mut frame))?;
+    let features = time(device, || builder.features(&history, 2, &mut frame))?;
 
     let mut integrator = Integrator::new(device, &config, &norm, &motion, points)?;
     integrator.begin([&positions, &positions], 6)?;

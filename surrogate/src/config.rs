@@ -164,6 +164,12 @@ impl ModelConfig {
         real("connection_radius", radius, radius > 0.0 && radius.is_finite(), "positive (metres)")
     }
 
+    /// Frames of positions that a prediction needs: those of the network, and those before them that
+    /// node features follow from.
+    pub fn window(&self) -> usize {
+        self.frames + self.node_features.iter().map(|f| f.frames_before()).max().unwrap_or(0)
+    }
+
     /// Frames of a window that the network has a graph of: all of them, or (GNS) the newest.
     pub fn graphs(&self) -> usize {
         match self.kind {
@@ -174,7 +180,7 @@ impl ModelConfig {
 
     /// Numbers that [`node_features`](Self::node_features) add to a node.
     pub fn further_node_features(&self) -> usize {
-        node_features::columns(&self.node_features)[0]
+        node_features::columns(&self.node_features, self.dimensions)[0]
     }
 
     /// Distances to the 2 n_d walls, and what else is asked for.

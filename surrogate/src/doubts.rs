@@ -100,7 +100,7 @@ fn asymmetry(simulator: &Simulator, start: &Start) -> Option<String> {
 pub fn mirror_difference(simulator: &Simulator, start: &Start) -> f64 {
     let chosen = middle(&start.positions[start.positions.len() - 1]);
     let width = start.scene.domain.size[0];
-    let [_, columns] = columns(&simulator.config.node_features);
+    let [_, columns] = columns(&simulator.config.node_features, simulator.config.dimensions);
     let statics: Vec<f32> = chosen
         .iter()
         .flat_map(|&p| start.statics[p * columns..(p + 1) * columns].iter().copied())

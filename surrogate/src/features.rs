@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 pub use self::host_frame::HostFrame;
 use crate::config::{ModelConfig, ModelKind};
 use crate::graph::radius_graph;
-use crate::node_features::{self, NodeFeature, overburden};
+use crate::node_features::{self, moving_features};
 
 /// Means and standard deviations of a training set, per component of space. Velocities are
 /// x_k - x_(k-1) [m/frame] and accelerations x_(k+1) - 2 x_k + x_(k-1) [m/frame^2]. Standard
@@ -48,7 +48,7 @@ impl Normalisation {
 /// Consecutive frames of one trajectory.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
-    /// frames x points x dimensions [m], oldest frame first.
+    /// [`ModelConfig::window`] x points x dimensions [m], oldest frame first.
     pub positions: &'a [f32],
     pub points: usize,
     /// points x features that never change ([`node_features::static_features`]).
@@ -96,7 +96,7 @@ pub struct WindowInput<B: Backend> {
 /// each direction [m].
 ///
 /// # Panics
-/// If a window's positions are not `config.frames` x points x `config.dimensions`, its static
+/// If a window's positions are not `config.window()` x points x `config.dimensions`, its static
 /// features not those of `config.node_features`, or the normalisation or the bounds have other
 /// dimensions.
 pub fn window_input<B: Backend>(
@@ -133,17 +133,13 @@ pub fn host_frames(
     assert_eq!(norm.velocity_mean.len(), config.dimensions);
     assert_eq!(norm.velocity_std.len(), config.dimensions);
     for window in windows {
-        assert_eq!(window.positions.len(), config.frames * window.points * config.dimensions);
-        let [all, statics] = node_features::columns(&config.node_features);
+        assert_eq!(window.positions.len(), config.window() * window.points * config.dimensions);
+        let [all, statics] = node_features::columns(&config.node_features, config.dimensions);
         assert_eq!(window.statics.len(), window.points * statics);
         assert_eq!([norm.features_mean.len(), norm.features_std.len()], [all; 2]);
     }
     let features = Features { config, norm, bounds };
-    let first = match config.kind {
-        ModelKind::Tgnns => 0,
-        ModelKind::Gns => config.frames - 1,
-    };
-    (first..config.frames)
+    (config.window() - config.graphs()..config.window())
         .into_par_iter()
         .map(|frame| {
             let parts: Vec<_> =
@@ -161,11 +157,16 @@ struct Features<'a> {
 }
 
 impl Features<'_> {
+    /// The network's first frame in a window; earlier ones are there for further features.
+    fn oldest(&self) -> usize {
+        self.config.window() - self.config.frames
+    }
+
     /// Features of a node and of an edge.
     fn columns(&self, frame: usize) -> [usize; 2] {
         let config = self.config;
         match config.kind {
-            ModelKind::Tgnns if frame > 0 => {
+            ModelKind::Tgnns if frame > self.oldest() => {
                 [config.later_node_features(), config.later_edge_features()]
             }
             ModelKind::Tgnns => [config.first_node_features(), config.first_edge_features()],
@@ -181,18 +182,18 @@ impl Features<'_> {
         let (mut nodes, mut edges) = (Vec::new(), Vec::new());
         let steps = match self.config.kind {
             ModelKind::Tgnns => frame..frame + 1,
-            ModelKind::Gns => 1..frame + 1,
+            ModelKind::Gns => self.oldest()..frame + 1,
         };
-        let further = self.further(window, at(frame));
+        let further = self.further(window, frame);
         let width = self.config.further_node_features();
         for point in 0..window.points {
-            for k in steps.clone().filter(|&k| k > 0) {
+            for k in steps.clone().filter(|&k| k > self.oldest()) {
                 self.velocity(at(k - 1), at(k), point, &mut nodes);
             }
             self.wall_distances(at(frame), point, &mut nodes);
             nodes.extend(&further[point * width..(point + 1) * width]);
         }
-        let moving = self.config.kind == ModelKind::Tgnns && frame > 0;
+        let moving = self.config.kind == ModelKind::Tgnns && frame > self.oldest();
         for (receiver, sender) in graph.pairs() {
             if moving {
                 self.relative_velocity(at(frame - 1), at(frame), receiver, sender, &mut edges);
@@ -243,14 +244,13 @@ impl Features<'_> {
     }
 
     /// Features beyond velocity and walls of all points.
-    fn further(&self, window: &Window, now: &[f32]) -> Vec<f32> {
-        let features = &self.config.node_features;
-        let load = if features.contains(&NodeFeature::Overburden) {
-            overburden(now, self.config.dimensions, self.config.connection_radius as f32)
-        } else {
-            Vec::new()
-        };
-        node_features::standardised(features, self.norm, window.points, window.statics, &load)
+    fn further(&self, window: &Window, frame: usize) -> Vec<f32> {
+        let ModelConfig { node_features: features, dimensions, connection_radius, .. } =
+            self.config;
+        let stride = (window.points * dimensions).max(1);
+        let frames: Vec<&[f32]> = window.positions.chunks_exact(stride).take(frame + 1).collect();
+        let moving = moving_features(features, &frames, *dimensions, *connection_radius as f32);
+        node_features::standardised(features, self.norm, window.points, window.statics, &moving)
     }
 
     /// From receiver to sender: direction (GNS: displacement / radius) and distance / radius.

@@ -1,7 +1,7 @@
 //! Features of nodes beyond velocity and walls.
 //!
 //! A rollout knows positions only, so a feature of a frame has to follow from positions
-//! (overburden), or it is what a point started with: stress and solid fraction of later frames
+//! (overburden, acceleration), or it is what a point started with: stress and solid fraction of later frames
 //! would have to be predicted too.
 
 use dempm::trajectory::Frame;
@@ -16,6 +16,9 @@ pub enum NodeFeature {
     /// Points above this one in a strip one connection radius wide: the weight that it carries,
     /// were stress hydrostatic. Follows every frame.
     Overburden,
+    /// Second difference of positions of the frame and the two before it, m/frame². Velocities hold
+    /// it too, but as a difference of a hundredth of their size.
+    Acceleration,
     /// Pressure and shear stress, Pa, in the first frame of the trajectory. Both are invariants,
     /// the same in a mirror.
     InitialStress,
@@ -25,23 +28,30 @@ pub enum NodeFeature {
 
 impl NodeFeature {
     /// Numbers that it adds to a node.
-    pub fn columns(self) -> usize {
+    pub fn columns(self, dimensions: usize) -> usize {
         match self {
             Self::Overburden | Self::InitialSolidFraction => 1,
             Self::InitialStress => 2,
+            Self::Acceleration => dimensions,
         }
     }
 
     /// Whether it never changes for a point.
     pub fn is_static(self) -> bool {
-        self != Self::Overburden
+        !matches!(self, Self::Overburden | Self::Acceleration)
+    }
+
+    /// Frames before its own that it follows from.
+    pub fn frames_before(self) -> usize {
+        if self == Self::Acceleration { 2 } else { 0 }
     }
 }
 
 /// Columns of all features, and of those that never change.
-pub fn columns(features: &[NodeFeature]) -> [usize; 2] {
+pub fn columns(features: &[NodeFeature], dimensions: usize) -> [usize; 2] {
     let sum = |all: bool| {
-        features.iter().filter(|f| all || f.is_static()).map(|f| f.columns()).sum::<usize>()
+        let counted = features.iter().filter(|f| all || f.is_static());
+        counted.map(|f| f.columns(dimensions)).sum::<usize>()
     };
     [sum(true), sum(false)]
 }
@@ -59,7 +69,7 @@ pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f3
     let mut columns: Vec<Vec<f32>> = Vec::new();
     for feature in features {
         match feature {
-            NodeFeature::Overburden => {}
+            NodeFeature::Overburden | NodeFeature::Acceleration => {}
             NodeFeature::InitialStress => {
                 let stress = first.stress.as_ref().ok_or(Missing("stress"))?;
                 let pressure = |[xx, _, _, yy]: &[f32; 4]| -0.5 * (xx + yy);
@@ -77,26 +87,50 @@ pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f3
     Ok((0..points).flat_map(|point| columns.iter().map(move |column| column[point])).collect())
 }
 
+/// The features of a frame that follow from positions, one after the other: points x columns each.
+/// `frames` are the positions in the frame and the ones before it, the newest last; a point has
+/// `dimensions` numbers.
+pub fn moving_features(
+    features: &[NodeFeature],
+    frames: &[&[f32]],
+    dimensions: usize,
+    radius: f32,
+) -> Vec<Vec<f32>> {
+    let moving = features.iter().filter(|feature| !feature.is_static());
+    moving
+        .map(|feature| match (feature, frames) {
+            (NodeFeature::Acceleration, [.., a, b, c]) => {
+                (0..c.len()).map(|k| (c[k] - b[k]) - (b[k] - a[k])).collect()
+            }
+            (_, [.., now]) => overburden(now, dimensions, radius),
+            _ => Vec::new(),
+        })
+        .collect()
+}
+
 /// All features of points, standardised: points x columns. `statics` are those that never change,
-/// `load` is the [`overburden`], which is not looked at if it is not wanted.
+/// `moving` the others as [`moving_features`] gives them.
 pub fn standardised(
     features: &[NodeFeature],
     norm: &Normalisation,
     points: usize,
     statics: &[f32],
-    load: &[f32],
+    moving: &[Vec<f32>],
 ) -> Vec<f32> {
-    let [all, width] = columns(features);
+    let dimensions = norm.velocity_mean.len();
+    let [all, width] = columns(features, dimensions);
     let mut values = Vec::with_capacity(points * all);
     for point in 0..points {
         let mut mine = &statics[point * width..(point + 1) * width];
+        let mut others = moving.iter();
         for feature in features {
+            let count = feature.columns(dimensions);
             if feature.is_static() {
-                let (these, rest) = mine.split_at(feature.columns());
+                let (these, rest) = mine.split_at(count);
                 values.extend(these);
                 mine = rest;
-            } else {
-                values.push(load[point]);
+            } else if let Some(all) = others.next() {
+                values.extend(&all[point * count..(point + 1) * count]);
             }
         }
     }
@@ -160,7 +194,7 @@ mod tests {
             NodeFeature::Overburden,
             NodeFeature::InitialStress,
         ];
-        assert_eq!(columns(&all), [4, 3]);
+        assert_eq!(columns(&all, 2), [4, 3]);
         assert_eq!(static_features(&all, &first), Ok(vec![0.8, 6.0, 5.0, 0.7, 0.0, 0.0]));
         let bare = Frame { solid_fraction: None, ..first };
         assert_eq!(static_features(&all, &bare), Err(Missing("solid fraction")));

@@ -82,13 +82,13 @@ impl Start {
             velocities: Vec::new(),
             time: 0.0,
             statics: Vec::new(),
-            frames: frames.max(simulator.config.frames),
+            frames: frames.max(simulator.config.window()),
             simulated_in: 0.0,
         };
         let place = start.scene.name.clone();
         start.statics = statics(simulator, &place, || Ok(simulation.frame()))?;
         let began = Instant::now();
-        for frame in 0..simulator.config.frames {
+        for frame in 0..simulator.config.window() {
             while simulation.state.step < frame * steps {
                 simulation.advance()?;
             }
@@ -115,7 +115,7 @@ impl Start {
         let stride =
             stride(simulator.training.frame_interval, header.frame_interval, || place.clone())?;
         let found = trajectory.frames().saturating_sub(first).div_ceil(stride);
-        let needed = simulator.config.frames;
+        let needed = simulator.config.window();
         if found < needed {
             return Err(StartError::TooShort {
                 path: path.to_owned(),

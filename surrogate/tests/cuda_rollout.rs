@@ -36,14 +36,18 @@ fn normalisation(dimensions: usize) -> Normalisation {
         velocity_std: vec![0.01; dimensions],
         acceleration_mean: vec![1e-4; dimensions],
         acceleration_std: vec![2e-3; dimensions],
-        features_mean: vec![10.0, 0.5, 0.3, 0.4],
-        features_std: vec![7.0, 0.3, 0.2, 0.1],
+        features_mean: [vec![10.0], vec![1e-4; dimensions], vec![0.5, 0.3, 0.4]].concat(),
+        features_std: [vec![7.0], vec![1e-3; dimensions], vec![0.3, 0.2, 0.1]].concat(),
     }
 }
 
 /// Further features, of which the last two do not change: three numbers for each point.
-const FEATURES: [NodeFeature; 3] =
-    [NodeFeature::Overburden, NodeFeature::InitialStress, NodeFeature::InitialSolidFraction];
+const FEATURES: [NodeFeature; 4] = [
+    NodeFeature::Overburden,
+    NodeFeature::Acceleration,
+    NodeFeature::InitialStress,
+    NodeFeature::InitialSolidFraction,
+];
 
 /// The normalisation of a network, with or without further features.
 fn normalisation_for(config: &ModelConfig) -> Normalisation {
@@ -234,6 +238,8 @@ fn check_frames(
 
 #[rstest]
 fn features_match(#[values(2, 3)] dimensions: usize) {
+    // As many as the longest window.
+    const FRAMES: usize = 5;
     let Some(device) = gpu::for_tests() else { return };
     let bounds = vec![[0.0, 1.0]; dimensions];
     let sizes = [150, 300];
@@ -241,7 +247,7 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
         .iter()
         .enumerate()
         .map(|(k, &n)| {
-            let mut window = drifting(n, dimensions, 3, k as u64);
+            let mut window = drifting(n, dimensions, FRAMES, k as u64);
             // Two points at one place in all frames.
             for frame in window.chunks_exact_mut(n * dimensions) {
                 frame.copy_within(0..dimensions, dimensions);
@@ -256,20 +262,21 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
             .map(|(window, n)| &window[k * n * dimensions..(k + 1) * n * dimensions]);
         device.upload(&parts.collect::<Vec<_>>().concat()).unwrap()
     };
-    let positions: Vec<_> = (0..3).map(at).collect();
+    let positions: Vec<_> = (0..FRAMES).map(at).collect();
     for config in readers(dimensions) {
         let norm = normalisation_for(&config);
         let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes).unwrap();
         let statics = sizes.map(|points| statics(&config, points));
         builder.set_statics(&statics.concat()).unwrap();
-        let frames: Vec<FrameInput> = (3 - config.graphs()..3)
+        let oldest = FRAMES - config.window();
+        let frames: Vec<FrameInput> = (FRAMES - config.graphs()..FRAMES)
             .map(|k| {
                 let mut frame = builder.allocate(450 * 449).unwrap();
                 builder.graph(&positions[k].as_view(), &mut frame).unwrap();
                 // A GNS knows all frames, a TGNNS the one before, if there is one.
-                let oldest = if config.graphs() == 1 { 0 } else { k.saturating_sub(1) };
-                let history: Vec<_> = positions[oldest..=k].iter().map(|x| x.as_view()).collect();
-                builder.features(&history, &mut frame).unwrap();
+                let known = if config.graphs() == 1 { 3 } else { (k + 4 - FRAMES).min(2) };
+                let past: Vec<_> = positions[oldest..=k].iter().map(|x| x.as_view()).collect();
+                builder.features(&past, known, &mut frame).unwrap();
                 frame
             })
             .collect();
@@ -277,7 +284,10 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
             .iter()
             .zip(sizes)
             .zip(&statics)
-            .map(|((positions, points), statics)| Window { positions, points, statics })
+            .map(|((positions, points), statics)| {
+                let positions = &positions[oldest * points * dimensions..];
+                Window { positions, points, statics }
+            })
             .collect();
         check_frames(&device, &frames, &windows, &config, &norm, &bounds);
     }
@@ -293,7 +303,7 @@ fn batches_match() {
         // More edges than there is room for at first, another composition, and the first one again.
         for sizes in [[200, 350], [40, 30], [200, 350]] {
             let batch = Batch {
-                windows: (0..2).map(|k| drifting(sizes[k], 2, 3, k as u64)).collect(),
+                windows: (0..2).map(|k| drifting(sizes[k], 2, config.window(), k as u64)).collect(),
                 points: sizes.to_vec(),
                 statics: sizes.iter().map(|&points| statics(&config, points)).collect(),
                 targets: random(sizes.iter().sum(), 2, 1.0, 8),
@@ -506,7 +516,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
     let motion = Motion { constraints: Constraints::new(&scene), fall, mirror, ..motion() };
     let norm = normalisation_for(&config);
     let model = Model::<Flex>::new(&config, 5, &Default::default());
-    let mut window = start(300, config.frames, 0.7);
+    let mut window = start(300, config.window(), 0.7);
     let statics = &statics(&config, 300)[..];
     let room = Capacity { points: 1, edges: 1 };
     let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use dempm::trajectory::Trajectory;
+use rstest::rstest;
 use surrogate::backend::device;
 use surrogate::config::ModelConfig;
 use surrogate::features::Normalisation;
@@ -13,14 +14,16 @@ use tempfile::TempDir;
 
 use crate::helpers::{config, data, fails, scene, simulate, succeeds, surrogate, train};
 
-/// The model that comes with the program lets a column collapse.
-#[test]
-fn the_model_of_the_repository_follows_a_collapse() {
+/// The models that come with the program let a column collapse.
+#[rstest]
+fn the_models_of_the_repository_follow_a_collapse(
+    #[values("tgnns-tiny", "tgnns-baseline")] name: &str,
+) {
     let directory = TempDir::new().unwrap();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let output = directory.path().join("out.h5");
     let mut command = surrogate(directory.path());
-    command.arg("rollout").arg(root.join("models/tgnns-tiny.safetensors"));
+    command.arg("rollout").arg(root.join(format!("models/{name}.safetensors")));
     command.arg("--scene").arg(root.join("scenes/column-mu-i.toml"));
     succeeds(command.arg("-o").arg(&output).args(["--frames", "81"]));
     let budget = |frame| Trajectory::open(&output).unwrap().frame(frame).unwrap().budget;

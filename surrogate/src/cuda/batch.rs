@@ -29,7 +29,7 @@ pub struct BatchBuilder {
 /// A batch and what it is made with.
 struct Room {
     builder: FrameBuilder,
-    /// frames x points x dimensions.
+    /// frames of a window x points x dimensions.
     positions: CudaSlice<f32>,
     batch: DeviceBatch,
 }
@@ -108,17 +108,17 @@ impl BatchBuilder {
             let Room { builder, positions, batch } = &mut room;
             builder.set_statics(&host.statics)?;
             let values = host.targets.len();
-            let at: Vec<_> = (0..self.config.frames)
+            let at: Vec<_> = (0..self.config.window())
                 .map(|k| positions.slice(k * values..(k + 1) * values))
                 .collect();
             let first = at.len() - batch.frames.len();
             for (k, frame) in (first..).zip(&mut batch.frames) {
                 builder.graph(&at[k], frame)?;
-                let oldest = match self.config.kind {
-                    ModelKind::Tgnns => k.saturating_sub(1),
-                    ModelKind::Gns => 0,
+                let known = match self.config.kind {
+                    ModelKind::Tgnns => (k + 1 - first).min(2),
+                    ModelKind::Gns => self.config.frames,
                 };
-                builder.features(&at[oldest..=k], frame)?;
+                builder.features(&at[..=k], known, frame)?;
             }
             let needed = builder.needed()?;
             if needed <= batch.frames[0].graph.capacity {
@@ -136,7 +136,7 @@ impl BatchBuilder {
         let values = builder.points() * config.dimensions;
         let frames = (0..config.graphs()).map(|_| builder.allocate(capacity));
         Ok(Room {
-            positions: device.zeros(config.frames * values)?,
+            positions: device.zeros(config.window() * values)?,
             batch: DeviceBatch {
                 frames: frames.collect::<Result<_, _>>()?,
                 targets: device.zeros(values)?,

@@ -86,6 +86,26 @@ extern "C" __global__ void overburden(
     }
 }
 
+// What makes a vector standard.
+struct Standard {
+    float mean[3], std[3];
+};
+
+// Accelerations from the positions in a frame and the two before it, standardised, into columns of
+// the further features: the twin of `moving_features` in surrogate/src/node_features.rs.
+extern "C" __global__ void acceleration(
+    unsigned points, const float* oldest, const float* before, const float* now,
+    Standard standard, Further further, int column) {
+    const unsigned k = blockIdx.x * blockDim.x + threadIdx.x;
+    if (k >= points * DIMENSIONS) {
+        return;
+    }
+    const unsigned point = k / DIMENSIONS, axis = k % DIMENSIONS;
+    const float a = (now[k] - before[k]) - (before[k] - oldest[k]);
+    further.values[point * further.columns + column + axis] =
+        (a - standard.mean[axis]) / standard.std[axis];
+}
+
 // [velocity of the sender less that of the receiver,] direction from receiver to sender (GNS:
 // displacement / radius), distance. `before` are the positions in the frame before, or null.
 extern "C" __global__ void edge_features(

@@ -57,6 +57,17 @@ struct History {
 // SAFETY: addresses and a number, laid out as in `features.cu`.
 unsafe impl DeviceRepr for History {}
 
+/// `Standard` of `features.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+struct Standard {
+    mean: [f32; 3],
+    std: [f32; 3],
+}
+
+// SAFETY: plain numbers, laid out as in `features.cu`.
+unsafe impl DeviceRepr for Standard {}
+
 /// `Further` of `features.cu`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +86,7 @@ pub struct FrameBuilder {
     nodes: CudaFunction,
     edges: CudaFunction,
     overburden: CudaFunction,
+    acceleration: CudaFunction,
     config: ModelConfig,
     norm: Normalisation,
     scales: Scales,
@@ -114,6 +126,7 @@ impl FrameBuilder {
             nodes: module.load_function("node_features")?,
             edges: module.load_function("edge_features")?,
             overburden: module.load_function("overburden")?,
+            acceleration: module.load_function("acceleration")?,
             config: config.clone(),
             norm: norm.clone(),
             scales,
@@ -136,9 +149,13 @@ impl FrameBuilder {
     /// If they are not those of all points.
     pub fn set_statics(&mut self, statics: &[f32]) -> Result<(), Error> {
         let features = &self.config.node_features;
-        let load = vec![0.0; self.points()];
+        let moving: Vec<_> = features
+            .iter()
+            .filter(|feature| !feature.is_static())
+            .map(|feature| vec![0.0; self.points() * feature.columns(self.config.dimensions)])
+            .collect();
         let values =
-            node_features::standardised(features, &self.norm, self.points(), statics, &load);
+            node_features::standardised(features, &self.norm, self.points(), statics, &moving);
         if !values.is_empty() {
             self.device.stream().memcpy_htod(&values, &mut self.further)?;
         }
@@ -172,19 +189,20 @@ impl FrameBuilder {
         self.graph.build(now, &mut frame.graph)
     }
 
-    /// Queues the computation of the features of a frame whose graph is built. `history` are the
-    /// positions in the frames whose velocities a node knows, the frame itself the last of them: of
-    /// a GNS all frames of the window; of a TGNNS the frame before and this one, or the first of a
-    /// window alone.
+    /// Queues the computation of the features of a frame whose graph is built. `past` are the
+    /// positions in the frames up to this one, the last of them. A node knows the velocities in the
+    /// `known` newest of them: of a GNS all frames of the network; of a TGNNS the frame before and
+    /// this one, or the first alone.
     ///
     /// # Errors
     /// A launch was refused.
     ///
     /// # Panics
-    /// If there is no frame, or more than the kernels know.
+    /// If there is no frame, fewer than the features follow from, or more than the kernels know.
     pub fn features(
         &mut self,
-        history: &[CudaView<f32>],
+        past: &[CudaView<f32>],
+        known: usize,
         frame: &mut FrameInput,
     ) -> Result<(), Error> {
         let points = self.points();
@@ -192,6 +210,7 @@ impl FrameBuilder {
             return Ok(());
         }
         let stream = self.device.stream();
+        let history = &past[past.len() - known..];
         let mut at = History { count: history.len() as i32, ..History::default() };
         for (at, positions) in at.at[..history.len()].iter_mut().zip(history) {
             *at = address(positions, stream);
@@ -199,7 +218,7 @@ impl FrameBuilder {
         let now = at.at[history.len() - 1];
         let moving = self.config.kind == ModelKind::Tgnns && history.len() > 1;
         let before = if moving { at.at[history.len() - 2] } else { 0 };
-        self.count_overburden(now)?;
+        self.follow_motion(past)?;
         let (number, graph) = (points as u32, &frame.graph);
         let further = self.further_address();
         // SAFETY: the argument types are those of the kernels, and the arrays as long as they
@@ -218,22 +237,45 @@ impl FrameBuilder {
         Ok(())
     }
 
-    /// Queues the counting of the points above each point, if the network is to know.
-    fn count_overburden(&self, now: CUdeviceptr) -> Result<(), Error> {
+    /// Queues those further features that follow from positions.
+    fn follow_motion(&self, past: &[CudaView<f32>]) -> Result<(), Error> {
+        let stream = self.device.stream();
         let (points, further) = (self.points() as u32, self.further_address());
-        let mut column = 0;
+        let now = address(&past[past.len() - 1], stream);
+        let mut place = 0;
         for feature in &self.config.node_features {
-            if *feature == NodeFeature::Overburden {
-                let place = column as usize;
-                let mean = self.norm.features_mean[place] as f32;
-                let std = self.norm.features_std[place] as f32;
-                let mut launch = self.device.stream().launch_builder(&self.overburden);
-                launch.arg(&points).arg(self.graph.window()).arg(&self.scales.radius);
-                launch.arg(&now).arg(&mean).arg(&std).arg(&further).arg(&column);
-                // SAFETY: as above; the column is one of the further features'.
-                unsafe { launch.launch(each(LANES * points as usize))? };
+            let columns = feature.columns(self.config.dimensions);
+            let mut standard = Standard::default();
+            let these = place..place + columns;
+            for (k, (&mean, &std)) in self.norm.features_mean[these.clone()]
+                .iter()
+                .zip(&self.norm.features_std[these])
+                .enumerate()
+            {
+                (standard.mean[k], standard.std[k]) = (mean as f32, std as f32);
             }
-            column += feature.columns() as i32;
+            let column = place as i32;
+            match feature {
+                NodeFeature::Overburden => {
+                    let [mean, std] = [standard.mean[0], standard.std[0]];
+                    let mut launch = stream.launch_builder(&self.overburden);
+                    launch.arg(&points).arg(self.graph.window()).arg(&self.scales.radius);
+                    launch.arg(&now).arg(&mean).arg(&std).arg(&further).arg(&column);
+                    // SAFETY: as above; the column is one of the further features'.
+                    unsafe { launch.launch(each(LANES * points as usize))? };
+                }
+                NodeFeature::Acceleration => {
+                    let [oldest, before] =
+                        [3, 2].map(|back| address(&past[past.len() - back], stream));
+                    let mut launch = stream.launch_builder(&self.acceleration);
+                    launch.arg(&points).arg(&oldest).arg(&before).arg(&now);
+                    launch.arg(&standard).arg(&further).arg(&column);
+                    // SAFETY: as above; so are the columns.
+                    unsafe { launch.launch(each(columns * points as usize))? };
+                }
+                NodeFeature::InitialStress | NodeFeature::InitialSolidFraction => {}
+            }
+            place += columns;
         }
         Ok(())
     }

@@ -544,8 +544,8 @@ impl Kernels {
         unsafe { self.launch("reduce", &self.reduce, arguments, config, true) }
     }
 
-    /// Sums of squared errors and of squared targets over points x columns numbers, and the
-    /// gradient of the first in rows of 128.
+    /// Sums of squared errors and of squared targets, each with `floor`² more, over points x columns
+    /// numbers, and the gradient of the first in rows of 128.
     pub fn loss(
         &self,
         [output, target]: [Address; 2],
@@ -553,9 +553,10 @@ impl Kernels {
         columns: usize,
         gradient: Address,
         sums: Address,
+        floor: f32,
     ) -> Result<(), CudaError> {
         let (points, columns) = (points as i32, columns as i32);
-        let arguments = arguments![output, target, points, columns, gradient, sums];
+        let arguments = arguments![output, target, points, columns, gradient, sums, floor];
         // SAFETY: live buffers of these sizes.
         unsafe { self.launch("loss", &self.loss, arguments, config([1, 1], 1024, 0), true) }
     }

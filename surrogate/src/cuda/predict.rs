@@ -199,14 +199,14 @@ impl<N: Network> CudaRollout<N> {
         let frames = self.positions.len();
         let known = match self.config.kind {
             ModelKind::Tgnns => 2,
-            ModelKind::Gns => frames,
+            ModelKind::Gns => self.config.frames,
         };
-        let history: Vec<_> = (frame + frames + 1 - known..=frame + frames)
+        let past: Vec<_> = (frame + 1..=frame + frames)
             .map(|frame| self.positions[frame % frames].as_view())
             .collect();
         let input = &mut self.inputs[frame % 2];
-        self.builder.graph(&history[known - 1], input)?;
-        Ok(self.builder.features(&history, input)?)
+        self.builder.graph(&past[frames - 1], input)?;
+        Ok(self.builder.features(&past, known, input)?)
     }
 
     /// Queues one frame: acceleration of the network, semi-implicit Euler, walls and boxes; then the

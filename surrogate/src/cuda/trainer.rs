@@ -26,6 +26,8 @@ const SMALLEST_TARGET: f32 = 1e-12;
 pub struct CudaTrainer {
     network: CudaNetwork,
     products: Products,
+    /// Added in squares to the squared targets of the loss.
+    floor: f32,
     /// Other GPUs, whose gradients are added to that of this one.
     ranks: Option<Arc<Ranks>>,
     /// Moving averages of the gradient and of its square.
@@ -76,6 +78,7 @@ impl CudaTrainer {
         let count = network.layout.parameters;
         Ok(Self {
             products: Products::new(&network, device)?,
+            floor: 0.0,
             ranks,
             mean: device.zeros(count)?,
             square: device.zeros(count)?,
@@ -86,6 +89,12 @@ impl CudaTrainer {
             graph: None,
             network,
         })
+    }
+
+    /// The loss from here on: sum (a - a*)² / sum (a*² + `floor`²).
+    #[must_use]
+    pub fn with_loss_floor(self, floor: f32) -> Self {
+        Self { floor, ..self }
     }
 
     pub fn network(&mut self) -> &mut CudaNetwork {
@@ -179,6 +188,7 @@ impl CudaTrainer {
             network.layout.dimensions,
             passed.output,
             network.address(&self.products.gradient) + 4 * network.layout.parameters as u64,
+            self.floor,
         )?;
         network.propagate(views, passed, &self.products)?;
         self.products.launch(network)

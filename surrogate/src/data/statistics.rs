@@ -5,7 +5,7 @@ pub use dempm::dataset::Welford;
 use super::{DataError, DataSet};
 use crate::config::ModelConfig;
 use crate::features::Normalisation;
-use crate::node_features::{columns, overburden};
+use crate::node_features::{NodeFeature, columns, moving_features};
 
 /// Less than any motion of grains per frame, m: keeps a direction in which nothing moves finite.
 const NO_MOTION: f64 = 1e-9;
@@ -75,32 +75,45 @@ impl Statistics {
 }
 
 /// Means and standard deviations of the further node features of a network, over the points of all
-/// files and, where they follow the motion, every tenth frame.
+/// files and, where they follow the motion, every tenth frame. Accelerations are taken about zero.
 ///
 /// # Errors
 /// If a file cannot be read.
 pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64>; 2], DataError> {
-    let [all, width] = columns(&config.node_features);
+    let [all, width] = columns(&config.node_features, config.dimensions);
+    let stride = data.shape().stride;
     let mut spread = vec![Welford::default(); all];
     for (recording, statics) in data.recordings().iter().zip(data.statics()) {
         let (mut column, mut mine) = (0, 0);
         for feature in &config.node_features {
+            let count = feature.columns(config.dimensions);
             if feature.is_static() {
-                for k in 0..feature.columns() {
+                for k in 0..count {
                     let values = statics.iter().skip(mine + k).step_by(width);
                     values.for_each(|&value| spread[column + k].add(f64::from(value)));
                 }
-                mine += feature.columns();
+                mine += count;
             } else {
-                for frame in (0..recording.frames()).step_by(10) {
-                    let positions: Vec<f32> =
-                        recording.positions(frame)?.iter().map(|&x| x as f32).collect();
-                    overburden(&positions, config.dimensions, config.connection_radius as f32)
-                        .into_iter()
-                        .for_each(|value| spread[column].add(f64::from(value)));
+                let before = feature.frames_before();
+                for frame in (before * stride..recording.frames()).step_by(10) {
+                    let frames = (0..=before).rev().map(|k| {
+                        let positions = recording.positions(frame - k * stride)?;
+                        Ok(positions.iter().map(|&x| x as f32).collect())
+                    });
+                    let frames = frames.collect::<Result<Vec<Vec<f32>>, DataError>>()?;
+                    let frames: Vec<&[f32]> = frames.iter().map(Vec::as_slice).collect();
+                    let radius = config.connection_radius as f32;
+                    let values = moving_features(&[*feature], &frames, config.dimensions, radius);
+                    for (place, &value) in values.iter().flatten().enumerate() {
+                        spread[column + place % count].add(f64::from(value));
+                    }
+                }
+                if *feature == NodeFeature::Acceleration {
+                    let all = &mut spread[column..column + count];
+                    all.iter_mut().for_each(|spread| *spread = spread.symmetric());
                 }
             }
-            column += feature.columns();
+            column += count;
         }
     }
     // Rounding of what is the same everywhere has to stay small.

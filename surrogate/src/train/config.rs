@@ -31,6 +31,9 @@ pub struct TrainConfig {
     /// Decay of a moving average of the weights, which then is what is validated and saved; 0
     /// for none.
     pub ema: f64,
+    /// Smallest root mean square of normalised accelerations that the loss of a batch is relative
+    /// to: their squares are added to those of the targets.
+    pub loss_floor: f64,
     /// Precision of the network's arithmetic.
     pub precision: Precision,
     pub data: Data,
@@ -106,6 +109,7 @@ impl Default for TrainConfig {
             batch: 2,
             start: Start::default(),
             ema: 0.0,
+            loss_floor: 0.0,
             precision: Precision::default(),
             data: Data::default(),
             schedule: Schedule::default(),
@@ -216,6 +220,7 @@ impl TrainConfig {
             ("steps", self.steps as f64, 1.0, 1e12),
             ("batch", self.batch as f64, 1.0, 4096.0),
             ("ema", self.ema, 0.0, 0.999_999_9),
+            ("loss_floor", self.loss_floor, 0.0, 1e3),
             ("log_every", self.log_every as f64, 1.0, 1e9),
             ("data.stride", self.data.stride as f64, 1.0, 1e4),
             ("data.noise", self.data.noise, 0.0, 1e3),

@@ -65,7 +65,8 @@ impl CudaEngine {
         // Room decides which sums are made together: it has to be the same after a resume.
         let room = Capacity { points, edges: EDGES_PER_POINT * points };
         let averaging = config.ema > 0.0;
-        let mut trainer = CudaTrainer::new(device, model, precision, room, averaging, ranks)?;
+        let mut trainer = CudaTrainer::new(device, model, precision, room, averaging, ranks)?
+            .with_loss_floor(config.loss_floor as f32);
         let model = config.start(model, &cpu());
         let start = weights(&model);
         let zeros = vec![0.0; start.len()];

@@ -34,6 +34,8 @@ pub struct CpuEngine {
     model: Model<CpuAutodiff>,
     state: State,
     decay: f64,
+    /// Added in squares to the squared targets of the loss.
+    floor: f32,
     /// Losses that nobody has read yet.
     losses: Vec<f64>,
 }
@@ -84,7 +86,8 @@ impl CpuEngine {
         let adam = Adam::new(weights.len());
         let average = (config.ema > 0.0).then(|| weights.clone());
         let state = State { weights, adam, average, step: 0 };
-        Self { model, state, decay: config.ema, losses: Vec::new() }
+        let floor = config.loss_floor as f32;
+        Self { model, state, decay: config.ema, floor, losses: Vec::new() }
     }
 
     /// Continues from a state; `false` if it is that of another network.
@@ -108,7 +111,8 @@ impl CpuEngine {
         &self.state
     }
 
-    /// One step: loss sum (a - a*)² / sum (a*)² over the windows of all ranks, its gradients, Adam.
+    /// One step: loss sum (a - a*)² / sum (a*² + floor²) over the windows of all ranks, its gradients,
+    /// Adam.
     ///
     /// # Errors
     /// If another rank is gone.
@@ -118,7 +122,8 @@ impl CpuEngine {
         rate: f64,
         ranks: &mut dyn AllReduce,
     ) -> Result<(), RanksError> {
-        let targets = batch.targets.clone().powi_scalar(2).sum().into_scalar();
+        let squares = batch.targets.clone().powi_scalar(2).add_scalar(self.floor * self.floor);
+        let targets = squares.sum().into_scalar();
         let error = self.model.forward(&batch.input) - batch.targets;
         let errors = error.powi_scalar(2).sum();
         let mut gradients = gradients(&self.model, &errors.backward());

@@ -68,7 +68,7 @@ impl Sitting {
         let Launch { rank, size, .. } = launch;
         let model = config.model();
         let files = DataFolder::open(data)?;
-        let frames = model.frames + config.pushforward.steps;
+        let frames = model.window() + config.pushforward.steps;
         let shape = Shape { frames, stride: config.data.stride };
         let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
             .with_statics(&model.node_features)?;
@@ -110,7 +110,7 @@ impl Sitting {
             seed: config.seed,
             batch: config.batch,
             shard: Shard { rank, ranks: size },
-            frames: model.frames,
+            frames: model.window(),
             unroll: config.pushforward.steps,
             unroll_from: config.pushforward.start,
             noise: config.data.noise,

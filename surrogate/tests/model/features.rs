@@ -72,6 +72,34 @@ fn persistent_edges_are_matched() {
     }
 }
 
+/// The two frames before those of the network are there for the accelerations.
+#[rstest]
+fn accelerations_follow_from_three_frames(#[values("baseline", "gns")] name: &str) {
+    let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name, 2) };
+    let config = ModelConfig { node_features: vec![NodeFeature::Acceleration], ..plain.clone() };
+    assert_eq!([plain.window(), config.window()], [2, 4]);
+    let norm = Normalisation {
+        features_mean: vec![0.0; 2],
+        features_std: vec![0.5, 0.25],
+        ..normalisation(2)
+    };
+    // Falls from the second frame on, and moves to the right in the last one.
+    let positions = [0.5, 0.75, 0.5, 0.75, 0.5, 0.625, 0.625, 0.375];
+    let window = [Window { positions: &positions, points: 1, statics: &[] }];
+    let whole = window_input::<Cpu>(&window, &config, &norm, &unit_box(2), &Default::default());
+    let bare = input::<Cpu>(&plain, &[(&positions[4..], 1)]);
+    let accelerations = [[0.0, -0.5], [0.25, -0.5]];
+    assert_eq!(whole.frames.len(), plain.graphs());
+    let newest = &accelerations[2 - plain.graphs()..];
+    for ((with, without), acceleration) in whole.frames.iter().zip(&bare.frames).zip(newest) {
+        let mut expected = values(without.nodes.clone());
+        expected.extend(acceleration);
+        close(&values(with.nodes.clone()), &expected, 1e-6);
+    }
+    let output = model::<Cpu>(&config).forward(&whole);
+    assert_eq!(output.dims(), [1, 2]);
+}
+
 #[rstest]
 fn further_features_follow_the_others(#[values("baseline", "gns")] name: &str) {
     let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name, 2) };
