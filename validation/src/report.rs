@@ -91,6 +91,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     };
     let chapters = sections::all();
     let mut written = Vec::new();
+    let mut absent = Vec::new();
     // What is to be computed, and its place in the report.
     let mut planned: Vec<(&dyn Section, [usize; 2])> = Vec::new();
     for chapter in &chapters {
@@ -102,8 +103,9 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
                 planned.push((&**section, [written.len(), sections.len()]));
             } else {
                 computed = Computed::kept(&context, &slug);
-                // Neither asked for nor there: no part of this report.
+                // Neither asked for nor there: no part of this report, which names it.
                 if computed.is_none() {
+                    absent.push(section.title());
                     continue;
                 }
             }
@@ -125,7 +127,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
         computed.keep(&context, &entry.slug)?;
         entry.computed = Some(computed);
         context.rests_on(&entry.computed);
-        write(&args.output, &context, &written)?;
+        write(&args.output, &context, &written, &absent)?;
     }
     context.progress.finish();
     println!("{}", args.output.join("index.html").display());
@@ -208,8 +210,14 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
     })
 }
 
-/// Writes the page, the tables, the figures and the numbers.
-fn write(output: &Path, context: &Context, written: &[Written]) -> miette::Result<()> {
+/// Writes the page, the tables, the figures and the numbers. `absent` names the sections that are not
+/// part of it.
+fn write(
+    output: &Path,
+    context: &Context,
+    written: &[Written],
+    absent: &[&str],
+) -> miette::Result<()> {
     let put = |name: String, bytes: &[u8]| {
         let path = output.join(name);
         write_atomically(&path, |temporary| fs::write(temporary, bytes))
@@ -225,7 +233,7 @@ fn write(output: &Path, context: &Context, written: &[Written]) -> miette::Resul
             put(name, &bytes)?;
         }
     }
-    let facts = facts(context, written);
+    let facts = facts(context, written, absent);
     let results = results(&facts, context, written);
     put("results.json".into(), &serde_json::to_vec_pretty(&results).into_diagnostic()?)?;
     put("index.html".into(), html::page(&facts, written).as_bytes())

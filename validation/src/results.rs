@@ -9,8 +9,12 @@ use crate::context::Context;
 use crate::report::{Written, WrittenSection, figure_file, table_file};
 
 /// What the whole report was made with, as (what, value). Sections may have been made at different
-/// times and places.
-pub fn facts(context: &Context, written: &[Written]) -> Vec<(&'static str, String)> {
+/// times and places; `absent` are those that have not been.
+pub fn facts(
+    context: &Context,
+    written: &[Written],
+    absent: &[&str],
+) -> Vec<(&'static str, String)> {
     let computed = || {
         let sections = written.iter().flat_map(|chapter| &chapter.sections);
         sections.filter_map(|section| section.computed.as_ref())
@@ -27,7 +31,7 @@ pub fn facts(context: &Context, written: &[Written]) -> Vec<(&'static str, Strin
     let runs = &context.runs;
     let other = runs.iter().filter(|run| run.build != context.work.build()).count();
     let load = runs.iter().filter_map(|run| run.load).fold(0.0, f64::max);
-    vec![
+    let mut facts = vec![
         ("written", utc_now()),
         ("commands", distinct(|made| &made.command)),
         ("suite", format!("{:?}", context.suite).to_lowercase()),
@@ -36,7 +40,11 @@ pub fn facts(context: &Context, written: &[Written]) -> Vec<(&'static str, Strin
         ("runs used", runs.len().to_string()),
         ("of them by another build", other.to_string()),
         ("largest load per core at the end of a run", crate::table::number(load)),
-    ]
+    ];
+    if !absent.is_empty() {
+        facts.push(("sections not computed", absent.join("\n")));
+    }
+    facts
 }
 
 /// All numbers of the report, and the runs behind them.

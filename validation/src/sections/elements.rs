@@ -98,7 +98,7 @@ impl Section for Elements {
             y: Axis::linear("shear strength"),
             series: vec![
                 Series::new(
-                    "mu(I) law of `dempm`",
+                    "mu(I) law of dempm",
                     Mark::Line,
                     rates(-35, 0).map(|i| (i, law(i))).collect(),
                 ),

@@ -4,7 +4,7 @@
 mod columns;
 mod elements;
 mod needs;
-mod paper;
+pub mod paper;
 mod rollout;
 mod runs;
 mod speed_accuracy;

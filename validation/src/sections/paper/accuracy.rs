@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use surrogate::config::PAPER_NETWORKS;
 
-use super::networks::belongs;
+use super::networks::{baseline_and_others, belongs};
 use super::times::baseline;
 use super::{ratio, stated};
 use crate::block::{Block, Table};
@@ -30,7 +30,7 @@ impl Section for Cases {
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
         let mut cases = context.cases(self.set);
         cases.retain(|(name, _)| self.only.is_none_or(|only| only(name)));
-        let models = shown(&context.models);
+        let models = baseline_and_others(&context.models);
         let mut blocks = absent(&cases, &models, self.set);
         if !blocks.is_empty() {
             return Ok(blocks);
@@ -41,25 +41,21 @@ impl Section for Cases {
         let rollouts = roll_out(context, &models, &cases)?;
         blocks.push(Block::Table(table(&rollouts)));
         blocks.extend(failures(&rollouts));
-        for model in drawn(&models, &rollouts) {
+        for (place, model) in drawn(&models, &rollouts).into_iter().enumerate() {
             let of_model: Vec<&Rollout> =
                 rollouts.iter().filter(|rollout| rollout.model == model.name).collect();
             let title = format!("Error over time, {}", model.name);
             blocks.push(chart(&title, &of_model, None)?);
             for rollout in of_model {
                 blocks.extend(snapshots(rollout)?);
-                blocks.extend(animation(rollout)?);
+                // Animations of one model are enough for a page.
+                if place == 0 {
+                    blocks.extend(animation(rollout)?);
+                }
             }
         }
         Ok(blocks)
     }
-}
-
-/// The paper's Baseline, and all models that are none of its networks.
-fn shown(models: &[Model]) -> Vec<Model> {
-    let of_paper = |model: &Model| PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name));
-    let others = models.iter().filter(|model| !of_paper(model)).cloned();
-    baseline(models).into_iter().chain(others).collect()
 }
 
 /// The first of them, and the most accurate if that is another.
@@ -145,7 +141,7 @@ impl Section for Stated {
                 "Mean square distance of points, box width 1. The paper's values are orders of \
                    magnitude.",
             );
-        let models = shown(&context.models);
+        let models = baseline_and_others(&context.models);
         let mut lacking = 0;
         for (set, case, which, words, paper) in STATED {
             let mut cases = context.cases(set);

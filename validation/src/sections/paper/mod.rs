@@ -2,7 +2,7 @@
 
 mod accuracy;
 mod data;
-mod networks;
+pub mod networks;
 mod resolutions;
 mod times;
 mod training;

@@ -1,11 +1,13 @@
 //! Table 6: the ten networks.
 
 use surrogate::config::{ModelConfig, PAPER_NETWORKS};
-use surrogate::simulator::Simulator;
+use surrogate::range::Range;
+use surrogate::simulator::{Simulator, Training};
 
 use super::ratio;
+use super::times::baseline;
 use crate::block::{Block, Table};
-use crate::context::Context;
+use crate::context::{Context, Model};
 use crate::model_cost::ModelCost;
 use crate::section::Section;
 use crate::table::number;
@@ -72,6 +74,9 @@ impl Section for Networks {
             ]);
         }
         let mut blocks = vec![Block::Table(table)];
+        if !context.models.is_empty() {
+            blocks.push(Block::Table(models(&context.models)?));
+        }
         if timed < PAPER_NETWORKS.len() {
             blocks.push(Block::missing(
                 format!("Training time of {} of the ten networks", PAPER_NETWORKS.len() - timed),
@@ -84,10 +89,78 @@ impl Section for Networks {
     }
 }
 
+/// What the models of this report are.
+fn models(models: &[Model]) -> miette::Result<Table> {
+    let columns = [
+        "model",
+        "parameters",
+        "width",
+        "hidden layers",
+        "message layers",
+        "frames",
+        "further inputs",
+        "predicts",
+        "steps",
+        "trained on",
+    ];
+    let mut table = Table::new("Models of this report", columns).note(
+        "As their files of weights say. A model with the name of a network of the paper has its \
+         architecture, but for further inputs of nodes; its data and its training are those that stand \
+         here.",
+    );
+    for model in models {
+        let Simulator { config, training, .. } = Simulator::load(&model.path)?;
+        let inputs: Vec<String> = config
+            .node_features
+            .iter()
+            .map(|feature| format!("{feature:?}").to_lowercase())
+            .collect();
+        table.row([
+            model.name.clone(),
+            config.parameter_count().to_string(),
+            config.width.to_string(),
+            config.hidden_layers.to_string(),
+            config.message_layers.to_string(),
+            config.frames.to_string(),
+            inputs.join(", "),
+            if training.without_gravity { "accelerations less gravity" } else { "accelerations" }
+                .to_owned(),
+            training.steps.to_string(),
+            trained_on(&training),
+        ]);
+    }
+    Ok(table)
+}
+
+/// What the training data of a model held.
+pub fn trained_on(training: &Training) -> String {
+    let Some(Range { least, most }) = &training.range else {
+        return "what is not known of this model".into();
+    };
+    format!(
+        "{} to {} points, {} to {} m high, {} to {} m wide, up to {} m/s on average",
+        number(least.points),
+        number(most.points),
+        number(least.height),
+        number(most.height),
+        number(least.width),
+        number(most.width),
+        number(most.speed)
+    )
+}
+
 /// Whether a model is a training of a network: it has the network's name, or that and `-dataN`.
 pub fn belongs(model: &str, network: &str) -> bool {
     let rest = model.strip_prefix(network);
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with("-data"))
+}
+
+/// The paper's Baseline, and all models that are none of its networks: its other nine are ablations
+/// that differ too little to be looked at one by one.
+pub fn baseline_and_others(models: &[Model]) -> Vec<Model> {
+    let of_paper = |model: &Model| PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name));
+    let others = models.iter().filter(|model| !of_paper(model)).cloned();
+    baseline(models).into_iter().chain(others).collect()
 }
 
 #[cfg(test)]

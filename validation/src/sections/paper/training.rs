@@ -51,7 +51,7 @@ impl Section for Training {
     }
 }
 
-/// Steps and one column of a log; none if there is no such file or column.
+/// Steps and one column of a log; none if there is no such file or column, or it is empty.
 fn curve(path: &Path, column: &str) -> Option<Vec<(f64, f64)>> {
     let text = std::fs::read_to_string(path).ok()?;
     let mut lines = text.lines();
@@ -60,5 +60,6 @@ fn curve(path: &Path, column: &str) -> Option<Vec<(f64, f64)>> {
         let cells: Vec<&str> = line.split(',').collect();
         Some((cells.first()?.parse().ok()?, cells.get(place)?.parse().ok()?))
     };
-    Some(lines.filter_map(point).collect())
+    let points: Vec<(f64, f64)> = lines.filter_map(point).collect();
+    (!points.is_empty()).then_some(points)
 }

@@ -22,6 +22,16 @@ const SIN_PHI: f64 = 0.30;
 /// Strength outside of these is not that of the material.
 const SOUND: [f64; 2] = [0.2, 0.4];
 
+/// Widths at which cells are held: the default, and never.
+const THIN_WIDTHS: [f64; 2] = [3.0, 0.0];
+
+/// A packing and what was seen while it was stretched.
+struct Stretched {
+    p: RveParameters,
+    looks: Vec<Look>,
+    picture: Picture,
+}
+
 /// One look: Hencky strain, width over mean diameter, mean `sin phi` of the window, held thin, and
 /// what ended the path.
 struct Look {
@@ -99,25 +109,27 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
         ),
         ..Study::default()
     };
-    for thin_width in [3.0, 0.0] {
-        let cases: Vec<(RveParameters, Vec<Look>, Picture)> = sizes
-            .par_iter()
-            .map(|&discs| {
-                let mut p = RveParameters { discs, thin_width, ..RveParameters::default() };
-                p.preparation.pressure = PRESSURE;
-                let (looks, picture) = stretch(&p, looks)?;
-                Ok((p, looks, picture))
-            })
-            .collect::<Result<_, StudyError>>()?;
+    let jobs: Vec<(f64, usize)> = THIN_WIDTHS
+        .iter()
+        .flat_map(|&thin_width| sizes.iter().map(move |&discs| (thin_width, discs)))
+        .collect();
+    let stretched = |&(thin_width, discs): &(f64, usize)| {
+        let mut p = RveParameters { discs, thin_width, ..RveParameters::default() };
+        p.preparation.pressure = PRESSURE;
+        let (looks, picture) = stretch(&p, looks)?;
+        Ok(Stretched { p, looks, picture })
+    };
+    let made: Vec<Stretched> = jobs.par_iter().map(stretched).collect::<Result<_, StudyError>>()?;
+    for (cases, thin_width) in made.chunks(sizes.len()).zip(THIN_WIDTHS) {
         add(&mut study, thin_width, cases);
     }
     Ok(study)
 }
 
-fn add(study: &mut Study, thin_width: f64, cases: Vec<(RveParameters, Vec<Look>, Picture)>) {
+fn add(study: &mut Study, thin_width: f64, cases: &[Stretched]) {
     let mut outcomes = Vec::new();
     let mut curves = Vec::new();
-    for (p, looks, _) in &cases {
+    for Stretched { p, looks, .. } in cases {
         let row: Vec<Outcome> = looks.iter().map(|look| judge(look, p)).collect();
         let side =
             scene::Rve { parameters: p.clone(), packings: 1, precision: Precision::F64 }.side();
@@ -155,16 +167,13 @@ fn add(study: &mut Study, thin_width: f64, cases: Vec<(RveParameters, Vec<Look>,
         curves.push(Curve::measured(format!("{} discs", p.discs), points));
         outcomes.push(row);
     }
-    let strains = cases[0].1.iter().map(|look| look.strain).collect();
+    let strains = cases[0].looks.iter().map(|look| look.strain).collect();
     study.maps.push(Map {
         title: format!("Stretched packings, thin_width {thin_width}"),
         x: Axis::new("Hencky strain", strains),
-        y: Axis::new("discs", cases.iter().map(|(p, ..)| p.discs as f64).collect()),
+        y: Axis::new("discs", cases.iter().map(|case| case.p.discs as f64).collect()),
         outcomes,
-        numbers: cases
-            .iter()
-            .map(|(_, looks, _)| looks.iter().map(|l| l.sin_phi).collect())
-            .collect(),
+        numbers: cases.iter().map(|case| case.looks.iter().map(|l| l.sin_phi).collect()).collect(),
         caption: "Numbers: sin phi.".into(),
     });
     study.charts.push(Chart {
@@ -175,5 +184,5 @@ fn add(study: &mut Study, thin_width: f64, cases: Vec<(RveParameters, Vec<Look>,
         curves,
         caption: format!("Critical state of square cells: {SIN_PHI}."),
     });
-    study.pictures.extend(cases.into_iter().next().map(|(_, _, picture)| picture));
+    study.pictures.extend(cases.first().map(|case| case.picture.clone()));
 }

@@ -35,6 +35,7 @@ use surrogate::simulator::Simulator;
 use crate::block::Block;
 use crate::context::{Context, Model, Suite};
 use crate::section::Section;
+use crate::sections::paper::networks::baseline_and_others;
 use crate::work::hash_of_file;
 
 /// The sections of the chapter.
@@ -98,10 +99,6 @@ impl Section for Direct {
     }
 }
 
-/// Models worth pushing: the paper's network, a plain GNS, the small example. The ablations of the
-/// paper differ too little.
-const PUSHED: [&str; 3] = ["baseline", "gns", "tgnns-tiny"];
-
 /// A study of a learned simulator.
 struct Learned {
     title: &'static str,
@@ -119,15 +116,10 @@ fn pushed(
 }
 
 impl Learned {
-    /// The models that are pushed: those of the list, in the quick size the first of them; the
-    /// first of all if none is listed.
+    /// The models that are pushed; in the quick size the first of them.
     fn models(&self, context: &Context) -> Vec<Model> {
-        let listed = |model: &&Model| PUSHED.contains(&model.name.as_str());
-        let mut models: Vec<Model> = context.models.iter().filter(listed).cloned().collect();
-        if models.is_empty() {
-            models.extend(context.models.first().cloned());
-        }
-        models.truncate(study::pick(context.suite, 1, PUSHED.len()));
+        let mut models = baseline_and_others(&context.models);
+        models.truncate(study::pick(context.suite, 1, models.len()));
         models
     }
 }

@@ -45,27 +45,28 @@ fn draw(picture: &Picture) -> String {
         width.max(280.0),
         height + SCALE
     );
-    let mut dot = |x: [f64; 2], radius: f64, colour: &str| {
-        let [x, y] = place(x);
-        if x.is_finite() && y.is_finite() {
-            let _ = write!(
-                svg,
-                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{colour}\" stroke=\"#FFFFFF\" stroke-width=\"0.5\"/>"
-            );
-        }
-    };
     let radius = |k: usize| {
         let own = picture.radius.get(k).or(picture.radius.first()).copied();
         (own.unwrap_or_default() * scale).max(1.5)
     };
-    for &x in &picture.reference {
-        dot(x, radius(0), "#BDBCB4");
-    }
-    for (k, (&x, &value)) in picture.position.iter().zip(&picture.value).enumerate() {
-        let share = (value - low) / (high - low);
-        // Casting saturates, and a value that is no number becomes 0.
-        let colour = COLOURS[((share * 7.0).round() as usize).min(7)];
-        dot(x, radius(k), colour);
+    let reference: Vec<[f64; 2]> = picture.reference.iter().map(|&x| place(x)).collect();
+    dots(&mut svg, &reference, radius(0), "#BDBCB4");
+    for (colour, name) in COLOURS.iter().enumerate() {
+        let shown = |value: &f64| {
+            let share = (value - low) / (high - low);
+            // Casting saturates, and a value that is no number becomes 0.
+            ((share * 7.0).round() as usize).min(7) == colour
+        };
+        let values = picture.value.iter().take(picture.position.len()).enumerate();
+        let chosen = values.filter(|(_, value)| shown(value)).map(|(k, _)| k);
+        if picture.radius.len() > 1 {
+            for k in chosen {
+                disc(&mut svg, place(picture.position[k]), radius(k), name);
+            }
+        } else {
+            let places: Vec<[f64; 2]> = chosen.map(|k| place(picture.position[k])).collect();
+            dots(&mut svg, &places, radius(0), name);
+        }
     }
     for &[x0, y0, x1, y1] in &picture.boxes {
         let [x, y] = place([x0, y1]);
@@ -93,4 +94,32 @@ fn draw(picture: &Picture) -> String {
         number(high)
     );
     svg
+}
+
+/// A disc with a thin edge.
+fn disc(svg: &mut String, [x, y]: [f64; 2], radius: f64, colour: &str) {
+    if x.is_finite() && y.is_finite() {
+        let _ = write!(
+            svg,
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.1}\" fill=\"{colour}\" \
+             stroke=\"#FFFFFF\" stroke-width=\"0.5\"/>"
+        );
+    }
+}
+
+/// Many discs of one size and colour as one path, lines of no length with round ends: a little
+/// smaller, so that neighbours stay apart.
+fn dots(svg: &mut String, places: &[[f64; 2]], radius: f64, colour: &str) {
+    let mut path = String::new();
+    for [x, y] in places.iter().filter(|x| x.iter().all(|x| x.is_finite())) {
+        let _ = write!(path, "M{x:.1} {y:.1}h0");
+    }
+    if !path.is_empty() {
+        let _ = write!(
+            svg,
+            "<path d=\"{path}\" stroke=\"{colour}\" stroke-width=\"{:.1}\" \
+             stroke-linecap=\"round\" fill=\"none\"/>",
+            1.8 * radius
+        );
+    }
 }

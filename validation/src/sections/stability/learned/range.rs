@@ -1,6 +1,5 @@
 //! Columns taller, wider and faster than in training.
 
-use surrogate::range::Range;
 use surrogate::simulator::Simulator;
 
 use super::super::outcome::Outcome;
@@ -8,24 +7,7 @@ use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::Threshold;
 use super::roll::{Direct, WRONG, column, roll, text};
 use crate::context::Suite;
-use crate::table::number;
-
-/// What the model was trained on, in words.
-fn trained(simulator: &Simulator) -> String {
-    let Some(Range { least, most }) = &simulator.training.range else {
-        return "which are not known of this model".into();
-    };
-    format!(
-        "{} to {} points, {} to {} m high, {} to {} m wide, up to {} m/s on average",
-        number(least.points),
-        number(most.points),
-        number(least.height),
-        number(most.height),
-        number(least.width),
-        number(most.width),
-        number(most.speed)
-    )
-}
+use crate::sections::paper::networks::trained_on;
 
 struct Case {
     error: f64,
@@ -61,7 +43,7 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
             "Columns of the continuum law at the left wall, {duration} s: heights, widths and \
              initial velocities within and outside of those trained on ({}). Failure: an error, or a \
              prediction wrong by more than {WRONG} of the motion.",
-            trained(simulator)
+            trained_on(&simulator.training)
         ),
         ..Study::default()
     };
