@@ -147,6 +147,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         windows: twice,
         points: vec![points; 2],
         statics: vec![Vec::new(); 2],
+            obstacles: vec![Vec::new(); 2],
         targets: single.repeat(2),
     });
     batches.make(&members)?;

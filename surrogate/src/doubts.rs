@@ -1,6 +1,7 @@
 //! What there is to say of a start before anything is predicted from it.
 
-use crate::features::Window;
+use crate::constraints::Constraints;
+use crate::features::{Obstacle, Window};
 use crate::node_features::columns;
 use crate::range::Look;
 use crate::simulator::Simulator;
@@ -17,12 +18,15 @@ const SAMPLE: usize = 512;
 /// Everything that is doubtful.
 pub fn doubts(simulator: &Simulator, start: &Start) -> Vec<String> {
     let mut said = Vec::new();
-    if !start.scene.obstacles.is_empty() || start.scene.plate.is_some() {
-        said.push(
-            "obstacles and plates stop points that touch them: the network itself does not see them"
-                .to_owned(),
-        );
-    }
+    let unseen = match (start.scene.obstacles.is_empty(), start.scene.plate.is_some()) {
+        (false, false) if !simulator.config.obstacles => Some("obstacles"),
+        (false, true) if !simulator.config.obstacles => Some("obstacles and plate"),
+        (_, true) => Some("plate"),
+        _ => None,
+    };
+    said.extend(unseen.map(|what| {
+        format!("{what}: points that touch them are stopped, but the network does not see them")
+    }));
     said.extend(range(simulator, start));
     said.extend(motion(simulator, start));
     said.extend(asymmetry(simulator, start));
@@ -112,7 +116,16 @@ pub fn mirror_difference(simulator: &Simulator, start: &Start) -> f64 {
             chosen.iter().flat_map(point).collect::<Vec<f32>>()
         };
         let positions: Vec<f32> = start.positions.iter().flat_map(of_frame).collect();
-        let window = Window { positions: &positions, points: chosen.len(), statics: &statics };
+        let obstacles: Vec<Obstacle> = Constraints::new(&start.scene)
+            .obstacles()
+            .into_iter()
+            .map(|[[a, bottom], [b, top]]| {
+                let [a, b] = [a, b].map(|x| reflect(f64::from(x)) as f32);
+                [[a.min(b), bottom], [a.max(b), top]]
+            })
+            .collect();
+        let (points, statics) = (chosen.len(), &statics);
+        let window = Window { positions: &positions, points, statics, obstacles: &obstacles };
         let domain = start.scene.domain.size;
         simulator.accelerations(&mut simulator.inference(), &window, domain, gravity)
     };

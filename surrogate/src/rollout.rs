@@ -16,7 +16,7 @@ use miette::{Context, IntoDiagnostic, bail};
 use crate::constraints::Constraints;
 use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
 use crate::doubts::doubts;
-use crate::features::Window;
+use crate::features::{Obstacle, Window};
 use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
@@ -51,6 +51,7 @@ pub struct Rollout<'a> {
     window: VecDeque<Vec<[f64; 2]>>,
     /// Features of the points that never change.
     statics: Vec<f32>,
+    obstacles: Vec<Obstacle>,
     gravity: [f64; 2],
     start: f64,
     frame: usize,
@@ -67,6 +68,7 @@ impl<'a> Rollout<'a> {
                 Some(device) => Engine::Cuda(ahead(device, simulator, start)),
                 None => Engine::Cpu(Box::new(simulator.inference())),
             },
+            obstacles: Constraints::new(&start.scene).obstacles(),
             constraints: Constraints::new(&start.scene),
             window: start.positions.iter().cloned().collect(),
             statics: start.statics.clone(),
@@ -108,7 +110,8 @@ impl<'a> Rollout<'a> {
                 let frames = self.window.iter().flatten().flatten();
                 let positions: &Vec<f32> = &frames.map(|&x| x as f32).collect();
                 let points = self.window[0].len();
-                let window = Window { positions, points, statics: &self.statics };
+                let (statics, obstacles) = (&self.statics, &self.obstacles);
+                let window = Window { positions, points, statics, obstacles };
                 let domain = self.constraints.domain();
                 let accelerations =
                     self.simulator.accelerations(network, &window, domain, self.gravity);

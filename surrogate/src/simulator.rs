@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::backend::{Cpu, Device, device};
 use crate::config::ModelConfig;
 use crate::cuda::{self, CudaError};
-use crate::features::{Normalisation, Window, window_input};
+use crate::features::{Normalisation, Window, mirrored_obstacle, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
 use crate::range::Range;
@@ -136,7 +136,10 @@ impl Simulator {
             return straight;
         }
         let image = mirrored(window.positions, domain[0]);
-        let image = Window { positions: &image, ..*window };
+        let width = domain[0] as f32;
+        let obstacles: Vec<_> =
+            window.obstacles.iter().map(|&o| mirrored_obstacle(o, width)).collect();
+        let image = Window { positions: &image, obstacles: &obstacles, ..*window };
         let mirrored = self.predict(network, &image, domain, [-gravity[0], gravity[1]]);
         let pairs = straight.as_chunks::<2>().0.iter().zip(mirrored.as_chunks::<2>().0);
         pairs.flat_map(|(a, b)| [(a[0] - b[0]) / 2.0, (a[1] + b[1]) / 2.0]).collect()

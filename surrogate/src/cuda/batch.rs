@@ -10,7 +10,7 @@ use super::error::CudaError;
 use super::features::FrameBuilder;
 use crate::config::{ModelConfig, ModelKind};
 use crate::data::Batch;
-use crate::features::Normalisation;
+use crate::features::{Normalisation, Obstacle};
 
 /// Room for edges of each point at first; it grows as needed.
 pub const EDGES_PER_POINT: usize = 48;
@@ -51,6 +51,8 @@ pub struct HostWindows {
     pub positions: Vec<f32>,
     /// Features that never change, of the points of all windows.
     pub statics: Vec<f32>,
+    /// Obstacles of each window.
+    pub obstacles: Vec<Vec<Obstacle>>,
     /// Normalised accelerations of the points of all windows.
     pub targets: Vec<f32>,
 }
@@ -58,7 +60,7 @@ pub struct HostWindows {
 impl HostWindows {
     /// Puts the windows of a batch, at least one, side by side.
     pub fn new(batch: Batch) -> Self {
-        let Batch { windows, points, statics, targets } = batch;
+        let Batch { windows, points, statics, obstacles, targets } = batch;
         let dimensions = targets.len() / points.iter().sum::<usize>().max(1);
         let strides: Vec<usize> = points.iter().map(|points| points * dimensions).collect();
         let frames = windows[0].len() / strides[0].max(1);
@@ -68,7 +70,7 @@ impl HostWindows {
                 positions.extend_from_slice(&window[frame * stride..(frame + 1) * stride]);
             }
         }
-        Self { points, positions, statics: statics.concat(), targets }
+        Self { points, positions, statics: statics.concat(), obstacles, targets }
     }
 }
 
@@ -107,6 +109,7 @@ impl BatchBuilder {
             stream.memcpy_htod(&host.targets, &mut room.batch.targets)?;
             let Room { builder, positions, batch } = &mut room;
             builder.set_statics(&host.statics)?;
+            builder.set_obstacles(&host.obstacles)?;
             let values = host.targets.len();
             let at: Vec<_> = (0..self.config.window())
                 .map(|k| positions.slice(k * values..(k + 1) * values))

@@ -15,7 +15,7 @@ use super::graph::GraphBuilder;
 use super::launch::{address, each};
 use super::network::supports;
 use crate::config::{ModelConfig, ModelKind};
-use crate::features::Normalisation;
+use crate::features::{Normalisation, Obstacle, SKIN};
 use crate::node_features::{self, NodeFeature};
 
 /// The source of the kernels.
@@ -23,6 +23,9 @@ pub const FEATURES_SOURCE: &str = include_str!("features.cu");
 
 /// Most frames whose velocities a node knows: more than the GNS has at most.
 const FRAMES: usize = 16;
+
+/// Numbers of an obstacle.
+const OBSTACLE: usize = 4;
 
 /// Threads of a warp.
 const LANES: usize = 32;
@@ -41,6 +44,8 @@ struct Scales {
     velocity_std: [f32; 3],
     bounds: [[f32; 2]; 3],
     gns: i32,
+    clamped: i32,
+    skin: f32,
 }
 
 // SAFETY: plain numbers without padding, laid out as in `features.cu`.
@@ -68,6 +73,18 @@ struct Standard {
 // SAFETY: plain numbers, laid out as in `features.cu`.
 unsafe impl DeviceRepr for Standard {}
 
+/// `Obstacles` of `features.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+struct ObstaclesAddress {
+    all: CUdeviceptr,
+    first: CUdeviceptr,
+    window: CUdeviceptr,
+}
+
+// SAFETY: addresses, laid out as in `features.cu`.
+unsafe impl DeviceRepr for ObstaclesAddress {}
+
 /// `Further` of `features.cu`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +109,10 @@ pub struct FrameBuilder {
     scales: Scales,
     /// Features beyond velocity and walls, points x columns, of the frame that is made.
     further: CudaSlice<f32>,
+    /// Lower and upper corners of the obstacles that the network sees, window after window,
+    obstacles: CudaSlice<f32>,
+    /// and where those of each window begin and end.
+    first_obstacle: CudaSlice<u32>,
 }
 
 impl FrameBuilder {
@@ -111,7 +132,9 @@ impl FrameBuilder {
         let d = config.dimensions;
         let radius = config.connection_radius as f32;
         let gns = i32::from(config.kind == ModelKind::Gns);
-        let mut scales = Scales { radius, gns, ..Scales::default() };
+        let clamped = i32::from(config.clamps_walls());
+        let mut scales =
+            Scales { radius, gns, clamped, skin: SKIN * radius, ..Scales::default() };
         for (k, walls) in bounds.iter().enumerate() {
             scales.velocity_mean[k] = norm.velocity_mean[k] as f32;
             scales.velocity_std[k] = norm.velocity_std[k] as f32;
@@ -122,6 +145,8 @@ impl FrameBuilder {
         let further = graph.points() * config.further_node_features();
         Ok(Self {
             further: device.zeros(further.max(1))?,
+            obstacles: device.zeros(OBSTACLE)?,
+            first_obstacle: device.zeros(windows.len() + 1)?,
             graph,
             nodes: module.load_function("node_features")?,
             edges: module.load_function("edge_features")?,
@@ -158,6 +183,35 @@ impl FrameBuilder {
             node_features::standardised(features, &self.norm, self.points(), statics, &moving);
         if !values.is_empty() {
             self.device.stream().memcpy_htod(&values, &mut self.further)?;
+        }
+        Ok(())
+    }
+
+    /// Takes the obstacles of each window, of which a network without `obstacles` sees none.
+    ///
+    /// # Errors
+    /// The copy was refused, or too little memory.
+    ///
+    /// # Panics
+    /// If there are not as many lists as windows.
+    pub fn set_obstacles(&mut self, windows: &[Vec<Obstacle>]) -> Result<(), Error> {
+        assert_eq!(windows.len() + 1, self.first_obstacle.len());
+        if !self.config.obstacles {
+            return Ok(());
+        }
+        let mut first = vec![0];
+        first.extend(windows.iter().scan(0, |sum, window| {
+            *sum += window.len() as u32;
+            Some(*sum)
+        }));
+        let all: Vec<f32> = windows.iter().flatten().flatten().flatten().copied().collect();
+        if all.len() > self.obstacles.len() {
+            self.obstacles = self.device.zeros(all.len())?;
+        }
+        let stream = self.device.stream();
+        stream.memcpy_htod(&first, &mut self.first_obstacle)?;
+        if !all.is_empty() {
+            stream.memcpy_htod(&all, &mut self.obstacles)?;
         }
         Ok(())
     }
@@ -220,12 +274,17 @@ impl FrameBuilder {
         let before = if moving { at.at[history.len() - 2] } else { 0 };
         self.follow_motion(past)?;
         let (number, graph) = (points as u32, &frame.graph);
+        let obstacles = ObstaclesAddress {
+            all: address(&self.obstacles, stream),
+            first: address(&self.first_obstacle, stream),
+            window: address(self.graph.window(), stream),
+        };
         let further = self.further_address();
         // SAFETY: the argument types are those of the kernels, and the arrays as long as they
         // expect: a later frame has more features than a first one.
         unsafe {
             let mut launch = stream.launch_builder(&self.nodes);
-            launch.arg(&number).arg(&self.scales).arg(&at).arg(&further);
+            launch.arg(&number).arg(&self.scales).arg(&at).arg(&obstacles).arg(&further);
             launch.arg(&frame.node).launch(each(points))?;
             if graph.capacity > 0 {
                 let mut launch = stream.launch_builder(&self.edges);

@@ -14,7 +14,7 @@ use super::features::FrameBuilder;
 use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
 use super::network::{Capacity, CudaNetwork};
 use crate::config::{ModelConfig, ModelKind};
-use crate::features::Normalisation;
+use crate::features::{Normalisation, mirrored_obstacle};
 use crate::rollout::RolloutError;
 use crate::simulator::mirrored;
 
@@ -112,6 +112,10 @@ impl<N: Network> CudaRollout<N> {
         let windows = if motion.mirror { 2 } else { 1 };
         let mut builder = FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows])?;
         builder.set_statics(&statics.repeat(windows))?;
+        let obstacles = motion.constraints.obstacles();
+        let width = motion.constraints.domain()[0] as f32;
+        let images = obstacles.iter().map(|&obstacle| mirrored_obstacle(obstacle, width)).collect();
+        builder.set_obstacles(&[obstacles, images][..windows])?;
         let integrator = Integrator::new(device, config, norm, motion, points)?;
         let landing = || -> Result<_, CudaError> {
             // SAFETY: read after a copy has filled it only.

@@ -2,9 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use dempm::scene::Scene;
 use dempm::trajectory::{Header, Trajectory};
 
 use super::DataError;
+use crate::constraints::Constraints;
+use crate::features::Obstacle;
 use crate::node_features::{NodeFeature, static_features};
 
 /// The trajectory files (`*.h5`) of a folder, by name.
@@ -105,6 +108,16 @@ impl Recording {
         }
         self.held = Some(all);
         Ok(())
+    }
+
+    /// The obstacles of its scene.
+    ///
+    /// # Errors
+    /// If the scene in the file is none.
+    pub fn obstacles(&self) -> Result<Vec<Obstacle>, DataError> {
+        let place = format!("{}, scene", self.path().display());
+        let scene = Scene::parse(&self.header().scene, &place)?;
+        Ok(Constraints::new(&scene).obstacles())
     }
 
     /// Positions of one frame, m: x and y of the points in turn.

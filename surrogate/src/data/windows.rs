@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::{DataError, Recording};
+use crate::features::Obstacle;
 use crate::node_features::NodeFeature;
 
 /// What a window is made of.
@@ -36,6 +37,8 @@ pub struct Example {
     pub gravity: [f64; 2],
     /// Features of the points that never change.
     pub statics: Vec<f32>,
+    /// Fixed boxes.
+    pub obstacles: Vec<Obstacle>,
 }
 
 impl Example {
@@ -94,6 +97,8 @@ pub struct DataSet {
     shape: Shape,
     /// Features that never change, of the points of each file.
     statics: Vec<Vec<f32>>,
+    /// Obstacles of each file.
+    obstacles: Vec<Vec<Obstacle>>,
 }
 
 impl DataSet {
@@ -125,7 +130,8 @@ impl DataSet {
             recordings.push(recording);
         }
         let statics = vec![Vec::new(); recordings.len()];
-        Ok(Self { recordings, shape, statics })
+        let obstacles = vec![Vec::new(); recordings.len()];
+        Ok(Self { recordings, shape, statics, obstacles })
     }
 
     /// Reads the features that never change.
@@ -135,6 +141,19 @@ impl DataSet {
     pub fn with_statics(mut self, features: &[NodeFeature]) -> Result<Self, DataError> {
         for (recording, statics) in self.recordings.iter().zip(&mut self.statics) {
             *statics = recording.static_features(features)?;
+        }
+        Ok(self)
+    }
+
+    /// Reads the obstacles, if a network sees them.
+    ///
+    /// # Errors
+    /// If a file does not say what its scene was.
+    pub fn with_obstacles(mut self, seen: bool) -> Result<Self, DataError> {
+        if seen {
+            for (recording, obstacles) in self.recordings.iter().zip(&mut self.obstacles) {
+                *obstacles = recording.obstacles()?;
+            }
         }
         Ok(self)
     }
@@ -183,12 +202,12 @@ impl DataSet {
     /// If the file cannot be read.
     pub fn example(&self, window: usize) -> Result<Example, DataError> {
         let mut first = window;
-        let mut files = self.recordings.iter().zip(&self.statics);
-        let (recording, statics) = loop {
-            let (recording, statics) = files.next().expect("the window is one of the data set");
-            match first.checked_sub(self.windows(recording)) {
+        let mut files = self.recordings.iter().zip(&self.statics).zip(&self.obstacles);
+        let ((recording, statics), obstacles) = loop {
+            let file = files.next().expect("the window is one of the data set");
+            match first.checked_sub(self.windows(file.0.0)) {
                 Some(rest) => first = rest,
-                None => break (recording, statics.clone()),
+                None => break file,
             }
         };
         let mut positions = Vec::new();
@@ -198,7 +217,14 @@ impl DataSet {
         let next = recording.positions(first + self.shape.span())?;
         let interval = self.frame_interval();
         let gravity = recording.header().gravity.map(|g| g * interval * interval);
-        Ok(Example { points: recording.points(), positions, next, gravity, statics })
+        Ok(Example {
+            points: recording.points(),
+            positions,
+            next,
+            gravity,
+            statics: statics.clone(),
+            obstacles: obstacles.clone(),
+        })
     }
 
     fn windows(&self, recording: &Recording) -> usize {

@@ -199,6 +199,7 @@ mod tests {
             windows: points.iter().map(window).collect(),
             points: points.to_vec(),
             statics: vec![Vec::new(); 2],
+            obstacles: vec![Vec::new(); 2],
             targets: (0..130).map(|k| (k as f32).cos()).collect(),
         };
         let loss = |said: &[f32]| {

@@ -71,7 +71,8 @@ impl Sitting {
         let frames = model.window() + config.pushforward.steps;
         let shape = Shape { frames, stride: config.data.stride };
         let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
-            .with_statics(&model.node_features)?;
+            .with_statics(&model.node_features)?
+            .with_obstacles(model.obstacles)?;
         let frame_interval = data.frame_interval();
         let range = Range::of(&data, model.connection_radius)?;
         let identity = Identity::of(&config, &data, size)?;

@@ -25,7 +25,7 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
     };
     let points = 40;
     let run = |positions: &[f32], gravity| {
-        let window = Window { positions, points, statics: &[] };
+        let window = Window { positions, points, statics: &[], obstacles: &[] };
         simulator.accelerations(&mut simulator.inference(), &window, [1.0, 1.0], gravity)
     };
     // 1 - x is exact for these positions, so the images are to the bit.
