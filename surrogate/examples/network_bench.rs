@@ -147,7 +147,8 @@ fn predict(
 ) -> Result<(), Box<dyn Error>> {
     let stream = device.stream();
     let positions = windows(&scene.config);
-    let window = [Window { positions: &positions[0], points: POINTS, statics: &[], obstacles: &[] }];
+    let window =
+        [Window { positions: &positions[0], points: POINTS, statics: &[], obstacles: &[] }];
     let host = host_frames(&window, &scene.config, &normalisation(), &[[0.0, 10.0]; 2]);
     let edges = host.iter().map(|frame| frame.pairs.len()).max().unwrap_or(1);
     let newest = host.len() - 1;

@@ -43,16 +43,14 @@ fn range(simulator: &Simulator, start: &Start) -> Option<String> {
         );
     };
     let interval = simulator.training.frame_interval;
-    let looks = start.positions.windows(3).map(|frames| {
-        let [a, b, c] = [0, 1, 2].map(|k| frames[k].as_slice());
-        Look::at([a, b, c], interval, simulator.config.connection_radius)
-    });
-    looks.last().and_then(|look| range.doubt(&look))
+    let [a, b, c] = &start.window(3, interval)[..] else { return None };
+    range.doubt(&Look::at([a, b, c], interval, simulator.config.connection_radius))
 }
 
 /// Velocities and accelerations that no training had.
 fn motion(simulator: &Simulator, start: &Start) -> Vec<String> {
-    let [.., first, second, third] = start.positions.as_slice() else { return Vec::new() };
+    let window = start.window(3, simulator.training.frame_interval);
+    let [.., first, second, third] = window.as_slice() else { return Vec::new() };
     let n = &simulator.normalisation;
     let fall =
         if simulator.training.without_gravity { free_fall(simulator, start) } else { [0.0; 2] };
@@ -104,6 +102,7 @@ fn asymmetry(simulator: &Simulator, start: &Start) -> Option<String> {
 pub fn mirror_difference(simulator: &Simulator, start: &Start) -> f64 {
     let chosen = middle(&start.positions[start.positions.len() - 1]);
     let width = start.scene.domain.size[0];
+    let window = start.window(simulator.config.window(), simulator.training.frame_interval);
     let [_, columns] = columns(&simulator.config.node_features, simulator.config.dimensions);
     let statics: Vec<f32> = chosen
         .iter()
@@ -115,7 +114,7 @@ pub fn mirror_difference(simulator: &Simulator, start: &Start) -> f64 {
             let point = |&p: &usize| [reflect(frame[p][0]) as f32, frame[p][1] as f32];
             chosen.iter().flat_map(point).collect::<Vec<f32>>()
         };
-        let positions: Vec<f32> = start.positions.iter().flat_map(of_frame).collect();
+        let positions: Vec<f32> = window.iter().flat_map(of_frame).collect();
         let obstacles: Vec<Obstacle> = Constraints::new(&start.scene)
             .obstacles()
             .into_iter()

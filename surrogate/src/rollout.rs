@@ -70,7 +70,7 @@ impl<'a> Rollout<'a> {
             },
             obstacles: Constraints::new(&start.scene).obstacles(),
             constraints: Constraints::new(&start.scene),
-            window: start.positions.iter().cloned().collect(),
+            window: start.window(simulator.config.window(), interval).into(),
             statics: start.statics.clone(),
             gravity: start.scene.gravity.map(|g| g * interval * interval),
             start: start.time,
@@ -189,14 +189,16 @@ fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahe
         mirror: simulator.mirror,
     };
     let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
-    let (weights, window) = (weights(&simulator.model), start.positions.clone());
+    let weights = weights(&simulator.model);
+    let window = start.window(simulator.config.window(), interval);
+    let next = start.positions.len();
     let statics = start.statics.clone();
     let (device, precision) = (device.clone(), simulator.precision);
     Ahead::start(move || {
         let room = Capacity { points: window[0].len(), edges: 1 };
         let mut network = CudaNetwork::new(&device, &config, precision.into(), room, false)?;
         network.set_weights(&weights)?;
-        let past = Past { window: &window, statics: &statics };
+        let past = Past { window: &window, statics: &statics, next };
         CudaRollout::new(&device, &config, &norm, &motion, past, network)
     })
 }

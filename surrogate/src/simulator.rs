@@ -24,6 +24,9 @@ pub struct Training {
     pub frame_interval: f64,
     /// Whether it predicts accelerations relative to free fall.
     pub without_gravity: bool,
+    /// Whether its windows may begin before the first frame of a run.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub before_start: bool,
     /// Training steps made.
     pub steps: u64,
     /// What the training data held; older files do not say.
@@ -111,6 +114,11 @@ impl Simulator {
             return Err(CudaError::Bf16OnCpu);
         }
         Ok(())
+    }
+
+    /// Frames of a run that a rollout starts from: a window, or the first alone.
+    pub fn first_frames(&self) -> usize {
+        if self.training.before_start { 1 } else { self.config.window() }
     }
 
     /// The network for the processor, apart from the simulator as it remembers frames.

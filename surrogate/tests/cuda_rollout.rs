@@ -535,7 +535,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
     let room = Capacity { points: 1, edges: 1 };
     let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();
     network.set_weights(&weights(&model)).unwrap();
-    let past = Past { window: &window, statics };
+    let past = Past { window: &window, statics, next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
     let simulator = Simulator {
         model,
@@ -544,6 +544,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         training: Training {
             frame_interval: motion.interval,
             without_gravity: true,
+            before_start: false,
             steps: 0,
             range: None,
         },
@@ -561,8 +562,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         assert_eq!(failure, None);
         for found in frames {
             let positions = &single(&window);
-            let seen =
-                Window { positions, points: window[0].len(), statics, obstacles: &[] };
+            let seen = Window { positions, points: window[0].len(), statics, obstacles: &[] };
             let domain = motion.constraints.domain();
             let accelerations = simulator.accelerations(&mut network, &seen, domain, motion.fall);
             let largest = accelerations.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
@@ -607,7 +607,7 @@ fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spre
     let mut window = start(points, config.frames, spread);
     let network = StandIn::new(&device, points, scale);
     let norm = normalisation_for(&config);
-    let past = Past { window: &window, statics: &[] };
+    let past = Past { window: &window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
     let mut frame = window.len();
     for _ in 0..3 {
@@ -633,7 +633,7 @@ fn failing(
     let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
     let network = StandIn::new(&device, window[0].len(), scale);
     let norm = normalisation_for(&config);
-    let past = Past { window, statics: &[] };
+    let past = Past { window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, motion, past, network).unwrap();
     let mut good = Vec::new();
     while good.len() < 100 {

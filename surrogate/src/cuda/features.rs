@@ -133,8 +133,7 @@ impl FrameBuilder {
         let radius = config.connection_radius as f32;
         let gns = i32::from(config.kind == ModelKind::Gns);
         let clamped = i32::from(config.clamps_walls());
-        let mut scales =
-            Scales { radius, gns, clamped, skin: SKIN * radius, ..Scales::default() };
+        let mut scales = Scales { radius, gns, clamped, skin: SKIN * radius, ..Scales::default() };
         for (k, walls) in bounds.iter().enumerate() {
             scales.velocity_mean[k] = norm.velocity_mean[k] as f32;
             scales.velocity_std[k] = norm.velocity_std[k] as f32;

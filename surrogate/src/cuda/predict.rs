@@ -60,8 +60,10 @@ impl Network for CudaNetwork {
 /// What a rollout begins with.
 #[derive(Clone, Copy, Debug)]
 pub struct Past<'a> {
-    /// Positions (m) in a window of frames, the first of which has number 0.
+    /// Positions (m) in a window of frames,
     pub window: &'a [Vec<[f64; 2]>],
+    /// and the number of the frame that follows.
+    pub next: usize,
     /// Features that never change, of each point.
     pub statics: &'a [f32],
 }
@@ -105,7 +107,7 @@ impl<N: Network> CudaRollout<N> {
         past: Past,
         network: N,
     ) -> Result<Self, CudaError> {
-        let Past { window, statics } = past;
+        let Past { window, next, statics } = past;
         let points = window[0].len();
         let bounds = motion.constraints.domain().map(|length| [0.0, length]);
         // The images are a second window beside the first.
@@ -135,7 +137,7 @@ impl<N: Network> CudaRollout<N> {
             mirror: motion.mirror.then(|| motion.constraints.domain()[0]),
             builder,
             window: window.iter().cloned().collect(),
-            frame: window.len(),
+            frame: next,
             queued: 0,
             given: 0,
             graphs: Vec::new(),

@@ -15,12 +15,19 @@ pub struct Shape {
     /// paper's data sets 1 to 5. Windows start at every frame of the file, so a coarser data set
     /// is cut into interleaved trajectories and has about as many windows as the finest.
     pub stride: usize,
+    /// Frames of a window that may be from before the first of the file, at most.
+    pub before: usize,
 }
 
 impl Shape {
     /// Frames of the file from the first of a window to its target.
     fn span(self) -> usize {
         self.frames * self.stride
+    }
+
+    /// How far before the first frame of the file the first window begins.
+    fn ahead(self) -> usize {
+        self.before * self.stride
     }
 }
 
@@ -112,16 +119,20 @@ impl DataSet {
         let mut left = memory;
         for path in paths {
             let mut recording = Recording::open(path)?;
-            if recording.frames() <= shape.span() {
+            let needed = shape.span() + 1 - shape.ahead();
+            if recording.frames() < needed {
                 return Err(DataError::TooShort {
                     path: path.clone(),
                     found: recording.frames(),
                     stride: shape.stride,
-                    needed: shape.span() + 1,
+                    needed,
                 });
             }
             if let Some(first) = recordings.first() {
                 check_alike(first, &recording)?;
+            }
+            if shape.before > 0 {
+                recording.hold_start()?;
             }
             if let Some(rest) = left.checked_sub(recording.bytes()) {
                 recording.hold()?;
@@ -212,9 +223,13 @@ impl DataSet {
         };
         let mut positions = Vec::new();
         for frame in 0..self.shape.frames {
-            positions.extend(recording.positions(first + frame * self.shape.stride)?);
+            let place = first + frame * self.shape.stride;
+            positions.extend(match place.checked_sub(self.shape.ahead()) {
+                Some(frame) => recording.positions(frame)?,
+                None => recording.positions_before(self.shape.ahead() - place),
+            });
         }
-        let next = recording.positions(first + self.shape.span())?;
+        let next = recording.positions(first + self.shape.span() - self.shape.ahead())?;
         let interval = self.frame_interval();
         let gravity = recording.header().gravity.map(|g| g * interval * interval);
         Ok(Example {
@@ -228,7 +243,7 @@ impl DataSet {
     }
 
     fn windows(&self, recording: &Recording) -> usize {
-        recording.frames() - self.shape.span()
+        recording.frames() + self.shape.ahead() - self.shape.span()
     }
 }
 

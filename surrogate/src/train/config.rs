@@ -56,6 +56,9 @@ pub struct Data {
     pub mirror: bool,
     /// Learn accelerations relative to free fall.
     pub subtract_gravity: bool,
+    /// Also learn from windows that begin before the first frame of a run, up to those of which only
+    /// the last frame is one of the run: rollouts then start from its first frame alone.
+    pub before_start: bool,
     /// Memory for positions, MB; what does not fit is read from the files again and again.
     pub memory: usize,
 }
@@ -122,7 +125,14 @@ impl Default for TrainConfig {
 
 impl Default for Data {
     fn default() -> Self {
-        Self { stride: 1, noise: 3e-4, mirror: false, subtract_gravity: false, memory: 1024 }
+        Self {
+            stride: 1,
+            noise: 3e-4,
+            mirror: false,
+            subtract_gravity: false,
+            before_start: false,
+            memory: 1024,
+        }
     }
 }
 

@@ -69,7 +69,8 @@ impl Sitting {
         let model = config.model();
         let files = DataFolder::open(data)?;
         let frames = model.window() + config.pushforward.steps;
-        let shape = Shape { frames, stride: config.data.stride };
+        let before = if config.data.before_start { model.window() - 1 } else { 0 };
+        let shape = Shape { frames, stride: config.data.stride, before };
         let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
             .with_statics(&model.node_features)?
             .with_obstacles(model.obstacles)?;
@@ -324,6 +325,7 @@ impl Sitting {
             training: Training {
                 frame_interval: self.frame_interval,
                 without_gravity: self.config.data.subtract_gravity,
+                before_start: self.config.data.before_start,
                 steps: self.engine.step_number(),
                 range: self.range,
             },
