@@ -17,7 +17,8 @@ use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FEATURES_SOURCE,
     FrameBuilder, FrameInput, Frames, GRAPH_SOURCE, GraphBuilder, HostWindows, INTEGRATE_SOURCE,
-    Motion, Network, Past, Precision, features_defines, graph_defines,
+    Motion, Network, NewFrame, PUSH_FORWARD_SOURCE, Past, Precision, features_defines,
+    graph_defines,
 };
 use surrogate::data::Batch;
 use surrogate::features::{Normalisation, Obstacle, Window, window_input};
@@ -104,15 +105,14 @@ fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
     let Some(device) = gpu::for_tests() else { return };
     let expected = reference(windows, dimensions);
     let points: Vec<usize> = windows.iter().map(|window| window.len() / dimensions).collect();
-    let mut builder = GraphBuilder::new(&device, dimensions, RADIUS, &points).unwrap();
+    let mut builder = GraphBuilder::new(&device, dimensions, RADIUS, &points, 1).unwrap();
     let mut positions = windows.concat();
     let values = positions.len();
     positions.push(0.0); // an empty upload is an error
     let positions = device.upload(&positions).unwrap();
-    let position = positions.slice(..values);
     if expected.edges() > 0 {
         let mut small = builder.allocate(expected.edges() - 1).unwrap();
-        builder.build(&position, &mut small).unwrap();
+        builder.build(&mut [(positions.slice(..values), &mut small)]).unwrap();
         assert_eq!(builder.needed().unwrap(), expected.edges());
         let stream = device.stream();
         assert_eq!(stream.clone_dtoh(&small.edges).unwrap(), [0], "no half of a graph");
@@ -122,7 +122,7 @@ fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
         let mut graph = builder.allocate(capacity).unwrap();
         // The second time over what the first one left.
         for _ in 0..2 {
-            builder.build(&position, &mut graph).unwrap();
+            builder.build(&mut [(positions.slice(..values), &mut graph)]).unwrap();
         }
         assert_eq!(builder.needed().unwrap(), expected.edges());
         assert_eq!(builder.needed().unwrap(), 0, "since the last call");
@@ -133,7 +133,9 @@ fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
             list
         };
         assert_eq!(stream.clone_dtoh(&graph.edges).unwrap(), [expected.edges() as u32]);
-        assert_eq!(stream.clone_dtoh(&graph.start).unwrap(), expected.start);
+        let nodes = expected.start.len() - 1;
+        assert_eq!(stream.clone_dtoh(&graph.nodes).unwrap(), [nodes as u32]);
+        assert_eq!(stream.clone_dtoh(&graph.start).unwrap()[..=nodes], expected.start);
         let (sender, receiver) = (read(&graph.sender), read(&graph.receiver));
         assert_eq!(sender, expected.sender);
         let receivers: Vec<u32> = expected.pairs().map(|(receiver, _)| receiver as u32).collect();
@@ -274,7 +276,7 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
     let positions: Vec<_> = (0..FRAMES).map(at).collect();
     for config in readers(dimensions) {
         let norm = normalisation_for(&config);
-        let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes).unwrap();
+        let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes, 1).unwrap();
         let statics = sizes.map(|points| statics(&config, points));
         builder.set_statics(&statics.concat()).unwrap();
         let obstacles = [Vec::new(), obstacles(&config)];
@@ -283,11 +285,12 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
         let frames: Vec<FrameInput> = (FRAMES - config.graphs()..FRAMES)
             .map(|k| {
                 let mut frame = builder.allocate(450 * 449).unwrap();
-                builder.graph(&positions[k].as_view(), &mut frame).unwrap();
                 // A GNS knows all frames, a TGNNS the one before, if there is one.
                 let known = if config.graphs() == 1 { 3 } else { (k + 4 - FRAMES).min(2) };
                 let past: Vec<_> = positions[oldest..=k].iter().map(|x| x.as_view()).collect();
-                builder.features(&past, known, &mut frame).unwrap();
+                let mut new = [NewFrame { past: &past, known, frame: &mut frame }];
+                builder.graphs(&mut new).unwrap();
+                builder.features(&mut new).unwrap();
                 frame
             })
             .collect();
@@ -309,11 +312,13 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
 fn batches_match() {
     let Some(device) = gpu::for_tests() else { return };
     let bounds = [[0.0, 1.0]; 2];
-    for config in readers(2) {
+    // Of the last one more frames than are made in one launch.
+    let long = ModelConfig { frames: 9, ..ModelConfig::default() };
+    for config in readers(2).into_iter().chain([long]) {
         let norm = normalisation_for(&config);
-        let mut builder = BatchBuilder::new(&device, &config, &norm, &bounds);
-        // More edges than there is room for at first, another composition, and the first one again.
-        for sizes in [[200, 350], [40, 30], [200, 350]] {
+        let mut builder = BatchBuilder::new(&device, &config, &norm, &bounds).unwrap();
+        // More edges than there is room for at first, smaller and larger ones, each place twice.
+        for sizes in [[200, 350], [40, 30], [350, 200], [7, 400], [200, 350]] {
             let batch = Batch {
                 windows: (0..2).map(|k| drifting(sizes[k], 2, config.window(), k as u64)).collect(),
                 points: sizes.to_vec(),
@@ -321,8 +326,11 @@ fn batches_match() {
                 obstacles: vec![obstacles(&config), Vec::new()],
                 targets: random(sizes.iter().sum(), 2, 1.0, 8),
             };
-            let made = builder.make(&HostWindows::new(batch.clone())).unwrap();
-            assert_eq!(device.stream().clone_dtoh(&made.targets).unwrap(), batch.targets);
+            let host = HostWindows::new(batch.clone(), None);
+            let made = builder.make(&host, |_, _| panic!("nothing is moved on")).unwrap();
+            assert_eq!(made.values, batch.targets.len());
+            let targets = device.stream().clone_dtoh(&made.targets).unwrap();
+            assert_eq!(targets[..made.values], batch.targets);
             let windows: Vec<Window> = (0..2)
                 .map(|k| Window {
                     positions: &batch.windows[k],
@@ -688,6 +696,7 @@ fn kernels_compile() {
                 ("graph.cu", GRAPH_SOURCE, &graph),
                 ("features.cu", FEATURES_SOURCE, &other),
                 ("integrate.cu", INTEGRATE_SOURCE, &Vec::new()),
+                ("push_forward.cu", PUSH_FORWARD_SOURCE, &Vec::new()),
                 ("stand_in.cu", STAND_IN, &Vec::new()),
             ] {
                 let cubin = compile(name, source, architecture, defines).unwrap();

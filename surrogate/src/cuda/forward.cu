@@ -3,7 +3,7 @@
 // leaving its registers.
 
 struct Forward {
-    // Number of rows in device memory; if null, it is `rows`.
+    // Number of rows.
     const u32* count;
     // Inputs, rows x 128: x_0 W_0 + x_1 W_1. Row k of x_0 is `index[k]` if there is an index.
     const Stored* x[2];
@@ -35,7 +35,6 @@ struct Forward {
     // k + v.
     float* sums;
 
-    u32 rows;
     int units, resident, feature_count, feature_stride, feature_steps;
     // Offsets in `parameters`: of biases (-1 for none), of LayerNorm (-1 for none), of the
     // LayerNorm whose scale and shift apply to x_0 (-1 for none).
@@ -213,10 +212,10 @@ __device__ __forceinline__ void forward(const Forward& a) {
     const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * STEP;
     Weights weights(a.weights, (uint4*)(input_scales + 2 * WIDTH), a.units, a.resident);
     load_vectors(biases, a);
+    const u32 rows = *a.count;
     wait_for_kernel_before();
     weights.wait();
 
-    const u32 rows = a.count ? *a.count : a.rows;
     for (Tiles tile(rows, a.resident); tile.next();) {
         weights.cursor = 0;
         const Place at(tile.index, rows);

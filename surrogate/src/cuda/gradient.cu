@@ -246,10 +246,10 @@ extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
         for (int s = 0; s < STAGES; s++)
             for (int k = threadIdx.x; k < sizeof(Rows64) / 16; k += GRADIENT_THREADS)
                 ((uint4*)&stages[s].x)[k] = make_uint4(0, 0, 0, 0);
+    const u32 rows = *a.count, tiles = (rows + ROWS - 1) / ROWS;
     wait_for_kernel_before();
     __syncthreads();
 
-    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + ROWS - 1) / ROWS;
     Sums sums;
     float bias[2] = {};
     int stage = 0;

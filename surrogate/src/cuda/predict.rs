@@ -10,7 +10,7 @@ use gpu::Device;
 use super::batch::EDGES_PER_POINT;
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::features::FrameBuilder;
+use super::features::{FrameBuilder, NewFrame};
 use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
 use super::network::{Capacity, CudaNetwork};
 use crate::config::{ModelConfig, ModelKind};
@@ -112,7 +112,8 @@ impl<N: Network> CudaRollout<N> {
         let bounds = motion.constraints.domain().map(|length| [0.0, length]);
         // The images are a second window beside the first.
         let windows = if motion.mirror { 2 } else { 1 };
-        let mut builder = FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows])?;
+        let mut builder =
+            FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows], 1)?;
         builder.set_statics(&statics.repeat(windows))?;
         let obstacles = motion.constraints.obstacles();
         let width = motion.constraints.domain()[0] as f32;
@@ -174,7 +175,8 @@ impl<N: Network> CudaRollout<N> {
         }
         loop {
             for position in &self.positions {
-                self.builder.graph(&position.as_view(), &mut self.inputs[0])?;
+                let (past, frame) = (&[position.as_view()], &mut self.inputs[0]);
+                self.builder.graphs(&mut [NewFrame { past, known: 1, frame }])?;
             }
             let needed = self.builder.needed()?;
             if needed <= self.room() {
@@ -210,9 +212,9 @@ impl<N: Network> CudaRollout<N> {
         let past: Vec<_> = (frame + 1..=frame + frames)
             .map(|frame| self.positions[frame % frames].as_view())
             .collect();
-        let input = &mut self.inputs[frame % 2];
-        self.builder.graph(&past[frames - 1], input)?;
-        Ok(self.builder.features(&past, known, input)?)
+        let mut new = [NewFrame { past: &past, known, frame: &mut self.inputs[frame % 2] }];
+        self.builder.graphs(&mut new)?;
+        Ok(self.builder.features(&mut new)?)
     }
 
     /// Queues one frame: acceleration of the network, semi-implicit Euler, walls and boxes; then the

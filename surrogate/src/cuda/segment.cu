@@ -20,13 +20,14 @@ __device__ __forceinline__ void add_runs(float (&total)[8], const float* sums, i
 }
 
 struct Receive {
+    // Number of nodes.
+    const u32* nodes;
     const u32* start;
     // Sums of the messages x of runs of edges (forward.cu).
     const float* sums;
     const float* parameters;
-    // points x 128.
+    // Nodes x 128.
     Stored* received;
-    int points;
     // Offset of LayerNorm's scale in `parameters`.
     int norm;
     int width;
@@ -38,10 +39,11 @@ struct ReceiveBatch {
 
 // For each node the sum of its edges' messages scale x + shift.
 extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
-    wait_for_kernel_before();
     const Receive& a = batch.item[blockIdx.y];
+    const int nodes = *a.nodes;
+    wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
-    if (node >= a.points) return;
+    if (node >= nodes) return;
     const int column = lane % 16 * 8;
     const u32 first = a.start[node], end = a.start[node + 1];
     float total[8] = {};
@@ -59,14 +61,15 @@ extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
 }
 
 // For each node the sum of an edge quantity over the edges that it receives, and over those that it
-// sends: points x 128 each. The graph is symmetric, so the latter are the reverses of the former. If
+// sends: nodes x 128 each. The graph is symmetric, so the latter are the reverses of the former. If
 // `sums` is not null, the former are added up already as far as runs go.
-extern "C" __global__ void collect(const u32* start, const u32* reverse, int points,
+extern "C" __global__ void collect(const u32* start, const u32* reverse, const u32* count,
                                    const Stored* x, const float* sums, Stored* sent,
                                    Stored* received) {
+    const int nodes = *count;
     wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
-    if (node >= points) return;
+    if (node >= nodes) return;
     const int column = lane % 16 * 8;
     const u32 first = start[node], end = start[node + 1];
     float in[8] = {}, out[8] = {};

@@ -89,7 +89,8 @@ impl Example {
         future
     }
 
-    fn last_two(&self) -> (&[f64], &[f64]) {
+    /// The last two frames.
+    pub(super) fn last_two(&self) -> (&[f64], &[f64]) {
         let (rest, last) = self.positions.split_at(self.positions.len() - self.values());
         (&rest[rest.len() - self.values()..], last)
     }

@@ -36,8 +36,8 @@ pub fn checkpoint_in(folder: &Path) -> PathBuf {
 
 /// What the next step learns from.
 enum Work {
-    Graph(Box<EngineBatch>),
-    /// Windows that the network has to move on first, as it is by then.
+    Batch(Box<EngineBatch>),
+    /// Windows that the network has to move on first, as it is by then, on the processor.
     Draft(Draft),
 }
 
@@ -133,11 +133,12 @@ impl Sitting {
         }
         let bar = if rank == 0 { progress::bar(config.steps, step) } else { ProgressBar::hidden() };
         let (ahead, prepare) = (recipe.clone(), engine.prepare(&preparation));
+        let pushes_forward = engine.pushes_forward();
         let batches = Prefetch::start(data, recipe.clone(), step, move |draft| {
-            if draft.unroll > 0 {
+            if draft.unroll > 0 && !pushes_forward {
                 Work::Draft(draft)
             } else {
-                Work::Graph(Box::new(prepare(ahead.batch(&draft))))
+                Work::Batch(Box::new(prepare(&ahead, &draft)))
             }
         });
         Ok(Self {
@@ -236,11 +237,10 @@ impl Sitting {
 
     fn step(&mut self) -> miette::Result<()> {
         let batch = match self.batches.next()? {
-            Some(Work::Graph(batch)) => *batch,
+            Some(Work::Batch(batch)) => *batch,
             Some(Work::Draft(draft)) => {
                 let draft = self.push_forward(draft)?;
-                let batch = self.recipe.batch(&draft);
-                self.engine.prepare(&self.preparation)(batch)
+                self.engine.prepare(&self.preparation)(&self.recipe, &draft)
             }
             None => bail!("the thread that prepares the data has died"),
         };
@@ -268,7 +268,7 @@ impl Sitting {
     fn push_forward(&mut self, draft: Draft) -> miette::Result<Draft> {
         let (recipe, prepare) = (&self.recipe, self.engine.prepare(&self.preparation));
         draft.push_forward(|draft| {
-            let normalised = self.engine.predict(&prepare(recipe.batch(draft)))?;
+            let normalised = self.engine.predict(&prepare(recipe, draft))?;
             Ok(recipe.accelerations(draft, &normalised))
         })
     }
