@@ -24,14 +24,18 @@ pub struct Training {
     pub frame_interval: f64,
     /// Whether it predicts accelerations relative to free fall.
     pub without_gravity: bool,
-    /// Whether its windows may begin before the first frame of a run.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub before_start: bool,
+    /// Frames of a window that may be from before the first of a run, at most.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub before_start: usize,
     /// Training steps made.
     pub steps: u64,
     /// What the training data held; older files do not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<Range>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// A network that predicts accelerations.
@@ -116,9 +120,9 @@ impl Simulator {
         Ok(())
     }
 
-    /// Frames of a run that a rollout starts from: a window, or the first alone.
+    /// Frames of a run that a rollout starts from: a window, less those that may be from before.
     pub fn first_frames(&self) -> usize {
-        if self.training.before_start { 1 } else { self.config.window() }
+        self.config.window().saturating_sub(self.training.before_start).max(1)
     }
 
     /// The network for the processor, apart from the simulator as it remembers frames.

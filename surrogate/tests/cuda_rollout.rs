@@ -552,7 +552,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         training: Training {
             frame_interval: motion.interval,
             without_gravity: true,
-            before_start: false,
+            before_start: 0,
             steps: 0,
             range: None,
         },

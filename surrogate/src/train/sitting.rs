@@ -69,8 +69,8 @@ impl Sitting {
         let model = config.model();
         let files = DataFolder::open(data)?;
         let frames = model.window() + config.pushforward.steps;
-        let before = if config.data.before_start { model.window() - 1 } else { 0 };
-        let shape = Shape { frames, stride: config.data.stride, before };
+        let (stride, before) = (config.data.stride, config.data.before_start);
+        let shape = Shape { frames, stride, before };
         let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
             .with_statics(&model.node_features)?
             .with_obstacles(model.obstacles)?;

@@ -20,7 +20,7 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
         training: Training {
             frame_interval: 0.01,
             without_gravity: true,
-            before_start: false,
+            before_start: 0,
             steps: 0,
             range: None,
         },
