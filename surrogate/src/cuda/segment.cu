@@ -40,7 +40,7 @@ struct ReceiveBatch {
 // For each node the sum of its edges' messages scale x + shift.
 extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
     const Receive& a = batch.item[blockIdx.y];
-    const int nodes = *a.nodes;
+    const int nodes = read_early(a.nodes);
     wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
     if (node >= nodes) return;
@@ -66,7 +66,7 @@ extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
 extern "C" __global__ void collect(const u32* start, const u32* reverse, const u32* count,
                                    const Stored* x, const float* sums, Stored* sent,
                                    Stored* received) {
-    const int nodes = *count;
+    const int nodes = read_early(count);
     wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
     if (node >= nodes) return;
