@@ -35,6 +35,7 @@ impl Section for Needs {
              as it was when the program was built.",
         );
         let mut lines = Vec::new();
+        let mut enough = Vec::new();
         let mut absent = Vec::new();
         for case in Case::of(context.suite) {
             if !case.missing(context).is_empty() {
@@ -67,19 +68,29 @@ impl Section for Needs {
                         number(cost(setting)),
                         number(reference),
                     ]);
+                    let [ours, theirs] = [cost(setting), reference].map(seconds);
+                    let words = format!("{} ({ours} instead of {theirs})", setting.name);
                     lines.push(format!(
-                        "{}, {goal} within {}: {} is enough ({}, {} instead of {}).",
+                        "{}, {goal} within {}: {words} is enough, wrong by {}.",
                         case.name,
                         percent(tolerance),
-                        setting.name,
                         percent(error),
-                        seconds(cost(setting)),
-                        seconds(reference)
                     ));
+                    if tolerance == TOLERANCES[1] {
+                        enough.push(format!("{}, {goal}: {words}", case.name));
+                    }
                 }
             }
         }
-        let mut blocks = vec![
+        let headline = (!enough.is_empty()).then(|| {
+            Block::headline(format!(
+                "The cheapest that is within {} of the runout. {}.",
+                percent(TOLERANCES[1]),
+                enough.join("; ")
+            ))
+        });
+        let mut blocks: Vec<Block> = headline.into_iter().collect();
+        blocks.extend([
             Block::text(
                 "The cheapest of all measured settings that stays within a tolerance of the \
                  reference. Shape: front and height profile at the end, as parts of the runout and \
@@ -88,7 +99,7 @@ impl Section for Needs {
             ),
             Block::Findings(lines),
             Block::Table(table),
-        ];
+        ]);
         if !absent.is_empty() {
             blocks.push(Block::missing(
                 absent.join(", "),
@@ -142,6 +153,7 @@ mod tests {
             name: name.to_owned(),
             model: None,
             seconds,
+            spread: None,
             error: Some(Error { front, ..Error::default() }),
             failure: String::new(),
             device: String::new(),
@@ -160,6 +172,7 @@ mod tests {
                 Measured { error: None, ..measured("failed", 0.1, 0.0) },
             ],
             floor: Error::default(),
+            reference_seconds: [10.0; 2],
             front: 3.0,
             runout: 2.0,
             height: 1.0,
@@ -183,6 +196,7 @@ mod tests {
         let sweep = |measured| Sweep {
             measured,
             floor: Error::default(),
+            reference_seconds: [10.0; 2],
             front: 3.0,
             runout: 2.0,
             height: 1.0,
