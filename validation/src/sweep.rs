@@ -207,7 +207,9 @@ impl Case {
             let predict = |context: &mut Context, family, way: &Model| -> miette::Result<Measured> {
                 let run = context.rollout(way, &start)?;
                 let mut found = compared(family, &way.name, &run, &paths)?;
-                found.time_again(|again| context.rollout_again(way, &start, again))?;
+                if family == Family::Network {
+                    found.time_again(|again| context.rollout_again(way, &start, again))?;
+                }
                 Ok(Measured { model: Some(way.clone()), ..found })
             };
             if of_ablation.iter().any(|other| other.name == model.name) {

@@ -56,9 +56,9 @@ impl Section for SpeedAccuracy {
                  reference is that of the scene: settings with other cells show what that choice is \
                  worth. Time is wall time of the computation on {}, one run at a time: preparing \
                  packings and kernels, copying them to the device and writing files are not \
-                 counted, the frames that a network starts from are. Runs of less than a second \
-                 are timed three times: the median counts. Of the others each was timed once; the \
-                 two references, equal but for their seeds, took {one} and {other}.",
+                 counted, the frames that a network starts from are. Where there is a spread in \
+                 the table, the time is the median of three; all else was timed once, and the two \
+                 references, equal but for their seeds, took {one} and {other}.",
                 case.description, case.reference_words, context.device_name
             )),
         ];
@@ -67,10 +67,15 @@ impl Section for SpeedAccuracy {
         for (place, (name, unit, measure)) in MEASURES.into_iter().enumerate() {
             let picture = chart(&sweep, name, unit, measure).draw()?;
             let title = format!("Error over wall time: {name}");
+            let costs: Vec<_> = sweep.measured.iter().map(|m| m.cost(measure)).collect();
+            let best = front(&costs, measure(&sweep.floor)).into_iter();
+            let best: Vec<String> =
+                best.map(|k| format!("{} {}", k + 1, sweep.measured[k].name)).collect();
             let caption = format!(
-                "{}. Down and left is better. The line joins what nothing beats in both; numbers are \
-                 those of the table \"All settings\".",
-                case.name
+                "{}. Down and left is better. The line joins what nothing beats in both: {}. Other \
+                 numbers are in the table \"All settings\".",
+                case.name,
+                best.join("; ")
             );
             let figure = Figure::new(title, picture, caption);
             let figure = if place == 0 && self.cover { figure.on_cover() } else { figure };

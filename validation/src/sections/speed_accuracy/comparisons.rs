@@ -28,7 +28,8 @@ pub(super) fn comparisons(sweep: &Sweep) -> Vec<Block> {
     let all: Vec<_> = sweep.measured.iter().map(|m| m.cost(MEASURES[0].2)).collect();
     let front = front(&all, MEASURES[0].2(&sweep.floor));
     for (place, method) in sweep.measured.iter().enumerate() {
-        if method.family == Family::Packings || method.error.is_none() {
+        let compared = matches!(method.family, Family::Continuum | Family::Network);
+        if !compared || method.error.is_none() {
             continue;
         }
         let rivals = rivals(sweep, method);
