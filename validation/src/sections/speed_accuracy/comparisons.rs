@@ -90,8 +90,15 @@ pub(super) fn headline(sweep: &Sweep) -> String {
     let rivals = rivals(sweep, best);
     let costs: Vec<_> = rivals.iter().map(|m| m.cost(|e| e.mse)).collect();
     let cost = best.cost(|e| e.mse);
-    let against = as_accurate(cost, &costs, sweep.floor.mse).map(|k| rivals[k]);
-    let against = match against {
+    let rival = as_accurate(cost, &costs, sweep.floor.mse).map(|k| rivals[k]);
+    let paid = match (rival, best.model.as_ref().map(|model| ModelCost::beside(&model.path))) {
+        (Some(rival), Some(Ok(cost))) => break_even(cost.total(), best.seconds, rival.seconds),
+        _ => None,
+    };
+    let paid = paid.map_or(String::new(), |runs| {
+        format!(" Making its data and training it pay back after {runs:.0} runs.")
+    });
+    let against = match rival {
         Some(rival) if rival.seconds >= best.seconds => format!(
             "{} times as fast as the cheapest setting of the solver that is as accurate ({}, {})",
             number(rival.seconds / best.seconds),
@@ -106,7 +113,7 @@ pub(super) fn headline(sweep: &Sweep) -> String {
         None => "more accurate than every setting of the solver that was tried".to_owned(),
     };
     format!(
-        "The most accurate network ({}, {}) is {} m off, and {against}. {noise}",
+        "The most accurate network ({}, {}) is {} m off, and {against}.{paid} {noise}",
         best.name,
         seconds(best.seconds),
         number(metres(best))
