@@ -79,7 +79,8 @@ fn fixture(directory: &Path) {
     weights::save(&path, &model, &config, &normalisation, extra).unwrap();
     let cost = "data_seconds = 5.0\ntraining_seconds = 20.0\ndevice = \"a test\"\n";
     std::fs::write(models.join("baseline.cost.toml"), cost).unwrap();
-    std::fs::write(models.join("baseline.log.csv"), "step,loss,rate\n1,1.0,1e-4\n9,0.5,1e-4\n").unwrap();
+    std::fs::write(models.join("baseline.log.csv"), "step,loss,rate\n1,1.0,1e-4\n9,0.5,1e-4\n")
+        .unwrap();
 }
 
 fn read(path: &Path) -> String {

@@ -10,7 +10,7 @@ use crate::start::Start;
 /// (1 in training) from which on a start is unlike all training.
 const STRANGE: f64 = 4.0;
 /// Part of the accelerations by which those of the mirrored start may differ. In a collapse mirror
-/// images part by more: six rollouts of three networks ended 0.6 to 2.3 times as much of their motion
+/// images part by more: six rollouts of three networks ended 0.4 to 2.3 times as much of their motion
 /// apart (`validation report`, "Mirror asymmetry"), so this is where a tenth of it begins.
 const ASYMMETRY: f64 = 0.04;
 /// The largest of those ratios.

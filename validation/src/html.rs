@@ -77,7 +77,8 @@ fn write_short(html: &mut String, written: &[Written]) {
         .collect();
     if !lines.is_empty() {
         // Writing to a string cannot fail, here and below.
-        let _ = writeln!(html, "<h2>In short</h2>\n<ul class=\"headlines\">{}</ul>", lines.concat());
+        let _ =
+            writeln!(html, "<h2>In short</h2>\n<ul class=\"headlines\">{}</ul>", lines.concat());
     }
     for (section, block) in blocks() {
         if let Block::Figure(figure) = block

@@ -204,14 +204,15 @@ impl Case {
         let of_ablation = ablation(&context.models);
         let start = Start::Scene(&self.start_of_networks);
         for model in context.models.clone() {
-            let predict = |context: &mut Context, family, way: &Model| -> miette::Result<Measured> {
-                let run = context.rollout(way, &start)?;
-                let mut found = compared(family, &way.name, &run, &paths)?;
-                if family == Family::Network {
-                    found.time_again(|again| context.rollout_again(way, &start, again))?;
-                }
-                Ok(Measured { model: Some(way.clone()), ..found })
-            };
+            let predict =
+                |context: &mut Context, family, way: &Model| -> miette::Result<Measured> {
+                    let run = context.rollout(way, &start)?;
+                    let mut found = compared(family, &way.name, &run, &paths)?;
+                    if family == Family::Network {
+                        found.time_again(|again| context.rollout_again(way, &start, again))?;
+                    }
+                    Ok(Measured { model: Some(way.clone()), ..found })
+                };
             if of_ablation.iter().any(|other| other.name == model.name) {
                 measured.push(predict(context, Family::Ablation, &model)?);
                 continue;

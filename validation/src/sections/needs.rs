@@ -77,7 +77,8 @@ impl Section for Needs {
                             Some(format!("{} ({})", setting.name, seconds(cost(setting))))
                         };
                         let of_solver = words(solver).unwrap_or("no setting of the solver".into());
-                        let or = words(network).map_or(String::new(), |words| format!(", or {words}"));
+                        let or =
+                            words(network).map_or(String::new(), |words| format!(", or {words}"));
                         let [name, all] = [case.name.to_owned(), seconds(reference)];
                         enough.push(format!("{name}: {of_solver} instead of {all}{or}"));
                     }

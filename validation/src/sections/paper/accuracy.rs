@@ -97,8 +97,8 @@ impl Section for Ablation {
         // All on the finest data, and a training of its own goes before one that was made to be used.
         let trained = |name: &&str| {
             let of_name = context.models.iter().filter(|model| belongs(&model.name, name));
-            let finest = of_name
-                .filter(|m| m.name.ends_with("-data1") || !m.name.contains("-data"));
+            let finest =
+                of_name.filter(|m| m.name.ends_with("-data1") || !m.name.contains("-data"));
             finest.min_by_key(|model| !model.name.ends_with("-data1")).cloned()
         };
         let models: Vec<Model> = PAPER_NETWORKS.iter().filter_map(trained).collect();

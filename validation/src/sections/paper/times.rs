@@ -125,9 +125,7 @@ impl Section for Times {
         }));
         if let (Some(model), Some(words)) = (&model, network) {
             let name = &model.name;
-            blocks.push(Block::headline(format!(
-                "Network `{name}`: {words} on an H800."
-            )));
+            blocks.push(Block::headline(format!("Network `{name}`: {words} on an H800.")));
         }
         blocks.extend([Block::Table(direct), Block::Table(learned)]);
         if !absent.is_empty() {

@@ -10,8 +10,7 @@ use crate::section::Section;
 pub struct Glance;
 
 /// Outcomes in the order of the columns.
-const OUTCOMES: [Outcome; 4] =
-    [Outcome::Stable, Outcome::Warned, Outcome::Failed, Outcome::Silent];
+const OUTCOMES: [Outcome; 4] = [Outcome::Stable, Outcome::Warned, Outcome::Failed, Outcome::Silent];
 
 impl Section for Glance {
     fn title(&self) -> &'static str {
