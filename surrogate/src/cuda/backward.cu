@@ -122,8 +122,8 @@ __device__ __forceinline__ void backward(const Backward& a) {
     const int matrix = PARTS * UNIT;
     Weights weights(a.weights, (uint4*)(scale + WIDTH), a.units, a.resident);
     for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
-        scale[k] = a.norm >= 0 && k < a.width ? a.parameters[a.norm + k] : 0.f;
-    const u32 rows = *a.count;
+        scale[k] = a.norm >= 0 && k < a.width ? read_early(a.parameters + a.norm + k) : 0.f;
+    const u32 rows = read_early(a.count);
     wait_for_kernel_before();
     weights.wait();
 

@@ -8,6 +8,7 @@ use gpu::Device;
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::features::{FrameBuilder, NewFrame};
+use super::network::Capacity;
 use super::push_forward::PushForward;
 use crate::config::{ModelConfig, ModelKind};
 use crate::data::{Batch, Unrolling};
@@ -57,6 +58,14 @@ pub struct DeviceBatch {
     pub targets: CudaSlice<f32>,
     /// and how many numbers they are.
     pub values: usize,
+}
+
+impl DeviceBatch {
+    /// The room that a network needs for batches in this one's place.
+    pub fn room(&self) -> Capacity {
+        let graph = &self.frames[0].graph;
+        Capacity { points: graph.points, edges: graph.capacity }
+    }
 }
 
 /// Windows side by side.
@@ -240,5 +249,12 @@ impl BatchBuilder {
             },
             builder,
         })
+    }
+}
+
+impl Drop for BatchBuilder {
+    /// Waits for what reads the batches, whose memory goes.
+    fn drop(&mut self) {
+        let _ = self.reader.stream().synchronize();
     }
 }

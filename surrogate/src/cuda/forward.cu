@@ -59,7 +59,7 @@ __device__ void load_vectors(float* to, const Forward& a) {
         const int count = after < 0 || after > 2 ? a.width : a.columns;
         // Shifts follow scales.
         if (after == 2 || after == 4) offset += offset < 0 ? 0 : count;
-        to[k] = offset >= 0 && column < count ? a.parameters[offset + column] : 0.f;
+        to[k] = offset >= 0 && column < count ? read_early(a.parameters + offset + column) : 0.f;
     }
 }
 
@@ -212,7 +212,7 @@ __device__ __forceinline__ void forward(const Forward& a) {
     const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * STEP;
     Weights weights(a.weights, (uint4*)(input_scales + 2 * WIDTH), a.units, a.resident);
     load_vectors(biases, a);
-    const u32 rows = *a.count;
+    const u32 rows = read_early(a.count);
     wait_for_kernel_before();
     weights.wait();
 

@@ -62,7 +62,7 @@ __device__ float block_sum(float x) {
 extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
     loss_gradient(const float* output, const float* target, const u32* nodes, int columns,
                   float* gradient, float* sums, float floor) {
-    const int count = *nodes * columns;
+    const int count = read_early(nodes) * columns;
     wait_for_kernel_before();
     float error = 0.f, scale = 0.f;
     for (int n = threadIdx.x; n < count; n += LOSS_THREADS) {

@@ -8,7 +8,7 @@ use cudarc::driver::{CudaGraph, CudaSlice};
 use gpu::Device;
 use gpu::ranks::Ranks;
 
-use super::batch::PLACES;
+use super::batch::{DeviceBatch, PLACES};
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::kernels::{Address, Precision};
@@ -123,6 +123,18 @@ impl CudaTrainer {
             self.products = Products::new(&self.network, &self.device())?;
         }
         Ok(())
+    }
+
+    /// Queues what the network says of a batch, normalised accelerations, to the start of a list; makes
+    /// room for it, if need be.
+    ///
+    /// # Errors
+    /// If the GPU's memory is too small.
+    pub fn say(&mut self, batch: &DeviceBatch, said: &mut CudaSlice<f32>) -> Result<(), CudaError> {
+        self.grow(batch.room())?;
+        let stream = self.device().stream().clone();
+        let output = self.network.forward(&batch.frames)?.slice(..batch.values);
+        Ok(stream.memcpy_dtod(&output, &mut said.slice_mut(..batch.values))?)
     }
 
     /// One step on a batch of windows and its normalised accelerations (points x dimensions). Does

@@ -50,12 +50,6 @@ impl HostBatch {
     }
 }
 
-/// The room that a network needs for batches in this one's place.
-fn room_of(batch: &DeviceBatch) -> Capacity {
-    let graph = &batch.frames[0].graph;
-    Capacity { points: graph.points, edges: graph.capacity }
-}
-
 impl CudaEngine {
     /// The network that [`CpuEngine::new`](super::engine::CpuEngine::new) gives, on a GPU and those
     /// of other `ranks`, for batches of at most so many points.
@@ -173,12 +167,8 @@ impl CudaEngine {
             none => none.insert(BatchBuilder::new(device, config, normalisation, bounds)?),
         };
         let trainer = &mut self.trainer;
-        let batch = builder.make(&batch.windows, |batch, said| {
-            trainer.grow(room_of(batch))?;
-            let output = trainer.network().forward(&batch.frames)?.slice(..batch.values);
-            Ok(device.stream().memcpy_dtod(&output, &mut said.slice_mut(..batch.values))?)
-        })?;
-        trainer.grow(room_of(batch))?;
+        let batch = builder.make(&batch.windows, |batch, said| trainer.say(batch, said))?;
+        trainer.grow(batch.room())?;
         Ok((trainer, batch))
     }
 
