@@ -147,6 +147,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         windows: twice,
         points: vec![points; 2],
         statics: vec![Vec::new(); 2],
+        obstacles: vec![Vec::new(); 2],
         targets: single.repeat(2),
     };
     let members = HostWindows::new(members, None);
@@ -172,7 +173,7 @@ fn rollout<N: Network>(
 ) -> Result<(f64, f64), Failure> {
     device.stream().synchronize()?;
     let (free, _) = device.context().mem_get_info()?;
-    let past = Past { window, statics: &[] };
+    let past = Past { window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(device, &config, norm, motion, past, network)?;
     // All of its CUDA graphs are made in the first blocks.
     let warm_up = 2 * config.frames / BLOCK + 2;

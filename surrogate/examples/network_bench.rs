@@ -67,7 +67,7 @@ impl Scene {
         let positions = windows(&config, count);
         let windows: Vec<Window> = positions
             .iter()
-            .map(|positions| Window { positions, points: POINTS, statics: &[] })
+            .map(|positions| Window { positions, points: POINTS, statics: &[], obstacles: &[] })
             .collect();
         let began = Instant::now();
         let host = host_frames(&windows, &config, &normalisation(), &[[0.0, 10.0]; 2]);
@@ -175,6 +175,7 @@ fn train_all_in(
             windows: positions.clone(),
             points: vec![POINTS; scene.windows],
             statics: vec![Vec::new(); scene.windows],
+            obstacles: vec![Vec::new(); scene.windows],
             targets: scene.target.clone(),
         };
         let host = HostWindows::new(batch, Some(unrolling).filter(|_| unroll > 0));
@@ -205,7 +206,8 @@ fn predict(
 ) -> Result<(), Box<dyn Error>> {
     let stream = device.stream();
     let positions = windows(&scene.config, 1);
-    let window = [Window { positions: &positions[0], points: POINTS, statics: &[] }];
+    let window =
+        [Window { positions: &positions[0], points: POINTS, statics: &[], obstacles: &[] }];
     let host = host_frames(&window, &scene.config, &normalisation(), &[[0.0, 10.0]; 2]);
     let edges = host.iter().map(|frame| frame.pairs.len()).max().unwrap_or(1);
     let newest = host.len() - 1;

@@ -21,7 +21,7 @@ use surrogate::cuda::{
     graph_defines,
 };
 use surrogate::data::Batch;
-use surrogate::features::{Normalisation, Window, window_input};
+use surrogate::features::{Normalisation, Obstacle, Window, window_input};
 use surrogate::graph::{RadiusGraph, radius_graph};
 use surrogate::model::Model;
 use surrogate::node_features::NodeFeature;
@@ -58,20 +58,29 @@ fn normalisation_for(config: &ModelConfig) -> Normalisation {
     norm
 }
 
-/// Networks that read all that there is: plain, with further features, and the GNS with them.
-fn readers(dimensions: usize) -> [ModelConfig; 3] {
+/// Networks that read all that there is: plain, with further features, with obstacles (which are
+/// two-dimensional), and the GNS with them.
+fn readers(dimensions: usize) -> [ModelConfig; 4] {
+    let obstacles = dimensions == 2;
     let plain = ModelConfig { dimensions, frames: 3, ..ModelConfig::default() };
     let gns = ModelConfig::named("gns").unwrap();
     [
         plain.clone(),
-        ModelConfig { node_features: FEATURES.to_vec(), ..plain.clone() },
-        ModelConfig { dimensions, frames: 3, node_features: FEATURES.to_vec(), ..gns },
+        ModelConfig { node_features: FEATURES.to_vec(), clamped_walls: true, ..plain.clone() },
+        ModelConfig { node_features: FEATURES.to_vec(), obstacles, ..plain },
+        ModelConfig { dimensions, frames: 3, node_features: FEATURES.to_vec(), obstacles, ..gns },
     ]
 }
 
 /// Features that do not change, if the network reads them.
 fn statics(config: &ModelConfig, points: usize) -> Vec<f32> {
     if config.node_features.is_empty() { Vec::new() } else { random(points, 3, 1.0, 11) }
+}
+
+/// Two obstacles beside each other in the middle of the unit box.
+fn obstacles(config: &ModelConfig) -> Vec<Obstacle> {
+    let all = vec![[[0.3, 0.0], [0.6, 0.5]], [[0.6, 0.4], [0.8, 0.7]]];
+    if config.obstacles { all } else { Vec::new() }
 }
 
 fn random(points: usize, dimensions: usize, extent: f32, seed: u64) -> Vec<f32> {
@@ -270,6 +279,8 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
         let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes, 1).unwrap();
         let statics = sizes.map(|points| statics(&config, points));
         builder.set_statics(&statics.concat()).unwrap();
+        let obstacles = [Vec::new(), obstacles(&config)];
+        builder.set_obstacles(&obstacles).unwrap();
         let oldest = FRAMES - config.window();
         let frames: Vec<FrameInput> = (FRAMES - config.graphs()..FRAMES)
             .map(|k| {
@@ -287,9 +298,10 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
             .iter()
             .zip(sizes)
             .zip(&statics)
-            .map(|((positions, points), statics)| {
+            .zip(&obstacles)
+            .map(|(((positions, points), statics), obstacles)| {
                 let positions = &positions[oldest * points * dimensions..];
-                Window { positions, points, statics }
+                Window { positions, points, statics, obstacles }
             })
             .collect();
         check_frames(&device, &frames, &windows, &config, &norm, &bounds);
@@ -311,6 +323,7 @@ fn batches_match() {
                 windows: (0..2).map(|k| drifting(sizes[k], 2, config.window(), k as u64)).collect(),
                 points: sizes.to_vec(),
                 statics: sizes.iter().map(|&points| statics(&config, points)).collect(),
+                obstacles: vec![obstacles(&config), Vec::new()],
                 targets: random(sizes.iter().sum(), 2, 1.0, 8),
             };
             let host = HostWindows::new(batch.clone(), None);
@@ -323,6 +336,7 @@ fn batches_match() {
                     positions: &batch.windows[k],
                     points: sizes[k],
                     statics: &batch.statics[k],
+                    obstacles: &batch.obstacles[k],
                 })
                 .collect();
             check_frames(&device, &made.frames, &windows, &config, &norm, &bounds);
@@ -473,9 +487,9 @@ fn start(points: usize, frames: usize, spread: f64) -> Vec<Vec<[f64; 2]>> {
 
 /// One frame of the rollout as `Rollout::advance` makes it, with the stand-in.
 fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) -> Vec<[f64; 2]> {
-    let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
-    let positions = &single(window);
-    let windows = [Window { positions, points: window[0].len(), statics: &[] }];
+    let config = ModelConfig { frames: window.len(), obstacles: true, ..ModelConfig::default() };
+    let (positions, obstacles) = (&single(window), &motion.constraints.obstacles());
+    let windows = [Window { positions, points: window[0].len(), statics: &[], obstacles }];
     let norm = normalisation(2);
     let output = stand_in(&windows, &config, scale);
     let accelerations: Vec<f64> = output
@@ -529,7 +543,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
     let room = Capacity { points: 1, edges: 1 };
     let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();
     network.set_weights(&weights(&model)).unwrap();
-    let past = Past { window: &window, statics };
+    let past = Past { window: &window, statics, next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
     let simulator = Simulator {
         model,
@@ -538,6 +552,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         training: Training {
             frame_interval: motion.interval,
             without_gravity: true,
+            before_start: 0,
             steps: 0,
             range: None,
         },
@@ -555,7 +570,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         assert_eq!(failure, None);
         for found in frames {
             let positions = &single(&window);
-            let seen = Window { positions, points: window[0].len(), statics };
+            let seen = Window { positions, points: window[0].len(), statics, obstacles: &[] };
             let domain = motion.constraints.domain();
             let accelerations = simulator.accelerations(&mut network, &seen, domain, motion.fall);
             let largest = accelerations.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
@@ -595,12 +610,12 @@ fn mirror_images_and_further_features_roll_out(
 #[rstest]
 fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spread: f64) {
     let Some(device) = gpu::for_tests() else { return };
-    let config = ModelConfig { frames: 4, ..ModelConfig::default() };
+    let config = ModelConfig { frames: 4, obstacles: true, ..ModelConfig::default() };
     let (scale, motion) = (0.05, motion());
     let mut window = start(points, config.frames, spread);
     let network = StandIn::new(&device, points, scale);
     let norm = normalisation_for(&config);
-    let past = Past { window: &window, statics: &[] };
+    let past = Past { window: &window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
     let mut frame = window.len();
     for _ in 0..3 {
@@ -626,7 +641,7 @@ fn failing(
     let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
     let network = StandIn::new(&device, window[0].len(), scale);
     let norm = normalisation_for(&config);
-    let past = Past { window, statics: &[] };
+    let past = Past { window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, motion, past, network).unwrap();
     let mut good = Vec::new();
     while good.len() < 100 {

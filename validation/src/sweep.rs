@@ -23,7 +23,7 @@ use crate::work::Run;
 const KIND: &str = "setting";
 
 /// What takes less than this (s) is timed three times.
-const BRIEF: f64 = 1.0;
+const BRIEF: f64 = 0.5;
 
 /// A kind of method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

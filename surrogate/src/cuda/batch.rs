@@ -12,7 +12,7 @@ use super::network::Capacity;
 use super::push_forward::PushForward;
 use crate::config::{ModelConfig, ModelKind};
 use crate::data::{Batch, Unrolling};
-use crate::features::Normalisation;
+use crate::features::{Normalisation, Obstacle};
 
 /// Room for edges of each point at first; it grows as needed.
 pub const EDGES_PER_POINT: usize = 48;
@@ -77,6 +77,8 @@ pub struct HostWindows {
     pub positions: Vec<f32>,
     /// Features that never change, of the points of all windows.
     pub statics: Vec<f32>,
+    /// Obstacles of each window.
+    pub obstacles: Vec<Vec<Obstacle>>,
     /// Normalised accelerations of the points of all windows.
     pub targets: Vec<f32>,
     /// How the network moves the windows on before it learns.
@@ -87,7 +89,7 @@ impl HostWindows {
     /// Puts the windows of a batch, at least one, side by side, as they are or with what it takes to
     /// move them on.
     pub fn new(batch: Batch, unrolling: Option<Unrolling>) -> Self {
-        let Batch { windows, points, statics, targets } = batch;
+        let Batch { windows, points, statics, obstacles, targets } = batch;
         let dimensions = targets.len() / points.iter().sum::<usize>().max(1);
         let strides: Vec<usize> = points.iter().map(|points| points * dimensions).collect();
         let frames = windows[0].len() / strides[0].max(1);
@@ -97,7 +99,7 @@ impl HostWindows {
                 positions.extend_from_slice(&window[frame * stride..(frame + 1) * stride]);
             }
         }
-        Self { points, positions, statics: statics.concat(), targets, unrolling }
+        Self { points, positions, statics: statics.concat(), obstacles, targets, unrolling }
     }
 }
 
@@ -162,6 +164,7 @@ impl BatchBuilder {
             place.batch.values = host.targets.len();
             place.builder.set_windows(&host.points)?;
             place.builder.set_statics(&host.statics)?;
+            place.builder.set_obstacles(&host.obstacles)?;
             self.make_frames(&mut place)?;
             if let Some(unrolling) = &host.unrolling {
                 self.push_forward(&mut place, unrolling, &mut say)?;

@@ -11,8 +11,24 @@ struct Scales {
     float bounds[3][2];
     // Features of the GNS in place of those of the TGNNS.
     int gns;
+    // Distances to walls are clamped to one radius.
+    int clamped;
+    // How far points may be inside an obstacle and still see its face (m).
+    float skin;
     // Features beyond velocity and walls.
     int further;
+};
+
+// A fixed box: lower and upper corner (m).
+struct Obstacle {
+    float low[DIMENSIONS], high[DIMENSIONS];
+};
+
+// The obstacles of each window: those from `first[window]` to `first[window + 1]`.
+struct Obstacles {
+    const Obstacle* all;
+    const unsigned* first;
+    const unsigned* window;
 };
 
 struct Frame {
@@ -35,13 +51,22 @@ struct Frames {
 // In radii. The paper's placeholder: a wall farther than the radius is at distance 0.
 __device__ float wall_distance(float distance, const Scales& scales) {
     const float scaled = distance / scales.radius;
-    if (scales.gns) return fminf(fmaxf(scaled, -1.0f), 1.0f);
+    if (scales.clamped) return fminf(fmaxf(scaled, -1.0f), 1.0f);
     return distance > scales.radius ? 0.0f : scaled;
+}
+
+// Whether an obstacle is in the way of a point that moves in direction k.
+__device__ bool in_the_way(const Obstacle& box, const float* x, int k, float skin) {
+    bool yes = true;
+    for (int j = 0; j < DIMENSIONS; ++j) {
+        yes = yes && (j == k || !(x[j] <= box.low[j] + skin || x[j] >= box.high[j] - skin));
+    }
+    return yes;
 }
 
 // Velocities, distances to the walls, further features.
 extern "C" __global__ void node_features(
-    unsigned points, Scales scales, const __grid_constant__ Frames frames) {
+    unsigned points, Scales scales, const __grid_constant__ Frames frames, Obstacles obstacles) {
     const Frame& frame = frames.of[blockIdx.y];
     const unsigned point = blockIdx.x * blockDim.x + threadIdx.x;
     if (point >= points) {
@@ -56,9 +81,19 @@ extern "C" __global__ void node_features(
         }
     }
     const float* x = frame.past[0] + first;
+    const unsigned window = obstacles.window[point];
     for (int k = 0; k < DIMENSIONS; ++k) {
-        *out++ = wall_distance(x[k] - scales.bounds[k][0], scales);
-        *out++ = wall_distance(scales.bounds[k][1] - x[k], scales);
+        float below = x[k] - scales.bounds[k][0], above = scales.bounds[k][1] - x[k];
+        for (unsigned o = obstacles.first[window]; o < obstacles.first[window + 1]; ++o) {
+            const Obstacle box = obstacles.all[o];
+            if (in_the_way(box, x, k, scales.skin)) {
+                const float over = x[k] - box.high[k], under = box.low[k] - x[k];
+                if (over >= -scales.skin) below = fminf(below, fmaxf(over, 0.0f));
+                if (under >= -scales.skin) above = fminf(above, fmaxf(under, 0.0f));
+            }
+        }
+        *out++ = wall_distance(below, scales);
+        *out++ = wall_distance(above, scales);
     }
     for (int k = 0; k < scales.further; ++k) {
         *out++ = frame.further[point * scales.further + k];

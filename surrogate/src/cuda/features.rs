@@ -15,7 +15,7 @@ use super::graph::{FRAMES, GraphBuilder};
 use super::launch::{address, each, of_frames};
 use super::network::supports;
 use crate::config::{ModelConfig, ModelKind};
-use crate::features::Normalisation;
+use crate::features::{Normalisation, Obstacle, SKIN};
 use crate::node_features::{self, NodeFeature};
 
 /// The source of the kernels.
@@ -23,6 +23,9 @@ pub const FEATURES_SOURCE: &str = include_str!("features.cu");
 
 /// Most frames of a history: more than the GNS has at most.
 const PAST: usize = 16;
+
+/// Numbers of an obstacle.
+const OBSTACLE: usize = 4;
 
 /// Threads of a warp.
 const LANES: usize = 32;
@@ -41,6 +44,8 @@ struct Scales {
     velocity_std: [f32; 3],
     bounds: [[f32; 2]; 3],
     gns: i32,
+    clamped: i32,
+    skin: f32,
     further: i32,
 }
 
@@ -80,6 +85,18 @@ struct Standard {
 // SAFETY: plain numbers, laid out as in `features.cu`.
 unsafe impl DeviceRepr for Standard {}
 
+/// `Obstacles` of `features.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+struct ObstaclesAddress {
+    all: CUdeviceptr,
+    first: CUdeviceptr,
+    window: CUdeviceptr,
+}
+
+// SAFETY: addresses, laid out as in `features.cu`.
+unsafe impl DeviceRepr for ObstaclesAddress {}
+
 /// A frame that is to be made.
 pub struct NewFrame<'a> {
     /// Positions in the frames up to this one, the last of them: as many as its features follow
@@ -107,6 +124,10 @@ pub struct FrameBuilder {
     frames: usize,
     /// Features beyond velocity and walls of each of them, points x columns.
     further: CudaSlice<f32>,
+    /// Lower and upper corners of the obstacles that the network sees, window after window,
+    obstacles: CudaSlice<f32>,
+    /// and where those of each window begin and end.
+    first_obstacle: CudaSlice<u32>,
 }
 
 impl FrameBuilder {
@@ -127,8 +148,16 @@ impl FrameBuilder {
         let d = config.dimensions;
         let radius = config.connection_radius as f32;
         let gns = i32::from(config.kind == ModelKind::Gns);
+        let clamped = i32::from(config.clamps_walls());
         let further = config.further_node_features();
-        let mut scales = Scales { radius, gns, further: further as i32, ..Scales::default() };
+        let mut scales = Scales {
+            radius,
+            gns,
+            clamped,
+            skin: SKIN * radius,
+            further: further as i32,
+            ..Scales::default()
+        };
         for (k, walls) in bounds.iter().enumerate() {
             scales.velocity_mean[k] = norm.velocity_mean[k] as f32;
             scales.velocity_std[k] = norm.velocity_std[k] as f32;
@@ -140,6 +169,8 @@ impl FrameBuilder {
         Ok(Self {
             further: device.zeros((frames * graph.points() * further).max(1))?,
             frames,
+            obstacles: device.zeros(OBSTACLE)?,
+            first_obstacle: device.zeros(windows.len() + 1)?,
             graph,
             nodes: module.load_function("node_features")?,
             edges: module.load_function("edge_features")?,
@@ -202,6 +233,35 @@ impl FrameBuilder {
             let mut to = self.further.slice_mut(frame * values.len()..(frame + 1) * values.len());
             Ok(self.device.stream().memcpy_htod(&values, &mut to)?)
         })
+    }
+
+    /// Takes the obstacles of each window, of which a network without `obstacles` sees none.
+    ///
+    /// # Errors
+    /// The copy was refused, or too little memory.
+    ///
+    /// # Panics
+    /// If there are more lists than windows.
+    pub fn set_obstacles(&mut self, windows: &[Vec<Obstacle>]) -> Result<(), Error> {
+        assert!(windows.len() < self.first_obstacle.len());
+        if !self.config.obstacles {
+            return Ok(());
+        }
+        let mut first = vec![0];
+        first.extend(windows.iter().scan(0, |sum, window| {
+            *sum += window.len() as u32;
+            Some(*sum)
+        }));
+        let all: Vec<f32> = windows.iter().flatten().flatten().flatten().copied().collect();
+        if all.len() > self.obstacles.len() {
+            self.obstacles = self.device.zeros(all.len())?;
+        }
+        let stream = self.device.stream();
+        stream.memcpy_htod(&first, &mut self.first_obstacle.slice_mut(..first.len()))?;
+        if !all.is_empty() {
+            stream.memcpy_htod(&all, &mut self.obstacles)?;
+        }
+        Ok(())
     }
 
     /// Room for a frame with at most `capacity` edges, the first of a window or a later one.
@@ -276,11 +336,17 @@ impl FrameBuilder {
         self.follow_motion(&at, frames.len())?;
         let (number, all) = (points as u32, |config| of_frames(config, frames.len()));
         let capacity = frames.iter().map(|new| new.frame.graph.capacity).max().unwrap_or(0);
+        let obstacles = ObstaclesAddress {
+            all: address(&self.obstacles, stream),
+            first: address(&self.first_obstacle, stream),
+            window: address(self.graph.window(), stream),
+        };
         // SAFETY: the argument types are those of the kernels, and the arrays as long as they
         // expect: a later frame has more features than a first one.
         unsafe {
             let mut launch = stream.launch_builder(&self.nodes);
-            launch.arg(&number).arg(&self.scales).arg(&at).launch(all(each(points)))?;
+            launch.arg(&number).arg(&self.scales).arg(&at).arg(&obstacles);
+            launch.launch(all(each(points)))?;
             if capacity > 0 {
                 let mut launch = stream.launch_builder(&self.edges);
                 launch.arg(&self.scales).arg(&at).launch(all(each(capacity)))?;

@@ -14,7 +14,7 @@ use super::features::{FrameBuilder, NewFrame};
 use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
 use super::network::{Capacity, CudaNetwork};
 use crate::config::{ModelConfig, ModelKind};
-use crate::features::Normalisation;
+use crate::features::{Normalisation, mirrored_obstacle};
 use crate::rollout::RolloutError;
 use crate::simulator::mirrored;
 
@@ -60,8 +60,10 @@ impl Network for CudaNetwork {
 /// What a rollout begins with.
 #[derive(Clone, Copy, Debug)]
 pub struct Past<'a> {
-    /// Positions (m) in a window of frames, the first of which has number 0.
+    /// Positions (m) in a window of frames,
     pub window: &'a [Vec<[f64; 2]>],
+    /// and the number of the frame that follows.
+    pub next: usize,
     /// Features that never change, of each point.
     pub statics: &'a [f32],
 }
@@ -105,7 +107,7 @@ impl<N: Network> CudaRollout<N> {
         past: Past,
         network: N,
     ) -> Result<Self, CudaError> {
-        let Past { window, statics } = past;
+        let Past { window, next, statics } = past;
         let points = window[0].len();
         let bounds = motion.constraints.domain().map(|length| [0.0, length]);
         // The images are a second window beside the first.
@@ -113,6 +115,10 @@ impl<N: Network> CudaRollout<N> {
         let mut builder =
             FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows], 1)?;
         builder.set_statics(&statics.repeat(windows))?;
+        let obstacles = motion.constraints.obstacles();
+        let width = motion.constraints.domain()[0] as f32;
+        let images = obstacles.iter().map(|&obstacle| mirrored_obstacle(obstacle, width)).collect();
+        builder.set_obstacles(&[obstacles, images][..windows])?;
         let integrator = Integrator::new(device, config, norm, motion, points)?;
         let landing = || -> Result<_, CudaError> {
             // SAFETY: read after a copy has filled it only.
@@ -132,7 +138,7 @@ impl<N: Network> CudaRollout<N> {
             mirror: motion.mirror.then(|| motion.constraints.domain()[0]),
             builder,
             window: window.iter().cloned().collect(),
-            frame: window.len(),
+            frame: next,
             queued: 0,
             given: 0,
             graphs: Vec::new(),

@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{DataError, DataSet, Draft, Example, Order, Unrolling};
-use crate::features::Normalisation;
+use crate::features::{Normalisation, Obstacle};
 
 /// Windows and what should follow, ready for the model.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,6 +15,8 @@ pub struct Batch {
     pub points: Vec<usize>,
     /// Features of the points of each window that never change.
     pub statics: Vec<Vec<f32>>,
+    /// Obstacles of each window.
+    pub obstacles: Vec<Vec<Obstacle>>,
     /// Normalised accelerations of the points of all windows.
     pub targets: Vec<f32>,
 }
@@ -108,6 +110,7 @@ impl Recipe {
             batch.points.push(example.points);
             batch.windows.push(example.window());
             batch.statics.push(example.statics.clone());
+            batch.obstacles.push(example.obstacles.clone());
         }
         batch
     }
@@ -161,6 +164,7 @@ mod tests {
             next: vec![0.25; 2 * points],
             gravity,
             statics: Vec::new(),
+            obstacles: Vec::new(),
         };
         let examples = vec![example(3, [0.5, -1.0]), example(2, [-0.5, -1.0])];
         let draft = Draft { examples, future: Vec::new(), unroll: 0 };

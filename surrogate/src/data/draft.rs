@@ -103,6 +103,7 @@ mod tests {
             next: fall(5).to_vec(),
             gravity: [0.0, -0.5],
             statics: Vec::new(),
+            obstacles: Vec::new(),
         };
         let future = example.shorten(2);
         assert_eq!(example.next, fall(2));

@@ -228,6 +228,7 @@ mod tests {
                 next: at(3).collect(),
                 gravity,
                 statics: Vec::new(),
+                obstacles: Vec::new(),
             });
             draft.future.push((3..7).flat_map(at).collect());
         }

@@ -69,9 +69,11 @@ impl Sitting {
         let model = config.model();
         let files = DataFolder::open(data)?;
         let frames = model.window() + config.pushforward.steps;
-        let shape = Shape { frames, stride: config.data.stride };
+        let (stride, before) = (config.data.stride, config.data.before_start);
+        let shape = Shape { frames, stride, before };
         let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
-            .with_statics(&model.node_features)?;
+            .with_statics(&model.node_features)?
+            .with_obstacles(model.obstacles)?;
         let frame_interval = data.frame_interval();
         let range = Range::of(&data, model.connection_radius)?;
         let identity = Identity::of(&config, &data, size)?;
@@ -323,6 +325,7 @@ impl Sitting {
             training: Training {
                 frame_interval: self.frame_interval,
                 without_gravity: self.config.data.subtract_gravity,
+                before_start: self.config.data.before_start,
                 steps: self.engine.step_number(),
                 range: self.range,
             },

@@ -131,7 +131,8 @@ impl Section for Elements {
             ratios.iter().fold((f64::MAX, f64::MIN), |(low, high), r| (low.min(*r), high.max(*r)));
         Ok(vec![
             Block::headline(format!(
-                "{} measured quantities over those of an independent prototype: {} to {}.",
+                "{} quantities of critical state and strength are {} to {} times those of an \
+                 independent prototype.",
                 ratios.len(),
                 number(least),
                 number(most)
