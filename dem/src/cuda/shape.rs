@@ -83,11 +83,11 @@ impl Shape {
         let listed = 3 * size_of::<R>() + size_of::<u32>() + 2 * size_of::<u16>();
         let reaction = 3 * size_of::<R>();
         let fixed = fixed_shared::<R>(threads);
+        let rows = rows(p);
         let fit = |blocks: usize, fewest: &Rows| {
             let share = limits.shared_per_multiprocessor / blocks - SYSTEM_SHARED;
             let room = share.min(limits.shared_per_block).checked_sub(fixed)? / (listed + reaction);
             let warps = threads / WARP;
-            let rows = rows(p);
             let slot_rows =
                 |r: &Rows| ((r.per_warp * warps as f64) as usize + r.more).min(rows * warps);
             let slots = WARP * slot_rows(&AMPLE).min(room / WARP);
@@ -101,7 +101,7 @@ impl Shape {
                 shared_bytes: fixed
                     + slots * listed
                     + (slots * reaction)
-                        .max(search_shared::<R>(threads))
+                        .max(search_shared::<R>(threads, rows))
                         .max(sums_shared::<R>(threads)),
                 real_bits: R::BITS,
             })
@@ -153,9 +153,11 @@ fn sums_shared<R: Real>(threads: usize) -> usize {
     7 * threads * size_of::<R>()
 }
 
-/// Shared memory of a search (bytes): discs by bins, bins, a census and rows.
-fn search_shared<R: Real>(threads: usize) -> usize {
+/// Shared memory of a search (bytes): discs by bins or who is near them, bins, a census and rows.
+fn search_shared<R: Real>(threads: usize, rows: usize) -> usize {
     const BINS: usize = 32;
-    let per_thread = 4 * size_of::<R>() + size_of::<u16>();
-    (BINS * BINS + 4 * WARP) * size_of::<u32>() + WARP * size_of::<R>() + threads * per_thread
+    let near = rows * size_of::<u16>();
+    let per_thread = near.max(4 * size_of::<R>()) + size_of::<u16>();
+    let bins = (BINS * BINS * size_of::<u32>()).max(2 * threads * size_of::<R>());
+    bins + 4 * WARP * size_of::<u32>() + WARP * size_of::<R>() + threads * per_thread
 }
