@@ -38,6 +38,7 @@ pub struct Device {
     architecture: String,
     driver: (i32, i32),
     overlaps_kernels: bool,
+    urgent_priority: i32,
 }
 
 impl Device {
@@ -81,6 +82,7 @@ impl Device {
             driver,
             // From this driver on also in graphs.
             overlaps_kernels: major >= 9 && driver >= (12, 4),
+            urgent_priority: greatest_priority()?,
             context,
             stream,
         }))
@@ -121,6 +123,11 @@ impl Device {
     /// Whether a kernel can take its place before the one ahead of it has ended.
     pub(crate) fn overlaps_kernels(&self) -> bool {
         self.overlaps_kernels
+    }
+
+    /// Priority of kernels that go before others.
+    pub(crate) fn urgent_priority(&self) -> i32 {
+        self.urgent_priority
     }
 
     /// What bounds the size of a thread block.
@@ -187,6 +194,14 @@ impl Device {
         let available = self.context.mem_get_info().map_or(0, |(free, _)| free);
         Error::OutOfMemory { needed, available }
     }
+}
+
+/// Of kernels, in the current context. Zero is the usual priority, smaller numbers go first.
+fn greatest_priority() -> Result<i32, DriverError> {
+    let (mut least, mut greatest) = (0, 0);
+    // SAFETY: writes the two integers.
+    unsafe { sys::cuCtxGetStreamPriorityRange(&raw mut least, &raw mut greatest) }.result()?;
+    Ok(greatest)
 }
 
 /// A driver runs what an NVRTC of its own major version compiles, and of older ones.

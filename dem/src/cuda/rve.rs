@@ -6,7 +6,7 @@ use cudarc::driver::sys::CUfunction_attribute;
 use cudarc::driver::{
     CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr, LaunchConfig, sys,
 };
-use gpu::{Device, argument};
+use gpu::{Device, Launch, argument};
 use nalgebra::Matrix2;
 
 use super::error::{CudaError, RveFailure};
@@ -246,7 +246,8 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let arguments = [argument(&arrays), argument(&parameters), argument(&gradient)];
         // SAFETY: the argument types are laid out as those of `rve_advance`, the arrays as long as
         // it expects, and the gradients by the caller's slice.
-        Ok(unsafe { self.device.launch_early(stream, &self.kernel, config, &arguments) }?)
+        let how = Launch { early: true, urgent: false };
+        Ok(unsafe { self.device.launch(how, stream, &self.kernel, config, &arguments) }?)
     }
 
     /// Advances RVE `p` by `dt` (s) under `velocity_gradient[p]` (1/s) into `states[p]` and waits:
