@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
+use cudarc::driver::result::stream::get_priority_range;
 use cudarc::driver::sys::{self, CUdevice_attribute, CUresult};
 use cudarc::driver::{
     CudaContext, CudaModule, CudaSlice, CudaStream, DeviceRepr, DriverError, PinnedHostSlice,
@@ -95,6 +96,18 @@ impl Device {
     /// A failure of the GPU.
     pub fn with_own_stream(&self) -> Result<Arc<Self>, Error> {
         Ok(Arc::new(Self { stream: self.context.new_stream()?, ..self.clone() }))
+    }
+
+    /// The same GPU with a stream of its own whose kernels take their place before those that other
+    /// streams have waiting.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn with_urgent_stream(&self) -> Result<Arc<Self>, Error> {
+        self.context.bind_to_thread()?;
+        let highest = get_priority_range()?.1;
+        let stream = self.context.new_stream_with_priority(highest)?;
+        Ok(Arc::new(Self { stream, ..self.clone() }))
     }
 
     /// As the vendor names it.

@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut difference = 0.0_f32;
     for (k, frames) in frames.windows(config.frames).enumerate() {
         let began = Instant::now();
-        let window = Window { positions: &frames.concat(), points, statics: &[] };
+        let window = Window { positions: &frames.concat(), points, statics: &[], obstacles: &[] };
         let input = window_input::<Cpu>(&[window], &config, &norm, &[[0.0, 10.0]; 2], &device());
         let prepared = began.elapsed();
         let began = Instant::now();

@@ -15,7 +15,7 @@ use surrogate::config::ModelConfig;
 use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
-    HostWindows, Integrator, Motion, Network, Past, Precision,
+    HostWindows, Integrator, Motion, Network, NewFrame, Past, Precision,
 };
 use surrogate::data::Batch;
 use surrogate::features::Normalisation;
@@ -112,15 +112,15 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let window = vec![positions.clone(); config.frames];
     let bounds = motion.constraints.domain().map(|length| [0.0, length]);
 
-    let mut builder = FrameBuilder::new(device, &config, &norm, &bounds, &[points])?;
+    let mut builder = FrameBuilder::new(device, &config, &norm, &bounds, &[points], 1)?;
     let single: Vec<f32> = positions.as_flattened().iter().map(|&x| x as f32).collect();
     let position = device.upload(&single)?;
     let mut frame = builder.allocate(48 * points)?;
-    let graph = time(device, || builder.graph(&position.as_view(), &mut frame))?;
+    let past = [position.as_view(), position.as_view()];
+    let mut new = [NewFrame { past: &past, known: 2, frame: &mut frame }];
+    let graph = time(device, || builder.graphs(&mut new))?;
     let edges = builder.needed()?;
-    let before = position.as_view();
-    let history = [before, position.as_view()];
-    let features = time(device, || builder.features(&history, 2, &mut frame))?;
+    let features = time(device, || builder.features(&mut new))?;
 
     let mut integrator = Integrator::new(device, &config, &norm, &motion, points)?;
     integrator.begin([&positions, &positions], 6)?;
@@ -141,18 +141,20 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let [(f32, f32_memory), (bf16, bf16_memory)] =
         [whole(Precision::F32)?, whole(Precision::Bf16)?];
 
-    let mut batches = BatchBuilder::new(device, &config, &norm, &bounds);
+    let mut batches = BatchBuilder::new(device, &config, &norm, &bounds)?;
     let twice = vec![single.repeat(config.frames); 2];
-    let members = HostWindows::new(Batch {
+    let members = Batch {
         windows: twice,
         points: vec![points; 2],
         statics: vec![Vec::new(); 2],
+        obstacles: vec![Vec::new(); 2],
         targets: single.repeat(2),
-    });
-    batches.make(&members)?;
+    };
+    let members = HostWindows::new(members, None);
+    batches.make(&members, |_, _| Ok(()))?;
     let began = Instant::now();
     for _ in 0..BLOCKS {
-        batches.make(&members)?;
+        batches.make(&members, |_, _| Ok(()))?;
     }
     let batch = began.elapsed().as_secs_f64() * 1e6 / BLOCKS as f64;
 
@@ -171,7 +173,7 @@ fn rollout<N: Network>(
 ) -> Result<(f64, f64), Failure> {
     device.stream().synchronize()?;
     let (free, _) = device.context().mem_get_info()?;
-    let past = Past { window, statics: &[] };
+    let past = Past { window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(device, &config, norm, motion, past, network)?;
     // All of its CUDA graphs are made in the first blocks.
     let warm_up = 2 * config.frames / BLOCK + 2;

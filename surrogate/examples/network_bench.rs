@@ -15,8 +15,10 @@ use safetensors::tensor::{Dtype, TensorView, serialize_to_file};
 use surrogate::backend::device as cpu;
 use surrogate::config::ModelConfig;
 use surrogate::cuda::{
-    Capacity, CudaNetwork, CudaTrainer, FrameInput, HostInput, Precision, Rates, upload,
+    BatchBuilder, Capacity, CudaError, CudaNetwork, CudaTrainer, EDGES_PER_POINT, FrameInput,
+    HostInput, HostWindows, Precision, Rates, upload,
 };
+use surrogate::data::{Batch, Unrolling};
 use surrogate::features::{HostFrame, Normalisation, Window, host_frames};
 use surrogate::model::Model;
 use surrogate::train::weights;
@@ -24,6 +26,7 @@ use surrogate::train::weights;
 /// Points of a side of the column, 1/16 m apart.
 const SIDE: usize = 48;
 const POINTS: usize = SIDE * SIDE;
+/// Windows of a batch; what is left for PyTorch is of this one.
 const WINDOWS: usize = 2;
 const REPEATS: usize = 50;
 
@@ -32,7 +35,7 @@ fn normalisation() -> Normalisation {
 }
 
 /// Jittered columns in random motion.
-fn windows(config: &ModelConfig) -> Vec<Vec<f32>> {
+fn windows(config: &ModelConfig, count: usize) -> Vec<Vec<f32>> {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut window = || -> Vec<f32> {
         let mut start = Vec::new();
@@ -47,10 +50,11 @@ fn windows(config: &ModelConfig) -> Vec<Vec<f32>> {
             |k: usize| start.iter().zip(&step).map(move |(x, v): (&f32, &f32)| x + k as f32 * v);
         (0..config.frames).flat_map(at).collect()
     };
-    (0..WINDOWS).map(|_| window()).collect()
+    (0..count).map(|_| window()).collect()
 }
 
 struct Scene {
+    windows: usize,
     config: ModelConfig,
     weights: Vec<f32>,
     host: Vec<HostFrame>,
@@ -58,25 +62,25 @@ struct Scene {
 }
 
 impl Scene {
-    fn new() -> Self {
+    fn new(count: usize) -> Self {
         let config = ModelConfig::default();
-        let positions = windows(&config);
+        let positions = windows(&config, count);
         let windows: Vec<Window> = positions
             .iter()
-            .map(|positions| Window { positions, points: POINTS, statics: &[] })
+            .map(|positions| Window { positions, points: POINTS, statics: &[], obstacles: &[] })
             .collect();
         let began = Instant::now();
         let host = host_frames(&windows, &config, &normalisation(), &[[0.0, 10.0]; 2]);
         println!("graphs and features on the CPU: {:.1} ms", ms(began));
         let mut rng = ChaCha8Rng::seed_from_u64(2);
-        let target = (0..2 * WINDOWS * POINTS).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let target = (0..2 * count * POINTS).map(|_| rng.random_range(-1.0..1.0)).collect();
         let model = Model::<surrogate::backend::Cpu>::new(&config, 3, &cpu());
-        Self { weights: weights(&model), config, host, target }
+        Self { windows: count, weights: weights(&model), config, host, target }
     }
 
     fn capacity(&self) -> Capacity {
         let edges = self.host.iter().map(|frame| frame.pairs.len()).max().unwrap_or(1);
-        Capacity { points: WINDOWS * POINTS, edges }
+        Capacity { points: self.windows * POINTS, edges }
     }
 
     fn uploaded(&self, device: &Arc<Device>) -> Result<Vec<FrameInput>, Box<dyn Error>> {
@@ -127,7 +131,8 @@ fn train(
     times.sort_by(f64::total_cmp);
     let losses = trainer.losses(256)?;
     println!(
-        "{precision:?} training step, batch {WINDOWS}: {:.3} ms ({:.3} to {:.3}); loss {:.4} -> {:.4}",
+        "{precision:?} training step, batch {}: {:.3} ms ({:.3} to {:.3}); loss {:.4} -> {:.4}",
+        scene.windows,
         times[2],
         times[0],
         times[4],
@@ -139,6 +144,60 @@ fn train(
     Ok([output, gradient])
 }
 
+/// Times training steps with all that belongs to them, batches and their graphs too; without and with a
+/// frame that the network predicts before it learns (pushforward).
+fn train_all_in(
+    device: &Arc<Device>,
+    scene: &Scene,
+    precision: Precision,
+) -> Result<(), Box<dyn Error>> {
+    let config = &scene.config;
+    let positions = windows(config, scene.windows);
+    let edges = EDGES_PER_POINT * scene.capacity().points;
+    let room = Capacity { edges, ..scene.capacity() };
+    let zeros = vec![0.0; scene.weights.len()];
+    let mut trainer = CudaTrainer::new(device, config, precision, room, true, None)?;
+    trainer.restore(&scene.weights, [&zeros, &zeros], Some(&scene.weights))?;
+    let mut batches = BatchBuilder::new(device, config, &normalisation(), &[[0.0, 10.0]; 2])?;
+    let rates = Rates { rate: 1e-4, corrections: [1.0; 2], decay: 0.9 };
+    for unroll in [0, 1] {
+        let frames = |last: usize| {
+            let at = 2 * POINTS * (config.frames - last)..2 * POINTS * (config.frames + 1 - last);
+            positions
+                .iter()
+                .flat_map(move |w| w[at.clone()].iter().map(|&x| f64::from(x)))
+                .collect()
+        };
+        let last_two: [Vec<f64>; 2] = [frames(2), frames(1)];
+        let (mean, std) = (vec![[0.0; 2]; scene.windows], [1e-3; 2]);
+        let unrolling = Unrolling { steps: 1, truth: last_two.clone(), last_two, mean, std };
+        let batch = Batch {
+            windows: positions.clone(),
+            points: vec![POINTS; scene.windows],
+            statics: vec![Vec::new(); scene.windows],
+            obstacles: vec![Vec::new(); scene.windows],
+            targets: scene.target.clone(),
+        };
+        let host = HostWindows::new(batch, Some(unrolling).filter(|_| unroll > 0));
+        let mut step = || -> Result<(), CudaError> {
+            let batch = batches.make(&host, |batch, said| trainer.say(batch, said))?;
+            trainer.step(&batch.frames, &batch.targets, rates)
+        };
+        (0..10).try_for_each(|_| step())?;
+        device.stream().synchronize()?;
+        let steps = if precision == Precision::Bf16 { 1000 } else { 450 };
+        let began = Instant::now();
+        (0..steps).try_for_each(|_| step())?;
+        device.stream().synchronize()?;
+        println!(
+            "{precision:?} step with its batch of {}, {unroll} frames predicted: {:.3} ms",
+            scene.windows,
+            ms(began) / f64::from(steps)
+        );
+    }
+    Ok(())
+}
+
 /// Times predicted frames of one window.
 fn predict(
     device: &Arc<Device>,
@@ -146,8 +205,9 @@ fn predict(
     precision: Precision,
 ) -> Result<(), Box<dyn Error>> {
     let stream = device.stream();
-    let positions = windows(&scene.config);
-    let window = [Window { positions: &positions[0], points: POINTS, statics: &[] }];
+    let positions = windows(&scene.config, 1);
+    let window =
+        [Window { positions: &positions[0], points: POINTS, statics: &[], obstacles: &[] }];
     let host = host_frames(&window, &scene.config, &normalisation(), &[[0.0, 10.0]; 2]);
     let edges = host.iter().map(|frame| frame.pairs.len()).max().unwrap_or(1);
     let newest = host.len() - 1;
@@ -234,7 +294,10 @@ fn write(
 
 fn main() -> Result<(), Box<dyn Error>> {
     let device = Device::new(0)?;
-    let scene = Scene::new();
+    let one = Scene::new(1);
+    train(&device, &one, Precision::Bf16)?;
+    train_all_in(&device, &one, Precision::Bf16)?;
+    let scene = Scene::new(WINDOWS);
     println!(
         "{}: {POINTS} points, {} edges in the frames of a batch of {WINDOWS}",
         device.name(),
@@ -243,6 +306,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut results = Vec::new();
     for precision in [Precision::Bf16, Precision::F32] {
         results.push((precision, train(&device, &scene, precision)?));
+        train_all_in(&device, &scene, precision)?;
         predict(&device, &scene, precision)?;
     }
     if let Some(folder) = std::env::args_os().nth(1).map(PathBuf::from) {

@@ -56,6 +56,12 @@ pub struct ModelConfig {
     /// Features of every node beyond velocity and walls, in this order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub node_features: Vec<NodeFeature>,
+    /// Faces of fixed obstacles count as walls.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub obstacles: bool,
+    /// A wall farther than the radius is at one radius, as in the GNS, not at 0 (TGNNS).
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub clamped_walls: bool,
 }
 
 impl Default for ModelConfig {
@@ -72,6 +78,8 @@ impl Default for ModelConfig {
             connection_radius: 0.25,
             gns_layers: 10,
             node_features: Vec::new(),
+            obstacles: false,
+            clamped_walls: false,
         }
     }
 }
@@ -176,6 +184,11 @@ impl ModelConfig {
             ModelKind::Tgnns => self.frames,
             ModelKind::Gns => 1,
         }
+    }
+
+    /// Whether a wall farther than the radius is at one radius.
+    pub fn clamps_walls(&self) -> bool {
+        self.clamped_walls || self.kind == ModelKind::Gns
     }
 
     /// Numbers that [`node_features`](Self::node_features) add to a node.

@@ -7,6 +7,8 @@
 use dempm::scene::{Rectangle, Scene};
 use mpm::{Friction, Walls};
 
+use crate::features::Obstacle;
+
 /// A point may touch one box after another, as in a corner between box and floor.
 const PASSES: usize = 4;
 /// Part of a box's size that counts as its surface.
@@ -66,6 +68,12 @@ impl Constraints {
     /// Size of the domain, m.
     pub fn domain(&self) -> [f64; 2] {
         self.domain
+    }
+
+    /// The boxes that never move, as networks see them.
+    pub fn obstacles(&self) -> Vec<Obstacle> {
+        let fixed = self.boxes.iter().filter(|rigid| rigid.velocity == [0.0; 2]);
+        fixed.map(|rigid| rigid.at(0.0).map(|corner| corner.map(|x| x as f32))).collect()
     }
 
     /// The boxes at `time` as a trajectory holds them: x min, y min, x max, y max.

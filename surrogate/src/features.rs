@@ -45,6 +45,17 @@ impl Normalisation {
     }
 }
 
+/// Lower and upper corner (m) of a fixed box in two dimensions.
+pub type Obstacle = [[f32; 2]; 2];
+
+/// Part of the connection radius by which points may be inside an obstacle and still see its face.
+pub const SKIN: f32 = 1e-3;
+
+/// An obstacle in a mirror of left and right, in a domain of this width.
+pub fn mirrored_obstacle([[left, bottom], [right, top]]: Obstacle, width: f32) -> Obstacle {
+    [[width - right, bottom], [width - left, top]]
+}
+
 /// Consecutive frames of one trajectory.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
@@ -53,6 +64,8 @@ pub struct Window<'a> {
     pub points: usize,
     /// points x features that never change ([`node_features::static_features`]).
     pub statics: &'a [f32],
+    /// Obstacles, which networks with `obstacles` see.
+    pub obstacles: &'a [Obstacle],
 }
 
 /// Features and graph of one frame of a batch: the graphs of the windows side by side, the points
@@ -190,7 +203,7 @@ impl Features<'_> {
             for k in steps.clone().filter(|&k| k > self.oldest()) {
                 self.velocity(at(k - 1), at(k), point, &mut nodes);
             }
-            self.wall_distances(at(frame), point, &mut nodes);
+            self.wall_distances(at(frame), point, window.obstacles, &mut nodes);
             nodes.extend(&further[point * width..(point + 1) * width]);
         }
         let moving = self.config.kind == ModelKind::Tgnns && frame > self.oldest();
@@ -228,18 +241,39 @@ impl Features<'_> {
         }));
     }
 
-    /// Distances to the lower and upper wall of each direction, in radii.
-    fn wall_distances(&self, now: &[f32], point: usize, features: &mut Vec<f32>) {
+    /// Distances to the nearest wall below and above in each direction, in radii. Faces of obstacles
+    /// are walls for the points in front of them.
+    fn wall_distances(
+        &self,
+        now: &[f32],
+        point: usize,
+        obstacles: &[Obstacle],
+        features: &mut Vec<f32>,
+    ) {
         let d = self.config.dimensions;
         let radius = self.config.connection_radius as f32;
-        let scaled = |distance: f32| match self.config.kind {
-            ModelKind::Tgnns if distance > radius => 0.0,
-            ModelKind::Tgnns => distance / radius,
-            ModelKind::Gns => (distance / radius).clamp(-1.0, 1.0),
+        let scaled = |distance: f32| match self.config.clamps_walls() {
+            true => (distance / radius).clamp(-1.0, 1.0),
+            false if distance > radius => 0.0,
+            false => distance / radius,
         };
+        let skin = SKIN * radius;
+        let place = &now[point * d..(point + 1) * d];
         for (k, [lower, upper]) in self.bounds.iter().enumerate() {
-            let x = now[point * d + k];
-            features.extend([scaled(x - *lower as f32), scaled(*upper as f32 - x)]);
+            let x = place[k];
+            let mut distances = [x - *lower as f32, *upper as f32 - x];
+            for [low, high] in obstacles.iter().filter(|_| self.config.obstacles) {
+                let beside = |j: usize| place[j] <= low[j] + skin || place[j] >= high[j] - skin;
+                if (0..d).any(|j| j != k && beside(j)) {
+                    continue;
+                }
+                for (nearest, distance) in distances.iter_mut().zip([x - high[k], low[k] - x]) {
+                    if distance >= -skin {
+                        *nearest = nearest.min(distance.max(0.0));
+                    }
+                }
+            }
+            features.extend(distances.map(scaled));
         }
     }
 

@@ -16,7 +16,7 @@ use miette::{Context, IntoDiagnostic, bail};
 use crate::constraints::Constraints;
 use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
 use crate::doubts::doubts;
-use crate::features::Window;
+use crate::features::{Obstacle, Window};
 use crate::inference::Inference;
 use crate::simulator::Simulator;
 use crate::start::Start;
@@ -51,6 +51,7 @@ pub struct Rollout<'a> {
     window: VecDeque<Vec<[f64; 2]>>,
     /// Features of the points that never change.
     statics: Vec<f32>,
+    obstacles: Vec<Obstacle>,
     gravity: [f64; 2],
     start: f64,
     frame: usize,
@@ -67,8 +68,9 @@ impl<'a> Rollout<'a> {
                 Some(device) => Engine::Cuda(ahead(device, simulator, start)),
                 None => Engine::Cpu(Box::new(simulator.inference())),
             },
+            obstacles: Constraints::new(&start.scene).obstacles(),
             constraints: Constraints::new(&start.scene),
-            window: start.positions.iter().cloned().collect(),
+            window: start.window(simulator.config.window(), interval).into(),
             statics: start.statics.clone(),
             gravity: start.scene.gravity.map(|g| g * interval * interval),
             start: start.time,
@@ -108,7 +110,8 @@ impl<'a> Rollout<'a> {
                 let frames = self.window.iter().flatten().flatten();
                 let positions: &Vec<f32> = &frames.map(|&x| x as f32).collect();
                 let points = self.window[0].len();
-                let window = Window { positions, points, statics: &self.statics };
+                let (statics, obstacles) = (&self.statics, &self.obstacles);
+                let window = Window { positions, points, statics, obstacles };
                 let domain = self.constraints.domain();
                 let accelerations =
                     self.simulator.accelerations(network, &window, domain, self.gravity);
@@ -186,14 +189,16 @@ fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahe
         mirror: simulator.mirror,
     };
     let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
-    let (weights, window) = (weights(&simulator.model), start.positions.clone());
+    let weights = weights(&simulator.model);
+    let window = start.window(simulator.config.window(), interval);
+    let next = start.positions.len();
     let statics = start.statics.clone();
     let (device, precision) = (device.clone(), simulator.precision);
     Ahead::start(move || {
         let room = Capacity { points: window[0].len(), edges: 1 };
         let mut network = CudaNetwork::new(&device, &config, precision.into(), room, false)?;
         network.set_weights(&weights)?;
-        let past = Past { window: &window, statics: &statics };
+        let past = Past { window: &window, statics: &statics, next };
         CudaRollout::new(&device, &config, &norm, &motion, past, network)
     })
 }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::backend::{Cpu, Device, device};
 use crate::config::ModelConfig;
 use crate::cuda::{self, CudaError};
-use crate::features::{Normalisation, Window, window_input};
+use crate::features::{Normalisation, Window, mirrored_obstacle, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
 use crate::range::Range;
@@ -24,11 +24,18 @@ pub struct Training {
     pub frame_interval: f64,
     /// Whether it predicts accelerations relative to free fall.
     pub without_gravity: bool,
+    /// Frames of a window that may be from before the first of a run, at most.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub before_start: usize,
     /// Training steps made.
     pub steps: u64,
     /// What the training data held; older files do not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<Range>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// A network that predicts accelerations.
@@ -113,6 +120,11 @@ impl Simulator {
         Ok(())
     }
 
+    /// Frames of a run that a rollout starts from: a window, less those that may be from before.
+    pub fn first_frames(&self) -> usize {
+        self.config.window().saturating_sub(self.training.before_start).max(1)
+    }
+
     /// The network for the processor, apart from the simulator as it remembers frames.
     pub fn inference(&self) -> Inference {
         let windows = if self.mirror { 2 } else { 1 };
@@ -136,7 +148,10 @@ impl Simulator {
             return straight;
         }
         let image = mirrored(window.positions, domain[0]);
-        let image = Window { positions: &image, ..*window };
+        let width = domain[0] as f32;
+        let obstacles: Vec<_> =
+            window.obstacles.iter().map(|&o| mirrored_obstacle(o, width)).collect();
+        let image = Window { positions: &image, obstacles: &obstacles, ..*window };
         let mirrored = self.predict(network, &image, domain, [-gravity[0], gravity[1]]);
         let pairs = straight.as_chunks::<2>().0.iter().zip(mirrored.as_chunks::<2>().0);
         pairs.flat_map(|(a, b)| [(a[0] - b[0]) / 2.0, (a[1] + b[1]) / 2.0]).collect()

@@ -22,7 +22,7 @@ pub struct Start {
     pub header: Header,
     /// What never changes of the points.
     pub points: Points,
-    /// Positions, m, frame after frame, the oldest first.
+    /// Positions, m, frame after frame, the oldest first; at least one.
     pub positions: Vec<Vec<[f64; 2]>>,
     /// Velocities of the same, m/s.
     pub velocities: Vec<Vec<[f64; 2]>>,
@@ -82,13 +82,13 @@ impl Start {
             velocities: Vec::new(),
             time: 0.0,
             statics: Vec::new(),
-            frames: frames.max(simulator.config.window()),
+            frames: frames.max(simulator.first_frames()),
             simulated_in: 0.0,
         };
         let place = start.scene.name.clone();
         start.statics = statics(simulator, &place, || Ok(simulation.frame()))?;
         let began = Instant::now();
-        for frame in 0..simulator.config.window() {
+        for frame in 0..simulator.first_frames() {
             while simulation.state.step < frame * steps {
                 simulation.advance()?;
             }
@@ -115,7 +115,7 @@ impl Start {
         let stride =
             stride(simulator.training.frame_interval, header.frame_interval, || place.clone())?;
         let found = trajectory.frames().saturating_sub(first).div_ceil(stride);
-        let needed = simulator.config.window();
+        let needed = if first == 0 { simulator.first_frames() } else { simulator.config.window() };
         if found < needed {
             return Err(StartError::TooShort {
                 path: path.to_owned(),
@@ -147,6 +147,25 @@ impl Start {
         }
         Ok(start)
     }
+}
+
+impl Start {
+    /// So many frames that end with the last of the start. What is missing at its beginning are
+    /// frames from before, `interval` (s) apart, in which every point moves as it does in the first.
+    pub fn window(&self, frames: usize, interval: f64) -> Vec<Vec<[f64; 2]>> {
+        let missing = frames.saturating_sub(self.positions.len());
+        let before = (1..=missing).rev().map(|back| {
+            let time = -(back as f64 * interval);
+            let points = self.positions[0].iter().zip(&self.velocities[0]);
+            points.map(|(x, v)| moved(*x, *v, time)).collect()
+        });
+        before.chain(self.positions.iter().cloned()).collect()
+    }
+}
+
+/// Where a point at `x` (m) is after a time (s), or was before if it is negative, at a velocity (m/s).
+pub fn moved(x: [f64; 2], v: [f64; 2], time: f64) -> [f64; 2] {
+    [0, 1].map(|k| x[k] + v[k] * time)
 }
 
 /// The features that never change, from the `first` frame; none if the model has none.

@@ -30,7 +30,7 @@ pub struct StatsArgs {
 /// If a file cannot be read, does not fit the others or holds no motion.
 pub fn stats(args: &StatsArgs) -> miette::Result<()> {
     let folder = DataFolder::open(&args.data)?;
-    let shape = Shape { frames: args.frames as usize, stride: args.stride as usize };
+    let shape = Shape { frames: args.frames as usize, stride: args.stride as usize, before: 0 };
     let data = DataSet::open(&folder.train, shape, 0)?;
     list(&data, "");
     for path in &folder.valid {

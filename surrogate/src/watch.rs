@@ -57,7 +57,7 @@ impl Watch {
             late: Vec::new(),
         };
         if start.scene.plate.is_none()
-            && let [.., before, last] = start.positions.as_slice()
+            && let [.., before, last] = start.window(2, interval).as_slice()
         {
             watch.start_energy = Some(watch.mechanical_energy(before, last));
         }

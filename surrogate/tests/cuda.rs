@@ -72,7 +72,7 @@ impl Case {
         let windows: Vec<Window> = positions
             .iter()
             .zip(&self.windows)
-            .map(|(positions, &points)| Window { positions, points, statics: &[] })
+            .map(|(positions, &points)| Window { positions, points, statics: &[], obstacles: &[] })
             .collect();
         let bounds = vec![[0.0, 6.0]; self.config.dimensions];
         let norm = self.normalisation();
@@ -284,7 +284,7 @@ fn frame_after_frame(#[case] name: &str) {
     let bounds = vec![[0.0, 6.0]; case.config.dimensions];
     let room = Capacity { points: 60, edges: 60 * 60 };
     let input = |window: &[f32]| -> Vec<HostInput> {
-        let windows = [Window { positions: window, points: 60, statics: &[] }];
+        let windows = [Window { positions: window, points: 60, statics: &[], obstacles: &[] }];
         let host = host_frames(&windows, &case.config, &case.normalisation(), &bounds);
         host.into_iter().map(HostInput::from).collect()
     };

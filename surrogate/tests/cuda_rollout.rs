@@ -17,10 +17,11 @@ use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FEATURES_SOURCE,
     FrameBuilder, FrameInput, Frames, GRAPH_SOURCE, GraphBuilder, HostWindows, INTEGRATE_SOURCE,
-    Motion, Network, Past, Precision, features_defines, graph_defines,
+    Motion, Network, NewFrame, PUSH_FORWARD_SOURCE, Past, Precision, features_defines,
+    graph_defines,
 };
 use surrogate::data::Batch;
-use surrogate::features::{Normalisation, Window, window_input};
+use surrogate::features::{Normalisation, Obstacle, Window, window_input};
 use surrogate::graph::{RadiusGraph, radius_graph};
 use surrogate::model::Model;
 use surrogate::node_features::NodeFeature;
@@ -57,20 +58,29 @@ fn normalisation_for(config: &ModelConfig) -> Normalisation {
     norm
 }
 
-/// Networks that read all that there is: plain, with further features, and the GNS with them.
-fn readers(dimensions: usize) -> [ModelConfig; 3] {
+/// Networks that read all that there is: plain, with further features, with obstacles (which are
+/// two-dimensional), and the GNS with them.
+fn readers(dimensions: usize) -> [ModelConfig; 4] {
+    let obstacles = dimensions == 2;
     let plain = ModelConfig { dimensions, frames: 3, ..ModelConfig::default() };
     let gns = ModelConfig::named("gns").unwrap();
     [
         plain.clone(),
-        ModelConfig { node_features: FEATURES.to_vec(), ..plain.clone() },
-        ModelConfig { dimensions, frames: 3, node_features: FEATURES.to_vec(), ..gns },
+        ModelConfig { node_features: FEATURES.to_vec(), clamped_walls: true, ..plain.clone() },
+        ModelConfig { node_features: FEATURES.to_vec(), obstacles, ..plain },
+        ModelConfig { dimensions, frames: 3, node_features: FEATURES.to_vec(), obstacles, ..gns },
     ]
 }
 
 /// Features that do not change, if the network reads them.
 fn statics(config: &ModelConfig, points: usize) -> Vec<f32> {
     if config.node_features.is_empty() { Vec::new() } else { random(points, 3, 1.0, 11) }
+}
+
+/// Two obstacles beside each other in the middle of the unit box.
+fn obstacles(config: &ModelConfig) -> Vec<Obstacle> {
+    let all = vec![[[0.3, 0.0], [0.6, 0.5]], [[0.6, 0.4], [0.8, 0.7]]];
+    if config.obstacles { all } else { Vec::new() }
 }
 
 fn random(points: usize, dimensions: usize, extent: f32, seed: u64) -> Vec<f32> {
@@ -95,15 +105,14 @@ fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
     let Some(device) = gpu::for_tests() else { return };
     let expected = reference(windows, dimensions);
     let points: Vec<usize> = windows.iter().map(|window| window.len() / dimensions).collect();
-    let mut builder = GraphBuilder::new(&device, dimensions, RADIUS, &points).unwrap();
+    let mut builder = GraphBuilder::new(&device, dimensions, RADIUS, &points, 1).unwrap();
     let mut positions = windows.concat();
     let values = positions.len();
     positions.push(0.0); // an empty upload is an error
     let positions = device.upload(&positions).unwrap();
-    let position = positions.slice(..values);
     if expected.edges() > 0 {
         let mut small = builder.allocate(expected.edges() - 1).unwrap();
-        builder.build(&position, &mut small).unwrap();
+        builder.build(&mut [(positions.slice(..values), &mut small)]).unwrap();
         assert_eq!(builder.needed().unwrap(), expected.edges());
         let stream = device.stream();
         assert_eq!(stream.clone_dtoh(&small.edges).unwrap(), [0], "no half of a graph");
@@ -113,7 +122,7 @@ fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
         let mut graph = builder.allocate(capacity).unwrap();
         // The second time over what the first one left.
         for _ in 0..2 {
-            builder.build(&position, &mut graph).unwrap();
+            builder.build(&mut [(positions.slice(..values), &mut graph)]).unwrap();
         }
         assert_eq!(builder.needed().unwrap(), expected.edges());
         assert_eq!(builder.needed().unwrap(), 0, "since the last call");
@@ -124,7 +133,9 @@ fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
             list
         };
         assert_eq!(stream.clone_dtoh(&graph.edges).unwrap(), [expected.edges() as u32]);
-        assert_eq!(stream.clone_dtoh(&graph.start).unwrap(), expected.start);
+        let nodes = expected.start.len() - 1;
+        assert_eq!(stream.clone_dtoh(&graph.nodes).unwrap(), [nodes as u32]);
+        assert_eq!(stream.clone_dtoh(&graph.start).unwrap()[..=nodes], expected.start);
         let (sender, receiver) = (read(&graph.sender), read(&graph.receiver));
         assert_eq!(sender, expected.sender);
         let receivers: Vec<u32> = expected.pairs().map(|(receiver, _)| receiver as u32).collect();
@@ -265,18 +276,21 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
     let positions: Vec<_> = (0..FRAMES).map(at).collect();
     for config in readers(dimensions) {
         let norm = normalisation_for(&config);
-        let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes).unwrap();
+        let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes, 1).unwrap();
         let statics = sizes.map(|points| statics(&config, points));
         builder.set_statics(&statics.concat()).unwrap();
+        let obstacles = [Vec::new(), obstacles(&config)];
+        builder.set_obstacles(&obstacles).unwrap();
         let oldest = FRAMES - config.window();
         let frames: Vec<FrameInput> = (FRAMES - config.graphs()..FRAMES)
             .map(|k| {
                 let mut frame = builder.allocate(450 * 449).unwrap();
-                builder.graph(&positions[k].as_view(), &mut frame).unwrap();
                 // A GNS knows all frames, a TGNNS the one before, if there is one.
                 let known = if config.graphs() == 1 { 3 } else { (k + 4 - FRAMES).min(2) };
                 let past: Vec<_> = positions[oldest..=k].iter().map(|x| x.as_view()).collect();
-                builder.features(&past, known, &mut frame).unwrap();
+                let mut new = [NewFrame { past: &past, known, frame: &mut frame }];
+                builder.graphs(&mut new).unwrap();
+                builder.features(&mut new).unwrap();
                 frame
             })
             .collect();
@@ -284,9 +298,10 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
             .iter()
             .zip(sizes)
             .zip(&statics)
-            .map(|((positions, points), statics)| {
+            .zip(&obstacles)
+            .map(|(((positions, points), statics), obstacles)| {
                 let positions = &positions[oldest * points * dimensions..];
-                Window { positions, points, statics }
+                Window { positions, points, statics, obstacles }
             })
             .collect();
         check_frames(&device, &frames, &windows, &config, &norm, &bounds);
@@ -297,24 +312,31 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
 fn batches_match() {
     let Some(device) = gpu::for_tests() else { return };
     let bounds = [[0.0, 1.0]; 2];
-    for config in readers(2) {
+    // Of the last one more frames than are made in one launch.
+    let long = ModelConfig { frames: 9, ..ModelConfig::default() };
+    for config in readers(2).into_iter().chain([long]) {
         let norm = normalisation_for(&config);
-        let mut builder = BatchBuilder::new(&device, &config, &norm, &bounds);
-        // More edges than there is room for at first, another composition, and the first one again.
-        for sizes in [[200, 350], [40, 30], [200, 350]] {
+        let mut builder = BatchBuilder::new(&device, &config, &norm, &bounds).unwrap();
+        // More edges than there is room for at first, smaller and larger ones, each place twice.
+        for sizes in [[200, 350], [40, 30], [350, 200], [7, 400], [200, 350]] {
             let batch = Batch {
                 windows: (0..2).map(|k| drifting(sizes[k], 2, config.window(), k as u64)).collect(),
                 points: sizes.to_vec(),
                 statics: sizes.iter().map(|&points| statics(&config, points)).collect(),
+                obstacles: vec![obstacles(&config), Vec::new()],
                 targets: random(sizes.iter().sum(), 2, 1.0, 8),
             };
-            let made = builder.make(&HostWindows::new(batch.clone())).unwrap();
-            assert_eq!(device.stream().clone_dtoh(&made.targets).unwrap(), batch.targets);
+            let host = HostWindows::new(batch.clone(), None);
+            let made = builder.make(&host, |_, _| panic!("nothing is moved on")).unwrap();
+            assert_eq!(made.values, batch.targets.len());
+            let targets = device.stream().clone_dtoh(&made.targets).unwrap();
+            assert_eq!(targets[..made.values], batch.targets);
             let windows: Vec<Window> = (0..2)
                 .map(|k| Window {
                     positions: &batch.windows[k],
                     points: sizes[k],
                     statics: &batch.statics[k],
+                    obstacles: &batch.obstacles[k],
                 })
                 .collect();
             check_frames(&device, &made.frames, &windows, &config, &norm, &bounds);
@@ -465,9 +487,9 @@ fn start(points: usize, frames: usize, spread: f64) -> Vec<Vec<[f64; 2]>> {
 
 /// One frame of the rollout as `Rollout::advance` makes it, with the stand-in.
 fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) -> Vec<[f64; 2]> {
-    let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
-    let positions = &single(window);
-    let windows = [Window { positions, points: window[0].len(), statics: &[] }];
+    let config = ModelConfig { frames: window.len(), obstacles: true, ..ModelConfig::default() };
+    let (positions, obstacles) = (&single(window), &motion.constraints.obstacles());
+    let windows = [Window { positions, points: window[0].len(), statics: &[], obstacles }];
     let norm = normalisation(2);
     let output = stand_in(&windows, &config, scale);
     let accelerations: Vec<f64> = output
@@ -521,7 +543,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
     let room = Capacity { points: 1, edges: 1 };
     let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();
     network.set_weights(&weights(&model)).unwrap();
-    let past = Past { window: &window, statics };
+    let past = Past { window: &window, statics, next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
     let simulator = Simulator {
         model,
@@ -530,6 +552,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         training: Training {
             frame_interval: motion.interval,
             without_gravity: true,
+            before_start: 0,
             steps: 0,
             range: None,
         },
@@ -547,7 +570,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         assert_eq!(failure, None);
         for found in frames {
             let positions = &single(&window);
-            let seen = Window { positions, points: window[0].len(), statics };
+            let seen = Window { positions, points: window[0].len(), statics, obstacles: &[] };
             let domain = motion.constraints.domain();
             let accelerations = simulator.accelerations(&mut network, &seen, domain, motion.fall);
             let largest = accelerations.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
@@ -587,12 +610,12 @@ fn mirror_images_and_further_features_roll_out(
 #[rstest]
 fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spread: f64) {
     let Some(device) = gpu::for_tests() else { return };
-    let config = ModelConfig { frames: 4, ..ModelConfig::default() };
+    let config = ModelConfig { frames: 4, obstacles: true, ..ModelConfig::default() };
     let (scale, motion) = (0.05, motion());
     let mut window = start(points, config.frames, spread);
     let network = StandIn::new(&device, points, scale);
     let norm = normalisation_for(&config);
-    let past = Past { window: &window, statics: &[] };
+    let past = Past { window: &window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
     let mut frame = window.len();
     for _ in 0..3 {
@@ -618,7 +641,7 @@ fn failing(
     let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
     let network = StandIn::new(&device, window[0].len(), scale);
     let norm = normalisation_for(&config);
-    let past = Past { window, statics: &[] };
+    let past = Past { window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, motion, past, network).unwrap();
     let mut good = Vec::new();
     while good.len() < 100 {
@@ -673,6 +696,7 @@ fn kernels_compile() {
                 ("graph.cu", GRAPH_SOURCE, &graph),
                 ("features.cu", FEATURES_SOURCE, &other),
                 ("integrate.cu", INTEGRATE_SOURCE, &Vec::new()),
+                ("push_forward.cu", PUSH_FORWARD_SOURCE, &Vec::new()),
                 ("stand_in.cu", STAND_IN, &Vec::new()),
             ] {
                 let cubin = compile(name, source, architecture, defines).unwrap();

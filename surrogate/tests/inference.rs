@@ -19,7 +19,12 @@ fn trajectory(points: usize, frames: usize) -> Vec<Vec<f32>> {
 
 fn input(frames: &[Vec<f32>], config: &ModelConfig) -> WindowInput<Cpu> {
     let norm = Normalisation::about_zero(2, 0.01, 0.1);
-    let window = Window { positions: &frames.concat(), points: frames[0].len() / 2, statics: &[] };
+    let window = Window {
+        positions: &frames.concat(),
+        points: frames[0].len() / 2,
+        statics: &[],
+        obstacles: &[],
+    };
     window_input(&[window], config, &norm, &[[0.0, 2.0]; 2], &device())
 }
 

@@ -110,6 +110,7 @@ fn a_broken_model_says_where_it_broke() {
             training: Training {
                 frame_interval: 0.01,
                 without_gravity: false,
+                before_start: 0,
                 steps: 0,
                 range: None,
             },

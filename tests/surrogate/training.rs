@@ -156,6 +156,32 @@ fn an_interrupted_training_on_a_gpu_resumes_bitwise() {
     }
 }
 
+/// Frames from before a run follow from the velocities in its first frame.
+#[test]
+fn windows_can_begin_before_the_run() {
+    let directory = TempDir::new().unwrap();
+    let data = data(directory.path());
+    let path = data.join("train/left.h5");
+    let run = Trajectory::open(&path).unwrap();
+    let shape = Shape { frames: 4, stride: 2, before: 3 };
+    let set = DataSet::open(&[path], shape, 0).unwrap();
+    assert_eq!(set.len(), 41 + 6 - 8);
+    let first = run.frame(0).unwrap();
+    let example = set.example(0).unwrap();
+    for (place, positions) in example.positions.chunks(2 * 24).enumerate() {
+        let time = (place as f64 - 3.0) * 0.02;
+        for ((p, x), v) in
+            positions.as_chunks::<2>().0.iter().zip(&first.position).zip(&first.velocity)
+        {
+            assert!((0..2).all(|k| (p[k] - x[k] - v[k] * time).abs() < 1e-12));
+        }
+    }
+    assert_eq!(example.next, run.frame(2).unwrap().position.as_flattened());
+    let last = set.example(set.len() - 1).unwrap();
+    assert_eq!(last.positions[..48], *run.frame(32).unwrap().position.as_flattened());
+    assert_eq!(last.next, run.frame(40).unwrap().position.as_flattened());
+}
+
 #[test]
 fn windows_of_every_stride_are_frames_of_the_files() {
     let directory = TempDir::new().unwrap();
@@ -163,7 +189,7 @@ fn windows_of_every_stride_are_frames_of_the_files() {
     let paths = ["left", "middle"].map(|name| data.join("train").join(name).with_extension("h5"));
     let second = Trajectory::open(&paths[1]).unwrap();
     for stride in [1, 2, 3, 6, 10] {
-        let shape = Shape { frames: 3, stride };
+        let shape = Shape { frames: 3, stride, before: 0 };
         for memory in [0, 1 << 14, 1 << 30] {
             let set = DataSet::open(&paths, shape, memory).unwrap();
             let of_one_file = 41 - 3 * stride;

@@ -11,13 +11,15 @@ pub use crate::table::Table;
 /// Texts are plain; words between backticks are set as code.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Block {
+    /// What matters most in the section, in a sentence or two: the first screen of the page has it.
+    Headline(String),
     /// A heading within the section.
     Heading(String),
     /// A paragraph.
     Text(String),
     /// Remarks, one a line.
     List(Vec<String>),
-    /// What came out, one a line; also listed at the top of the page.
+    /// What came out, one a line.
     Findings(Vec<String>),
     /// What a program said, word for word.
     Quote(String),
@@ -40,6 +42,10 @@ pub struct Missing {
 }
 
 impl Block {
+    pub fn headline(text: impl Into<String>) -> Self {
+        Self::Headline(text.into())
+    }
+
     pub fn heading(text: impl Into<String>) -> Self {
         Self::Heading(text.into())
     }

@@ -25,12 +25,37 @@ pub enum Suite {
     Full,
 }
 
-/// A trained model.
+/// A trained model, and how it predicts.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// Its folder's name for `NAME/best.safetensors`, else the file's.
+    /// Its folder's name for `NAME/best.safetensors`, else the file's; and how it predicts, if not
+    /// in f32 from the window alone.
     pub name: String,
     pub path: PathBuf,
+    /// Precision of its products.
+    pub precision: Precision,
+    /// Averages with the prediction of the mirrored window.
+    pub mirror: bool,
+}
+
+impl Model {
+    /// A file of weights, in f32.
+    fn new(name: String, path: PathBuf) -> Self {
+        Self { name, path, precision: Precision::F32, mirror: false }
+    }
+
+    /// The same in bf16, which only a GPU has.
+    #[must_use]
+    pub fn in_bf16(&self) -> Self {
+        let name = format!("{}, bf16", self.name);
+        Self { name, precision: Precision::Bf16, ..self.clone() }
+    }
+
+    /// The same with mirror images averaged, at twice the price.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        Self { name: format!("{}, mirror", self.name), mirror: true, ..self.clone() }
+    }
 }
 
 /// Where sections get what they need.
@@ -62,6 +87,16 @@ impl Context {
         self.job(what, estimate, &self.scene_job(scene))
     }
 
+    /// The same once more, for its time.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_again(&mut self, what: &str, scene: &str, again: usize) -> miette::Result<Run> {
+        let job = self.scene_job(scene);
+        let key = job.key.clone() + &repetition(again);
+        self.job(what, 1.0, &Job { key, ..job })
+    }
+
     /// Estimated time of [`run`](Self::run), s; 0 if it has been done.
     pub fn estimate(&self, scene: &str) -> f64 {
         if self.work.has(&self.scene_job(scene)) {
@@ -76,11 +111,19 @@ impl Context {
     ///
     /// # Errors
     /// As [`run`](Self::run), and if model or trajectory cannot be read.
-    pub fn rollout(
+    pub fn rollout(&mut self, model: &Model, start: &Start) -> miette::Result<Run> {
+        self.rollout_again(model, start, 0)
+    }
+
+    /// The same once more, for its time.
+    ///
+    /// # Errors
+    /// As [`rollout`](Self::rollout).
+    pub fn rollout_again(
         &mut self,
         model: &Model,
         start: &Start,
-        precision: Precision,
+        again: usize,
     ) -> miette::Result<Run> {
         let read = |path: &Path| {
             hash_of_file(path)
@@ -89,10 +132,15 @@ impl Context {
         };
         let mut key = format!("{} {}", self.hardware(), read(&model.path)?);
         let mut arguments = vec![model.path.display().to_string(), "--overwrite".to_owned()];
-        if precision == Precision::Bf16 {
+        if model.precision == Precision::Bf16 {
             arguments.extend(["--precision", "bf16"].map(str::to_owned));
             key += "bf16";
         }
+        if model.mirror {
+            arguments.push("--mirror".to_owned());
+            key += "mirror";
+        }
+        key += &repetition(again);
         let mut input = None;
         match start {
             Start::Scene(text) => {
@@ -193,6 +241,11 @@ impl Context {
     }
 }
 
+/// What a job's key says of being made once more.
+fn repetition(again: usize) -> String {
+    if again == 0 { String::new() } else { format!(" again {again}") }
+}
+
 /// What a rollout starts from.
 pub enum Start<'a> {
     /// The text of a scene file, whose first frames are simulated.
@@ -208,12 +261,12 @@ pub fn models_in(folder: &Path) -> Vec<Model> {
     };
     let mut models: Vec<Model> = files_in(folder, "safetensors")
         .into_iter()
-        .map(|path| Model { name: name(&path), path })
+        .map(|path| Model::new(name(&path), path))
         .collect();
     let folders = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for path in folders.map(|entry| entry.path().join("best.safetensors")) {
         if path.exists() {
-            models.push(Model { name: path.parent().map(name).unwrap_or_default(), path });
+            models.push(Model::new(path.parent().map(name).unwrap_or_default(), path));
         }
     }
     models.sort_by(|a, b| a.name.cmp(&b.name));

@@ -12,6 +12,9 @@ pub struct Figure {
     /// How to read it.
     pub caption: String,
     pub picture: Picture,
+    /// Whether the first screen of the page has it too.
+    #[serde(default)]
+    pub cover: bool,
 }
 
 /// The picture itself.
@@ -62,6 +65,12 @@ impl Picture {
 
 impl Figure {
     pub fn new(title: impl Into<String>, picture: Picture, caption: impl Into<String>) -> Self {
-        Self { title: title.into(), caption: caption.into(), picture }
+        Self { title: title.into(), caption: caption.into(), picture, cover: false }
+    }
+
+    /// The same on the first screen of the page, too.
+    #[must_use]
+    pub fn on_cover(self) -> Self {
+        Self { cover: true, ..self }
     }
 }

@@ -11,6 +11,7 @@ use crate::figure::Picture;
 use crate::report::{Written, WrittenSection, figure_file, table_file};
 
 const STYLE: &str = include_str!("style.css");
+const WORDS: &str = include_str!("words.html");
 
 /// A fact of more lines is folded.
 const MOST_LINES: usize = 4;
@@ -25,17 +26,13 @@ pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
          <header><h1>DEMPM validation report</h1>\n",
         crate::chart::dark_style()
     );
-    html += "<dl class=\"facts\">";
-    for (name, value) in facts {
-        let (lines, mut value) = (value.lines().count(), escape(value));
-        if lines > MOST_LINES {
-            value = format!("<details><summary>{lines}</summary>{value}</details>");
-        }
-        // Writing to a string cannot fail, here and below.
-        let _ = write!(html, "<div><dt>{}</dt><dd>{value}</dd></div>", escape(name));
-    }
-    html += "</dl>\n<p>Tables are in <code>tables/</code> as CSV, figures in <code>figures/</code>, \
-             all numbers, commands and messages in <code>results.json</code>.</p>\n</header>\n<nav>";
+    html += "<p>Granular flow by a material point method with a packing of discs in every point (the \
+             direct solver), by a continuum law, and by networks that have learnt from the solver: set \
+             beside the paper (Zhao, Chen, Zhao 2025), charted in speed against accuracy, and pushed \
+             until they fail. All numbers are measured; what could not be measured is named.</p>\n";
+    write_short(&mut html, written);
+    html += WORDS;
+    html += "</header>\n<nav>";
     let chapters = || written.iter().filter(|chapter| !chapter.sections.is_empty());
     for chapter in chapters() {
         let _ = write!(html, "<div><h2>{}</h2><ul>", escape(chapter.title));
@@ -52,15 +49,58 @@ pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
         .flat_map(|chapter| &chapter.sections)
         .filter_map(|section| Some(section.computed.as_ref()?.made.device.as_str()))
         .collect();
-    write_findings(&mut html, written);
     for chapter in chapters() {
         let _ = writeln!(html, "<h2 class=\"chapter\">{}</h2>", escape(chapter.title));
         for section in &chapter.sections {
             write_section(&mut html, section, devices.len() > 1);
         }
     }
+    write_facts(&mut html, facts);
     html += "</main>\n</body>\n</html>\n";
     html
+}
+
+/// The first screen: the headlines of all sections, and the figures that belong to it.
+fn write_short(html: &mut String, written: &[Written]) {
+    let sections = || written.iter().flat_map(|chapter| &chapter.sections);
+    let blocks = || sections().flat_map(|s| s.blocks().iter().map(move |block| (s, block)));
+    let lines: Vec<String> = blocks()
+        .filter_map(|(section, block)| match block {
+            Block::Headline(text) => Some(format!(
+                "<li><a href=\"#{}\">{}</a>: {}</li>",
+                section.slug,
+                escape(section.title),
+                inline(text)
+            )),
+            _ => None,
+        })
+        .collect();
+    if !lines.is_empty() {
+        // Writing to a string cannot fail, here and below.
+        let _ =
+            writeln!(html, "<h2>In short</h2>\n<ul class=\"headlines\">{}</ul>", lines.concat());
+    }
+    for (section, block) in blocks() {
+        if let Block::Figure(figure) = block
+            && figure.cover
+        {
+            write_figure(html, section, figure);
+        }
+    }
+}
+
+/// What the page was made with.
+fn write_facts(html: &mut String, facts: &[(&str, String)]) {
+    *html += "<section id=\"facts\">\n<h3>Versions, devices, commands</h3>\n<dl class=\"facts\">";
+    for (name, value) in facts {
+        let (lines, mut value) = (value.lines().count(), escape(value));
+        if lines > MOST_LINES {
+            value = format!("<details><summary>{lines}</summary>{value}</details>");
+        }
+        let _ = write!(html, "<div><dt>{}</dt><dd>{value}</dd></div>", escape(name));
+    }
+    *html += "</dl>\n<p>Tables are in <code>tables/</code> as CSV, figures in <code>figures/</code>, \
+             all numbers, commands and messages in <code>results.json</code>.</p>\n</section>\n";
 }
 
 /// Class of a section in the table of contents, and a remark.
@@ -85,6 +125,9 @@ fn write_section(html: &mut String, section: &WrittenSection, device: bool) {
     }
     for block in section.blocks() {
         match block {
+            Block::Headline(text) => {
+                let _ = writeln!(html, "<p class=\"headline\">{}</p>", inline(text));
+            }
             Block::Heading(text) => {
                 let _ = writeln!(html, "<h4>{}</h4>", inline(text));
             }
@@ -116,31 +159,6 @@ fn write_list(html: &mut String, lines: &[String]) {
         let _ = write!(html, "<li>{}</li>", inline(line));
     }
     *html += "</ul>\n";
-}
-
-/// What came out, section by section.
-fn write_findings(html: &mut String, chapters: &[Written]) {
-    let sections = || chapters.iter().flat_map(|chapter| &chapter.sections);
-    let findings = |section: &WrittenSection| -> Vec<String> {
-        let lines = section.blocks().iter().filter_map(|block| match block {
-            Block::Findings(lines) => Some(lines.clone()),
-            _ => None,
-        });
-        lines.flatten().collect()
-    };
-    if sections().all(|section| findings(section).is_empty()) {
-        return;
-    }
-    *html += "<section id=\"findings\">\n<h2 class=\"chapter\">What came out</h2>\n";
-    for section in sections() {
-        let lines = findings(section);
-        if !lines.is_empty() {
-            let (slug, title) = (&section.slug, escape(section.title));
-            let _ = writeln!(html, "<h4><a href=\"#{slug}\">{title}</a></h4>");
-            write_list(html, &lines);
-        }
-    }
-    *html += "</section>\n";
 }
 
 fn write_table(html: &mut String, section: &WrittenSection, table: &Table) {

@@ -25,7 +25,8 @@ pub fn processor_time(process: u32) -> Option<f64> {
 pub fn load_per_core() -> Option<f64> {
     let text = fs::read_to_string("/proc/loadavg").ok()?;
     let load: f64 = text.split_whitespace().next()?.parse().ok()?;
-    Some(load / rayon::current_num_threads() as f64)
+    let cores = std::thread::available_parallelism().ok()?;
+    Some(load / cores.get() as f64)
 }
 
 #[cfg(test)]

@@ -66,13 +66,18 @@ impl Map {
         table
     }
 
+    /// In how many cells this happened.
+    pub fn count(&self, outcome: Outcome) -> usize {
+        self.cells.iter().flatten().filter(|(found, _)| *found == outcome).count()
+    }
+
     /// The outcomes that occur, for the legend.
     pub fn legend(&self) -> String {
         let mut text = String::new();
         let all =
             [Outcome::Stable, Outcome::Warned, Outcome::Failed, Outcome::Silent, Outcome::Unknown];
         for outcome in all {
-            if self.cells.iter().flatten().any(|(found, _)| *found == outcome) {
+            if self.count(outcome) > 0 {
                 let (word, sign, _) = outcome.words();
                 let _ = write!(text, "{sign} {word}   ");
             }

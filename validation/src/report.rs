@@ -114,6 +114,8 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
         }
         written.push(Written { title: chapter.title, sections });
     }
+    // They look at what the others came to.
+    planned.sort_by_key(|(section, _)| section.always());
     let total = planned.iter().map(|(section, _)| section.estimate(&context)).sum();
     context.progress = Progress::new(total);
 
@@ -264,7 +266,7 @@ pub fn figure_file(section: &WrittenSection, figure: &Figure) -> String {
 }
 
 /// Letters and digits of a title, the rest as hyphens.
-fn slug(title: &str) -> String {
+pub fn slug(title: &str) -> String {
     let plain = title.to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "-");
     let words: Vec<&str> = plain.split('-').filter(|word| !word.is_empty()).collect();
     words.join("-")

@@ -78,6 +78,7 @@ fn block_as_json(section: &WrittenSection, block: &Block) -> Value {
                 "note": table.note, "file": file })
     };
     match block {
+        Block::Headline(text) => json!({ "kind": "headline", "text": text }),
         Block::Heading(text) => json!({ "kind": "heading", "text": text }),
         Block::Text(text) => json!({ "kind": "text", "text": text }),
         Block::List(lines) => json!({ "kind": "list", "lines": lines }),

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use dempm::trajectory::Trajectory;
 use rayon::prelude::*;
 use surrogate::metrics::Errors;
-use surrogate::train::Precision;
 
 use crate::animation::animated;
 use crate::block::{Block, Figure, Table};
@@ -44,7 +43,7 @@ pub fn roll_out(
     let mut rollouts = Vec::new();
     for (case, truth) in truths {
         for model in models {
-            let run = context.rollout(model, &Start::Trajectory(truth), Precision::F32)?;
+            let run = context.rollout(model, &Start::Trajectory(truth))?;
             let mut rollout = Rollout {
                 model: model.name.clone(),
                 case: case.clone(),

@@ -10,17 +10,20 @@ use dempm::trajectory::Trajectory;
 use miette::Context as _;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use surrogate::train::Precision;
 
 pub use self::cases::Case;
 use crate::compare::difference;
-use crate::context::{Context, Model, Start};
+use crate::context::{Context, Model, Start, Suite};
 use crate::pareto::Cost;
+use crate::sections::paper::networks::ablation;
 use crate::wall_time::computing;
 use crate::work::Run;
 
 /// Kind of the values that are kept: a setting's result, and its run.
 const KIND: &str = "setting";
+
+/// What takes less than this (s) is timed three times.
+const BRIEF: f64 = 0.5;
 
 /// A kind of method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,6 +34,8 @@ pub enum Family {
     Continuum,
     /// A learned simulator.
     Network,
+    /// One of the paper's ablation: trained to be compared with its like.
+    Ablation,
 }
 
 /// A method and what came out.
@@ -41,8 +46,12 @@ pub struct Measured {
     /// The model, of a network.
     #[serde(skip)]
     pub model: Option<Model>,
-    /// Wall time of the computation without preparing packings, kernels and files, s.
+    /// Wall time of the computation without preparing packings, kernels and files, s; the median
+    /// where it was timed more than once.
     pub seconds: f64,
+    /// What repeated times differ by at most, s.
+    #[serde(default)]
+    pub spread: Option<f64>,
     /// Errors; none if it failed.
     pub error: Option<Error>,
     /// Why it failed, in the words of the program.
@@ -72,6 +81,8 @@ pub struct Sweep {
     pub measured: Vec<Measured>,
     /// Difference between the two seeds of the reference.
     pub floor: Error,
+    /// Wall times of the two, s: they differ by what a time is uncertain by.
+    pub reference_seconds: [f64; 2],
     /// Where the front of the reference is at the end, m.
     pub front: f64,
     /// What the front moves by, and the height of the column, m.
@@ -87,6 +98,23 @@ impl Measured {
     pub fn cost(&self, measure: Measure) -> Cost {
         let error = self.error.as_ref().map_or(f64::INFINITY, measure);
         Cost { seconds: self.seconds, error }
+    }
+
+    /// Times a brief run twice more, since single brief times scatter.
+    fn time_again(
+        &mut self,
+        mut again: impl FnMut(usize) -> miette::Result<Run>,
+    ) -> miette::Result<()> {
+        // Times of what failed are no numbers.
+        if self.seconds < BRIEF {
+            let mut times = vec![self.seconds];
+            for k in 1..=2 {
+                times.push(computing(&Trajectory::open(&again(k)?.output)?));
+            }
+            times.sort_by(f64::total_cmp);
+            (self.seconds, self.spread) = (times[1], Some(times[2] - times[0]));
+        }
+        Ok(())
     }
 }
 
@@ -148,13 +176,13 @@ impl Case {
     pub fn measure(&self, context: &mut Context) -> miette::Result<Sweep> {
         let references = self.run_references(context)?;
         let paths: Vec<&Path> = references.iter().map(|run| run.output.as_path()).collect();
-        let floor = error(paths[0], &paths[1..])?;
-        let mut measured = vec![Measured {
-            family: Family::Packings,
-            name: self.reference_name.to_owned(),
-            error: Some(floor),
-            ..measured(Family::Packings, "", &references[0])?
-        }];
+        let compare = |k: usize| {
+            compared(Family::Packings, self.reference_name, &references[k], &[paths[1 - k]])
+        };
+        let [one, other] = [compare(0)?, compare(1)?];
+        let reference_seconds = [one.seconds, other.seconds];
+        let floor = one.error.unwrap_or_default();
+        let mut measured = vec![one];
         for (family, name, scene) in &self.settings {
             // Trajectories are large and may be gone.
             let key = self.key(context, scene);
@@ -162,8 +190,10 @@ impl Case {
             let (found, run) = match kept {
                 Some(kept) => kept,
                 None => {
-                    let run = context.run(&format!("{}: {name}", self.name), scene)?;
-                    let found = self.compared(*family, name, &run, &paths)?;
+                    let what = format!("{}: {name}", self.name);
+                    let run = context.run(&what, scene)?;
+                    let mut found = compared(*family, name, &run, &paths)?;
+                    found.time_again(|again| context.run_again(&what, scene, again))?;
                     context.work.keep(KIND, &key, &(&found, &run))?;
                     (found, run)
                 }
@@ -171,66 +201,70 @@ impl Case {
             context.work.note(&run);
             measured.push(found);
         }
+        let of_ablation = ablation(&context.models);
+        let start = Start::Scene(&self.start_of_networks);
         for model in context.models.clone() {
-            for (precision, addition) in [(Precision::F32, ""), (Precision::Bf16, ", bf16")] {
-                let place = measured.last().map_or("", |m: &Measured| &m.device);
-                if precision == Precision::Bf16 && place != context.device_name {
-                    // Only a GPU has it, and not every network runs there.
-                    continue;
-                }
-                let start = Start::Scene(&self.start_of_networks);
-                let run = context.rollout(&model, &start, precision)?;
-                let name = format!("{}{addition}", model.name);
-                let found = self.compared(Family::Network, &name, &run, &paths)?;
-                measured.push(Measured { model: Some(model.clone()), ..found });
+            let predict =
+                |context: &mut Context, family, way: &Model| -> miette::Result<Measured> {
+                    let run = context.rollout(way, &start)?;
+                    let mut found = compared(family, &way.name, &run, &paths)?;
+                    if family == Family::Network {
+                        found.time_again(|again| context.rollout_again(way, &start, again))?;
+                    }
+                    Ok(Measured { model: Some(way.clone()), ..found })
+                };
+            if of_ablation.iter().any(|other| other.name == model.name) {
+                measured.push(predict(context, Family::Ablation, &model)?);
+                continue;
+            }
+            let plain = predict(context, Family::Network, &model)?;
+            // Only a GPU has bf16, and not every network runs there.
+            let on_gpu = plain.error.is_some() && !plain.device.starts_with("cpu");
+            measured.push(plain);
+            let fast = if on_gpu { model.in_bf16() } else { model };
+            if on_gpu {
+                measured.push(predict(context, Family::Network, &fast)?);
+            }
+            // Twice the work: too much for minutes on two cores.
+            if context.suite == Suite::Full {
+                measured.push(predict(context, Family::Network, &fast.mirrored())?);
             }
         }
         let fronts: Vec<f64> =
             paths.iter().map(|path| front(path)).collect::<miette::Result<_>>()?;
         let front = 0.5 * (fronts[0] + fronts[1]);
         let [width, height] = self.size;
-        Ok(Sweep { measured, floor, front, runout: front - width, height })
-    }
-
-    fn compared(
-        &self,
-        family: Family,
-        name: &str,
-        run: &Run,
-        references: &[&Path],
-    ) -> miette::Result<Measured> {
-        if !run.succeeded {
-            return Ok(Measured {
-                family,
-                name: name.to_owned(),
-                model: None,
-                seconds: f64::NAN,
-                error: None,
-                failure: run.message.clone(),
-                device: String::new(),
-                processor_seconds: run.processor_seconds,
-                load: run.load,
-            });
-        }
-        let error = error(&run.output, references)?;
-        Ok(Measured { error: Some(error), ..measured(family, name, run)? })
+        Ok(Sweep { measured, floor, reference_seconds, front, runout: front - width, height })
     }
 }
 
-/// The time of a run and where it ran.
-fn measured(family: Family, name: &str, run: &Run) -> miette::Result<Measured> {
-    let trajectory = Trajectory::open(&run.output)?;
-    Ok(Measured {
+/// Time and errors of a run.
+fn compared(
+    family: Family,
+    name: &str,
+    run: &Run,
+    references: &[&Path],
+) -> miette::Result<Measured> {
+    let mut measured = Measured {
         family,
         name: name.to_owned(),
         model: None,
-        seconds: computing(&trajectory),
+        seconds: f64::NAN,
+        spread: None,
         error: None,
-        failure: String::new(),
-        device: trajectory.header().device.clone(),
+        failure: run.message.clone(),
+        device: String::new(),
         processor_seconds: run.processor_seconds,
         load: run.load,
-    })
+    };
+    if run.succeeded {
+        let trajectory = Trajectory::open(&run.output)?;
+        measured.seconds = computing(&trajectory);
+        measured.error = Some(error(&run.output, references)?);
+        measured.failure.clear();
+        measured.device.clone_from(&trajectory.header().device);
+    }
+    Ok(measured)
 }
 
 /// Mean errors against some references.

@@ -122,12 +122,12 @@ __device__ __forceinline__ void backward(const Backward& a) {
     const int matrix = PARTS * UNIT;
     Weights weights(a.weights, (uint4*)(scale + WIDTH), a.units, a.resident);
     for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
-        scale[k] = a.norm >= 0 && k < a.width ? a.parameters[a.norm + k] : 0.f;
+        scale[k] = a.norm >= 0 && k < a.width ? read_early(a.parameters + a.norm + k) : 0.f;
+    const u32 rows = read_early(a.count);
     wait_for_kernel_before();
     weights.wait();
 
     float sums[4][2] = {};
-    const u32 rows = a.count ? *a.count : a.rows;
     const u32 warps = blockDim.x / 32, warp = threadIdx.x / 32;
     for (Tiles tile(rows, a.resident); tile.next();) {
         weights.cursor = 0;

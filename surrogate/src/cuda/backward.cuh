@@ -1,6 +1,7 @@
 // What the backward kernels of MLPs take.
 
 struct Backward {
+    // Number of rows.
     const u32* count;
     // Gradient of the output, the sum of up to three: rows x 128, row `index[k]` of it, ...
     const Stored* output;
@@ -35,7 +36,6 @@ struct Backward {
     // (edges_backward.cu).
     float* sums;
 
-    u32 rows;
     int units, resident, select_none;
     int norm, layers, width, accumulate;
     // Number of products, and of blocks that share the rows.

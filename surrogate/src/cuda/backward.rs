@@ -5,12 +5,12 @@
 use super::error::CudaError;
 use super::kernels::{Address, Backward, Forward};
 use super::network::{CudaNetwork, View};
-use super::products::Products;
+use super::products::List;
 use super::room::{Passed, Saved};
 
 /// Which buffers hold the gradients that are passed on.
 struct Turn<'a> {
-    products: &'a Products,
+    list: &'a List,
     /// Of the node states after a layer,
     node: usize,
     /// and of the messages of a layer, if anything but their sum is used.
@@ -27,18 +27,17 @@ impl CudaNetwork {
         &self,
         views: &[View],
         passed: &Passed,
-        products: &Products,
+        list: &List,
     ) -> Result<(), CudaError> {
         let decoder = Backward {
             output32: passed.output,
-            rows: views[0].points as u32,
+            count: views[0].nodes,
             input32: [passed.node[0], 0],
-            ..self.mlp_backward(self.layout.decoder, &self.room.decoder, products)
+            ..self.mlp_backward(self.layout.decoder, &self.room.decoder, list)
         };
-        self.kernels.backward(&[decoder])?;
+        self.kernels.backward(&[decoder], self.nodes())?;
 
-        let mut turn =
-            Turn { products, node: 0, edge: passed.edge[0], messages_used: false, next: 0 };
+        let mut turn = Turn { list, node: 0, edge: passed.edge[0], messages_used: false, next: 0 };
         for layer in (0..self.layout.layers.len()).rev() {
             let view = &views[layer.min(views.len() - 1)];
             self.message_layer_backward(layer, view, passed, &mut turn)?;
@@ -57,8 +56,8 @@ impl CudaNetwork {
             };
             nodes.push(Backward {
                 output32: if first { passed.node[turn.node] } else { room.node_gradient },
-                rows: view.points as u32,
-                ..self.mlp_backward(node, &room.node_encoder, products)
+                count: view.nodes,
+                ..self.mlp_backward(node, &room.node_encoder, list)
             });
             edges.push(Backward {
                 output: if layout.residual { turn.edge } else { room.edge_gradient },
@@ -66,11 +65,11 @@ impl CudaNetwork {
                 selection: if layout.edge_fusion.is_some() && !first { room.previous } else { 0 },
                 select_none: 1,
                 count: view.edges,
-                ..self.mlp_backward(edge, &room.edge_encoder, products)
+                ..self.mlp_backward(edge, &room.edge_encoder, list)
             });
         }
-        self.kernels.backward(&edges)?;
-        self.kernels.backward(&nodes)
+        self.kernels.backward(&edges, self.edges())?;
+        self.kernels.backward(&nodes, self.nodes())
     }
 
     /// From the gradients of a layer's node states and messages to those of what it reads.
@@ -82,7 +81,7 @@ impl CudaNetwork {
         turn: &mut Turn,
     ) -> Result<(), CudaError> {
         let (mlps, room) = (&self.layout.layers[layer], &self.room.layers[layer]);
-        let rows = view.points as u32;
+        let count = view.nodes;
         // A residual network adds to the gradients where they are.
         let residual = self.layout.residual;
         let after = passed.node[turn.node];
@@ -92,12 +91,12 @@ impl CudaNetwork {
         let before = passed.node[turn.node];
         let update = Backward {
             output32: after,
-            rows,
+            count,
             input32: [before, passed.received],
             accumulate: i32::from(residual),
-            ..self.mlp_backward(mlps.update, &room.update, turn.products)
+            ..self.mlp_backward(mlps.update, &room.update, turn.list)
         };
-        self.kernels.backward(&[update])?;
+        self.kernels.backward(&[update], self.nodes())?;
 
         let output = if turn.messages_used { turn.edge } else { 0 };
         if !residual {
@@ -117,22 +116,22 @@ impl CudaNetwork {
             count: view.edges,
             input: turn.edge,
             accumulate: i32::from(residual && turn.messages_used),
-            ..self.mlp_backward(mlps.message, &room.message, turn.products)
+            ..self.mlp_backward(mlps.message, &room.message, turn.list)
         };
-        self.kernels.backward(&[message])?;
+        self.kernels.backward(&[message], self.edges())?;
         (turn.messages_used, turn.next) = (true, 0);
 
         let (sent, received) = (room.sender_gradient, room.receiver_gradient);
         let edge = [room.message.linear, sums];
-        self.kernels.collect(view.start, view.reverse, view.points, edge, [sent, received])?;
+        self.kernels.collect(view, self.nodes(), edge, [sent, received])?;
         let nodes = Forward {
             x: [sent, received],
-            rows,
+            count,
             output32: before,
             accumulate: 1,
             ..self.linear(mlps.to_nodes)
         };
-        self.kernels.forward(&[nodes], self.room.capacity.points)
+        self.kernels.forward(&[nodes], self.nodes())
     }
 
     /// From the gradients of the nodes and edges of a frame to those of the frame before; those of
@@ -157,26 +156,26 @@ impl CudaNetwork {
                 selection: room.previous,
                 count: view.edges,
                 input: turn.edge,
-                ..self.mlp_backward(fusion, &room.edge_fusion, turn.products)
+                ..self.mlp_backward(fusion, &room.edge_fusion, turn.list)
             };
-            self.kernels.backward(&[fusion])?;
+            self.kernels.backward(&[fusion], self.edges())?;
             (turn.messages_used, turn.next) = (true, room.next);
         }
         let output32 = passed.node[turn.node];
         turn.node = 1 - turn.node;
         let fusion = Backward {
             output32,
-            rows: view.points as u32,
+            count: view.nodes,
             input32: [passed.node[turn.node], room.node_gradient],
-            ..self.mlp_backward(self.layout.node_fusion, &room.node_fusion, turn.products)
+            ..self.mlp_backward(self.layout.node_fusion, &room.node_fusion, turn.list)
         };
-        self.kernels.backward(&[fusion])
+        self.kernels.backward(&[fusion], self.nodes())
     }
 
     /// What backward launches of an MLP have in common.
-    fn mlp_backward(&self, mlp: usize, saved: &Saved, products: &Products) -> Backward {
+    fn mlp_backward(&self, mlp: usize, saved: &Saved, list: &List) -> Backward {
         let m = &self.layout.mlps[mlp];
-        let (products, product_count) = products.of(saved, &self.kernels.device);
+        let (products, product_count) = list.of(saved, &self.kernels.device);
         Backward {
             products,
             product_count: product_count as i32,

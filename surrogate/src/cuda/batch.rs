@@ -2,35 +2,51 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::CudaSlice;
+use cudarc::driver::{CudaEvent, CudaSlice};
 use gpu::Device;
 
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::features::FrameBuilder;
+use super::features::{FrameBuilder, NewFrame};
+use super::network::Capacity;
+use super::push_forward::PushForward;
 use crate::config::{ModelConfig, ModelKind};
-use crate::data::Batch;
-use crate::features::Normalisation;
+use crate::data::{Batch, Unrolling};
+use crate::features::{Normalisation, Obstacle};
 
 /// Room for edges of each point at first; it grows as needed.
 pub const EDGES_PER_POINT: usize = 48;
 
-/// Makes batches, one in the place of the other.
+/// Places in which batches are made in turn, so that one is made while another is read.
+pub(super) const PLACES: usize = 2;
+
+/// Makes batches on a stream of its own.
 pub struct BatchBuilder {
     device: Arc<Device>,
+    /// The GPU with the stream on which batches are read.
+    reader: Arc<Device>,
     config: ModelConfig,
     norm: Normalisation,
     bounds: Vec<[f64; 2]>,
-    /// Points of each window of the batch.
-    windows: Vec<usize>,
-    room: Option<Room>,
+    /// Most points of each window so far, and edges to have room for.
+    largest: Vec<usize>,
+    edges: usize,
+    places: [Option<Place>; PLACES],
+    /// When what was in a place has been read.
+    read: [CudaEvent; PLACES],
+    /// When windows are there to be moved on, and when the network has said where to.
+    ready: CudaEvent,
+    said: CudaEvent,
+    /// The place of the next batch.
+    next: usize,
 }
 
 /// A batch and what it is made with.
-struct Room {
+struct Place {
     builder: FrameBuilder,
     /// frames of a window x points x dimensions.
     positions: CudaSlice<f32>,
+    pushing: PushForward,
     batch: DeviceBatch,
 }
 
@@ -38,8 +54,18 @@ struct Room {
 pub struct DeviceBatch {
     /// The frames that the network has graphs of, oldest first.
     pub frames: Vec<FrameInput>,
-    /// Normalised accelerations, points x dimensions.
+    /// Normalised accelerations, points x dimensions, at the start of the list,
     pub targets: CudaSlice<f32>,
+    /// and how many numbers they are.
+    pub values: usize,
+}
+
+impl DeviceBatch {
+    /// The room that a network needs for batches in this one's place.
+    pub fn room(&self) -> Capacity {
+        let graph = &self.frames[0].graph;
+        Capacity { points: graph.points, edges: graph.capacity }
+    }
 }
 
 /// Windows side by side.
@@ -51,14 +77,19 @@ pub struct HostWindows {
     pub positions: Vec<f32>,
     /// Features that never change, of the points of all windows.
     pub statics: Vec<f32>,
+    /// Obstacles of each window.
+    pub obstacles: Vec<Vec<Obstacle>>,
     /// Normalised accelerations of the points of all windows.
     pub targets: Vec<f32>,
+    /// How the network moves the windows on before it learns.
+    pub unrolling: Option<Unrolling>,
 }
 
 impl HostWindows {
-    /// Puts the windows of a batch, at least one, side by side.
-    pub fn new(batch: Batch) -> Self {
-        let Batch { windows, points, statics, targets } = batch;
+    /// Puts the windows of a batch, at least one, side by side, as they are or with what it takes to
+    /// move them on.
+    pub fn new(batch: Batch, unrolling: Option<Unrolling>) -> Self {
+        let Batch { windows, points, statics, obstacles, targets } = batch;
         let dimensions = targets.len() / points.iter().sum::<usize>().max(1);
         let strides: Vec<usize> = points.iter().map(|points| points * dimensions).collect();
         let frames = windows[0].len() / strides[0].max(1);
@@ -68,80 +99,162 @@ impl HostWindows {
                 positions.extend_from_slice(&window[frame * stride..(frame + 1) * stride]);
             }
         }
-        Self { points, positions, statics: statics.concat(), targets }
+        Self { points, positions, statics: statics.concat(), obstacles, targets, unrolling }
     }
 }
 
 impl BatchBuilder {
-    /// `bounds` are the lower and upper wall of each direction (m).
+    /// For those who read batches on the stream of a `reader`. `bounds` are the lower and upper wall
+    /// of each direction (m).
+    ///
+    /// # Errors
+    /// A failure of the GPU.
     pub fn new(
-        device: &Arc<Device>,
+        reader: &Arc<Device>,
         config: &ModelConfig,
         norm: &Normalisation,
         bounds: &[[f64; 2]],
-    ) -> Self {
-        Self {
-            device: device.clone(),
+    ) -> Result<Self, CudaError> {
+        let event = || reader.context().new_event(None);
+        Ok(Self {
+            device: reader.with_urgent_stream()?,
+            reader: reader.clone(),
             config: config.clone(),
             norm: norm.clone(),
             bounds: bounds.to_vec(),
-            windows: Vec::new(),
-            room: None,
-        }
+            largest: Vec::new(),
+            edges: 0,
+            places: [None, None],
+            read: [event()?, event()?],
+            ready: event()?,
+            said: event()?,
+            next: 0,
+        })
     }
 
-    /// Makes the batch of some windows, at least one point, all with the frames of the network.
-    /// Waits to see whether all edges found room.
+    /// Makes the batch of some windows, at least one point, all with the frames of the network, while
+    /// what is queued on the reader's stream goes on. Waits until it is made. It stays until after the
+    /// next one.
+    ///
+    /// Windows that are to be moved on are so with what `say` queues on the reader's stream: normalised
+    /// accelerations of a batch, points x dimensions, to the start of a list.
     ///
     /// # Errors
     /// A network that is too large for the kernels, too little memory, no compiler, or a kernel
-    /// failed.
-    pub fn make(&mut self, host: &HostWindows) -> Result<&DeviceBatch, CudaError> {
-        let mut room = match self.room.take() {
-            Some(room) if self.windows == host.points => room,
-            _ => self.room(&host.points, EDGES_PER_POINT * host.points.iter().sum::<usize>())?,
-        };
+    /// failed; those of `say`.
+    pub fn make(
+        &mut self,
+        host: &HostWindows,
+        mut say: impl FnMut(&DeviceBatch, &mut CudaSlice<f32>) -> Result<(), CudaError>,
+    ) -> Result<&DeviceBatch, CudaError> {
+        let now = self.next;
+        self.next = (now + 1) % PLACES;
+        // What reads the batch before is queued by now.
+        self.read[self.next].record(self.reader.stream())?;
         let stream = self.device.stream().clone();
+        stream.wait(&self.read[now])?;
+        self.make_room(&host.points);
+        let mut place = match self.places[now].take() {
+            Some(place) if place.builder.has_room_for(&host.points) => place,
+            _ => self.place()?,
+        };
         loop {
-            stream.memcpy_htod(&host.positions, &mut room.positions)?;
-            stream.memcpy_htod(&host.targets, &mut room.batch.targets)?;
-            let Room { builder, positions, batch } = &mut room;
-            builder.set_statics(&host.statics)?;
-            let values = host.targets.len();
-            let at: Vec<_> = (0..self.config.window())
-                .map(|k| positions.slice(k * values..(k + 1) * values))
-                .collect();
-            let first = at.len() - batch.frames.len();
-            for (k, frame) in (first..).zip(&mut batch.frames) {
-                builder.graph(&at[k], frame)?;
+            stream.memcpy_htod(&host.positions, &mut place.positions)?;
+            stream.memcpy_htod(&host.targets, &mut place.batch.targets)?;
+            place.batch.values = host.targets.len();
+            place.builder.set_windows(&host.points)?;
+            place.builder.set_statics(&host.statics)?;
+            place.builder.set_obstacles(&host.obstacles)?;
+            self.make_frames(&mut place)?;
+            if let Some(unrolling) = &host.unrolling {
+                self.push_forward(&mut place, unrolling, &mut say)?;
+            }
+            let needed = place.builder.needed()?;
+            if needed <= place.batch.frames[0].graph.capacity {
+                break;
+            }
+            self.edges = needed + needed / 4;
+            place = self.place()?;
+        }
+        Ok(&self.places[now].insert(place).batch)
+    }
+
+    /// Queues the making of graphs and features from positions.
+    fn make_frames(&self, place: &mut Place) -> Result<(), CudaError> {
+        let Place { builder, positions, batch, .. } = place;
+        let at: Vec<_> = (0..self.config.window())
+            .map(|k| positions.slice(k * batch.values..(k + 1) * batch.values))
+            .collect();
+        let first = at.len() - batch.frames.len();
+        let mut frames: Vec<_> = (first..)
+            .zip(&mut batch.frames)
+            .map(|(k, frame)| {
                 let known = match self.config.kind {
                     ModelKind::Tgnns => (k + 1 - first).min(2),
                     ModelKind::Gns => self.config.frames,
                 };
-                builder.features(&at[..=k], known, frame)?;
-            }
-            let needed = builder.needed()?;
-            if needed <= batch.frames[0].graph.capacity {
-                break;
-            }
-            room = self.room(&host.points, needed + needed / 4)?;
-        }
-        self.windows.clone_from(&host.points);
-        Ok(&self.room.insert(room).batch)
+                NewFrame { past: &at[..=k], known, frame }
+            })
+            .collect();
+        builder.graphs(&mut frames)?;
+        Ok(builder.features(&mut frames)?)
     }
 
-    fn room(&self, windows: &[usize], capacity: usize) -> Result<Room, CudaError> {
-        let Self { device, config, norm, bounds, .. } = self;
-        let builder = FrameBuilder::new(device, config, norm, bounds, windows)?;
+    /// Queues the moving of windows.
+    fn push_forward(
+        &self,
+        place: &mut Place,
+        unrolling: &Unrolling,
+        say: &mut impl FnMut(&DeviceBatch, &mut CudaSlice<f32>) -> Result<(), CudaError>,
+    ) -> Result<(), CudaError> {
+        let (stream, reader) = (self.device.stream(), self.reader.stream());
+        place.pushing.begin(unrolling)?;
+        for left in (0..unrolling.steps).rev() {
+            self.ready.record(stream)?;
+            reader.wait(&self.ready)?;
+            say(&place.batch, &mut place.pushing.said)?;
+            self.said.record(reader)?;
+            stream.wait(&self.said)?;
+            let Place { builder, positions, pushing, batch } = place;
+            let size = [self.config.window(), batch.values];
+            let targets = Some(&mut batch.targets).filter(|_| left == 0);
+            pushing.step(builder.window(), positions, size, targets)?;
+            self.make_frames(place)?;
+        }
+        Ok(())
+    }
+
+    /// Sees to it that new places have room for such windows.
+    fn make_room(&mut self, points: &[usize]) {
+        self.largest.resize(self.largest.len().max(points.len()), 0);
+        for (largest, &points) in self.largest.iter_mut().zip(points) {
+            *largest = points.max(*largest);
+        }
+        self.edges = self.edges.max(EDGES_PER_POINT * self.largest.iter().sum::<usize>());
+    }
+
+    fn place(&self) -> Result<Place, CudaError> {
+        let Self { device, config, norm, bounds, largest, .. } = self;
+        let graphs = config.graphs();
+        let builder = FrameBuilder::new(device, config, norm, bounds, largest, graphs)?;
         let values = builder.points() * config.dimensions;
-        let frames = (0..config.graphs()).map(|_| builder.allocate(capacity));
-        Ok(Room {
+        let frames = (0..graphs).map(|_| builder.allocate(self.edges));
+        Ok(Place {
             positions: device.zeros(config.window() * values)?,
+            pushing: PushForward::new(device, largest.len(), values)?,
             batch: DeviceBatch {
                 frames: frames.collect::<Result<_, _>>()?,
                 targets: device.zeros(values)?,
+                values: 0,
             },
             builder,
         })
+    }
+}
+
+impl Drop for BatchBuilder {
+    /// Waits for what reads the batches, whose memory goes.
+    fn drop(&mut self) {
+        let _ = self.reader.stream().synchronize();
     }
 }

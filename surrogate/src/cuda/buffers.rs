@@ -6,10 +6,9 @@ use cudarc::driver::CudaSlice;
 /// receiver, then sender.
 #[derive(Debug)]
 pub struct DeviceGraph {
-    /// Nodes, those of all windows of the batch together.
+    /// Nodes (of all windows of the batch together) and edges that the buffers have room for;
+    /// kernels are launched for this many and return beyond `nodes` and `edges`.
     pub points: usize,
-    /// Edges the buffers have room for; kernels are launched for this many and return beyond
-    /// `edges`.
     pub capacity: usize,
     /// First edge of each receiver (points + 1).
     pub start: CudaSlice<u32>,
@@ -20,7 +19,9 @@ pub struct DeviceGraph {
     /// Index of the edge with sender and receiver swapped (capacity): the graph is symmetric, so
     /// the gradient with respect to senders is a gather, without atomics.
     pub reverse: CudaSlice<u32>,
-    /// Number of edges (1), on the device, so that a CUDA graph can be replayed while it changes.
+    /// Numbers of nodes and of edges (1), on the device, so that a CUDA graph can be replayed while
+    /// they change.
+    pub nodes: CudaSlice<u32>,
     pub edges: CudaSlice<u32>,
 }
 

@@ -17,8 +17,6 @@ constexpr int EDGE_THREADS = (2 + WALKERS) * GROUP_THREADS;
 constexpr int ROWS = 64;
 // Registers of a thread that adds up, and of one that walks: 128 on average.
 constexpr int SUM_REGISTERS = 160, WALKER_REGISTERS = 96;
-// Threads that share a pair of columns in sums over rows.
-constexpr int SHARERS = GROUP_THREADS / (WIDTH / 2);
 // Rows of a tile of which a thread copies eight columns, and how many of them it works on at a time.
 constexpr int SHARE = ROWS * 16 / GROUP_THREADS;
 constexpr int TOGETHER = SHARE / 2;
@@ -58,8 +56,6 @@ struct Shared {
     };
     // LayerNorm's scale, and 1 / width.
     float scale[WIDTH], share;
-    // Sums over rows that are left to be added up.
-    float partial[2][SHARERS][WIDTH];
 };
 
 static_assert(sizeof(Shared) <= EDGES_SHARED, "shared memory of a block");
@@ -81,8 +77,8 @@ struct Pass {
 
 // Where groups of threads meet, a place for each walker: it has made the dZ of the first linear, of the
 // second or of the one that reads features; the first dZ has been read, the tile is done with; the
-// walker's own threads. Then those of groups that add up.
-enum Meeting { BLOCK, FIRST, FIRST_DONE = 3, SECOND = 5, FEATURES = 7, TILE_DONE = 9, WALKER = 11, SUMS = 13 };
+// walker's own threads.
+enum Meeting { BLOCK, FIRST, FIRST_DONE = 3, SECOND = 5, FEATURES = 7, TILE_DONE = 9, WALKER = 11 };
 
 __device__ __forceinline__ void meet(int where, int threads = 2 * GROUP_THREADS) {
     asm volatile("bar.sync %0, %1;" : : "r"(where), "r"(threads) : "memory");
@@ -385,71 +381,61 @@ __device__ __forceinline__ void walk(Shared& shared, const Backward& a, const Pa
     }
 }
 
-// Of a linear's dZ, the sums of its columns over a tile's rows: this thread's pair of columns.
-__device__ __forceinline__ void add_bias(float (&bias)[2], const Matrix<ROWS>& dz) {
-    const int pair = threadIdx.x % (WIDTH / 2), share = ROWS / SHARERS;
-#pragma unroll 8
-    for (int k = 0; k < share; k++) {
-        const int row = threadIdx.x % GROUP_THREADS / (WIDTH / 2) * share + k;
-        const u32 both = ((const u32*)&dz.at(row, pair / 4))[pair % 4];
-        bias[0] += low(both);
-        bias[1] += high(both);
-    }
-}
+// dZ^T Y of a tile after the other, for Y with eight columns; a warp has 32 columns of dZ.
+struct ThinSums {
+    // Of each 16 of them columns g and g + 8, each with columns 2t and 2t + 1 of Y.
+    float sum[2][4] = {};
 
-// The block's share of the gradient of a bias. For all threads of a group.
-__device__ void write_bias(const Product& a, const float (&bias)[2], Shared& shared, int group) {
-    const int pair = threadIdx.x % (WIDTH / 2), column = threadIdx.x % GROUP_THREADS;
-    for (int i = 0; i < 2; i++) shared.partial[group][column / (WIDTH / 2)][2 * pair + i] = bias[i];
-    meet(SUMS + group, GROUP_THREADS);
-    float total = 0.f;
-    for (int k = 0; k < SHARERS; k++) total += shared.partial[group][k][column];
-    a.bias[blockIdx.x * WIDTH + column] = total;
-    meet(SUMS + group, GROUP_THREADS);
-}
-
-// X^T dZ with features for X, and 1 for the last of them, of a tile after the other; a warp has 32
-// columns.
-struct FeatureSums {
-    // Of row g and eight times four columns.
-    float weight[4][2] = {};
-
-    __device__ void add(const float* features, int count, const Matrix<ROWS>& dz) {
-        const int lane = threadIdx.x % 32, g = lane / 4, t = lane % 4;
-        const int chunk = threadIdx.x % GROUP_THREADS / 32 * 4;
-        // Rows 2t and 2t + 1 of column g.
-        const float* from = features + 2 * t * count + g;
+    // `y(k, b)` gives rows 16 k + 2t, 16 k + 2t + 8 and those below of column g of Y.
+    template <class Y>
+    __device__ __forceinline__ void add(const Matrix<ROWS>& dz, Y y) {
+        const int lane = threadIdx.x % 32, row = lane / 16 * 8 + lane % 8;
+        const int chunk = threadIdx.x % GROUP_THREADS / 32 * 4 + lane / 8 % 2;
+        // Sixteen rows on, the place in a row is the same.
+        const uint4* const left[2] = {&dz.at(row, chunk), &dz.at(row, chunk + 2)};
+        constexpr int ROW = sizeof dz.chunks[0][0] / sizeof(uint4);
 #pragma unroll
         for (int k = 0; k < ROWS / 16; k++) {
-            // There are no rows but eight.
-            u32 left[4] = {};
+            u32 b[2];
+            y(k, b);
 #pragma unroll
-            for (int half = 0; half < 2; half++, from += 8 * count)
-                left[2 * half] = g < count               ? pack(from[0], from[count])
-                                 : g == EDGE_FEATURES - 1 ? pack(1.f, 1.f)
-                                                          : 0;
-#pragma unroll
-            for (int j = 0; j < 4; j += 2) {
-                u32 b[4];
-                load_transposed(b, &dz.at(16 * k + lane % 16, chunk + j + lane / 16));
-#pragma unroll
-                for (int i = 0; i < 2; i++) {
-                    float sum[4] = {weight[j + i][0], weight[j + i][1]};
-                    multiply_add(sum, left, b[2 * i], b[2 * i + 1]);
-                    weight[j + i][0] = sum[0], weight[j + i][1] = sum[1];
-                }
+            for (int m = 0; m < 2; m++) {
+                u32 a[4];
+                load_transposed(a, left[m] + 16 * ROW * k);
+                multiply_add(sum[m], a, b[0], b[1]);
             }
         }
     }
 
-    __device__ void write(const Product& a) const {
+    // Sums of the columns of dZ: Y is 1.
+    __device__ __forceinline__ void add_columns(const Matrix<ROWS>& dz) {
+        const u32 one = pack(1.f, 1.f);
+        add(dz, [&](int, u32(&b)[2]) { b[0] = b[1] = one; });
+    }
+
+    // With features for Y, and 1 for its last column.
+    __device__ __forceinline__ void add_features(const Matrix<ROWS>& dz, const float* features,
+                                                 int count) {
         const int lane = threadIdx.x % 32, g = lane / 4, t = lane % 4;
-        const int column = threadIdx.x % GROUP_THREADS / 32 * 32 + 2 * t;
-        float* to = a.weight + (size_t)blockIdx.x * WIDTH * WIDTH + g * WIDTH + column;
-        // The sums of dZ.
-        if (g == EDGE_FEATURES - 1 && a.bias) to = a.bias + blockIdx.x * WIDTH + column;
+        const float other = g == EDGE_FEATURES - 1 ? 1.f : 0.f;
+        const float* from = features + 2 * t * count + g;
+        add(dz, [&](int, u32(&b)[2]) {
 #pragma unroll
-        for (int j = 0; j < 4; j++) *(float2*)(to + 8 * j) = make_float2(weight[j][0], weight[j][1]);
+            for (int half = 0; half < 2; half++, from += 8 * count)
+                b[half] = pack(g < count ? from[0] : other, g < count ? from[count] : other);
+        });
+    }
+
+    // Calls `to(column of dZ, column of Y)` for the place of each of the lane's sums.
+    template <class To>
+    __device__ __forceinline__ void write(To to) const {
+        const int lane = threadIdx.x % 32, g = lane / 4, t = lane % 4;
+        const int first = threadIdx.x % GROUP_THREADS / 32 * 32 + g;
+#pragma unroll
+        for (int m = 0; m < 2; m++)
+#pragma unroll
+            for (int k = 0; k < 4; k++)
+                if (float* place = to(first + 16 * m + k / 2 * 8, 2 * t + k % 2)) *place = sum[m][k];
     }
 };
 
@@ -507,8 +493,8 @@ __device__ __forceinline__ void add_up(Shared& shared, const Backward& a, const 
     auto& stages = stages_of(shared, (Kind*)nullptr);
     constexpr int STAGES = sizeof stages / sizeof(Kind);
     const u32 rows = *a.count, tiles = (rows + ROWS - 1) / ROWS;
-    float weight[2][16][4] = {}, bias[2] = {};
-    FeatureSums feature_sums;
+    float weight[2][16][4] = {};
+    ThinSums bias, feature_sums;
     int current = 0;
     for (u32 tile = blockIdx.x; tile < tiles; tile += a.blocks, current = (current + 1) % STAGES) {
         const Kind& stage = stages[current];
@@ -526,14 +512,14 @@ __device__ __forceinline__ void add_up(Shared& shared, const Backward& a, const 
                     describe(stage.x[SUMMED].chunks[side][k], sizeof stage.x[0].chunks[0]),
                     describe(dz->chunks[0][k], sizeof dz->chunks[0]));
         commit_products();
-        if (product->bias) add_bias(bias, *dz);
+        if (product->bias) bias.add_columns(*dz);
         wait_for_products();
         if (SUMMED == 0) announce(FIRST_DONE + walker);
         if constexpr (Kind::WHOLE)
             if (features) {
                 meet(FEATURES + walker);
-                feature_sums.add(stage.features, features->feature_count,
-                                 SUMMED == 1 ? stage.dz : stage.output);
+                feature_sums.add_features(SUMMED == 1 ? stage.dz : stage.output, stage.features,
+                                          features->feature_count);
             }
         if (SUMMED == 1 || features) announce(TILE_DONE + walker);
     }
@@ -549,8 +535,16 @@ __device__ __forceinline__ void add_up(Shared& shared, const Backward& a, const 
             *(float2*)place = make_float2(w[0], w[1]);
             *(float2*)(place + 8 * WIDTH) = make_float2(w[2], w[3]);
         }
-    if (product->bias) write_bias(*product, bias, shared, SUMMED);
-    if (features) feature_sums.write(*features);
+    if (product->bias)
+        bias.write([&](int column, int y) {
+            return y == 0 ? product->bias + blockIdx.x * WIDTH + column : nullptr;
+        });
+    if (features)
+        feature_sums.write([&](int column, int y) {
+            return y == EDGE_FEATURES - 1 && features->bias
+                       ? features->bias + blockIdx.x * WIDTH + column
+                       : features->weight + ((size_t)blockIdx.x * WIDTH + y) * WIDTH + column;
+        });
 }
 
 // The block's sums for LayerNorm's scale and shift, of the walkers. For all threads.
@@ -615,7 +609,7 @@ extern "C" __global__ void __launch_bounds__(EDGE_THREADS, 1)
     const Backward& a = batch.item[blockIdx.y];
     if (threadIdx.x < WIDTH)
         shared.scale[threadIdx.x] =
-            threadIdx.x < a.width ? a.parameters[a.norm + threadIdx.x] : 0.f;
+            threadIdx.x < a.width ? read_early(a.parameters + a.norm + threadIdx.x) : 0.f;
     if (threadIdx.x == 0) shared.share = 1.f / a.width;
     wait_for_kernel_before();
     const int role = __shfl_sync(ALL, threadIdx.x / GROUP_THREADS, 0);

@@ -1,7 +1,8 @@
-// Features of one frame's nodes and edges: the CUDA twin of surrogate/src/features.rs, equal to it to
-// the bit.
+// Features of the nodes and edges of frames: the CUDA twin of surrogate/src/features.rs, equal to it to
+// the bit. Blocks (x, y) make those of frame y.
 //
-// DIMENSIONS is 2 or 3, FRAMES the most frames of a History (defined by features.rs).
+// DIMENSIONS is 2 or 3, FRAMES the most frames of a launch, PAST the most of a history (defined by
+// features.rs).
 
 struct Scales {
     float radius;
@@ -10,49 +11,92 @@ struct Scales {
     float bounds[3][2];
     // Features of the GNS in place of those of the TGNNS.
     int gns;
+    // Distances to walls are clamped to one radius.
+    int clamped;
+    // How far points may be inside an obstacle and still see its face (m).
+    float skin;
+    // Features beyond velocity and walls.
+    int further;
 };
 
-// Positions in the frames whose velocities a node knows, oldest first: the frame itself is the last.
-struct History {
-    const float* at[FRAMES];
-    int count;
+// A fixed box: lower and upper corner (m).
+struct Obstacle {
+    float low[DIMENSIONS], high[DIMENSIONS];
 };
 
-// Features beyond velocity and walls, points x columns.
-struct Further {
-    float* values;
-    int columns;
+// The obstacles of each window: those from `first[window]` to `first[window + 1]`.
+struct Obstacles {
+    const Obstacle* all;
+    const unsigned* first;
+    const unsigned* window;
+};
+
+struct Frame {
+    // Positions in the frame, in the one before it, and so on.
+    const float* past[PAST];
+    // Of them those whose velocities a node knows.
+    int known;
+    // Senders and receivers of edges, and their number.
+    const unsigned *edges, *receivers, *senders;
+    // Features beyond velocity and walls, points x `Scales::further`.
+    float* further;
+    // Features of nodes and edges.
+    float *node, *edge;
+};
+
+struct Frames {
+    Frame of[FRAMES];
 };
 
 // In radii. The paper's placeholder: a wall farther than the radius is at distance 0.
 __device__ float wall_distance(float distance, const Scales& scales) {
     const float scaled = distance / scales.radius;
-    if (scales.gns) return fminf(fmaxf(scaled, -1.0f), 1.0f);
+    if (scales.clamped) return fminf(fmaxf(scaled, -1.0f), 1.0f);
     return distance > scales.radius ? 0.0f : scaled;
+}
+
+// Whether an obstacle is in the way of a point that moves in direction k.
+__device__ bool in_the_way(const Obstacle& box, const float* x, int k, float skin) {
+    bool yes = true;
+    for (int j = 0; j < DIMENSIONS; ++j) {
+        yes = yes && (j == k || !(x[j] <= box.low[j] + skin || x[j] >= box.high[j] - skin));
+    }
+    return yes;
 }
 
 // Velocities, distances to the walls, further features.
 extern "C" __global__ void node_features(
-    unsigned points, Scales scales, History history, Further further, float* features) {
+    unsigned points, Scales scales, const __grid_constant__ Frames frames, Obstacles obstacles) {
+    const Frame& frame = frames.of[blockIdx.y];
     const unsigned point = blockIdx.x * blockDim.x + threadIdx.x;
     if (point >= points) {
         return;
     }
     const unsigned first = point * DIMENSIONS;
-    float* out = features + point * ((history.count + 1) * DIMENSIONS + further.columns);
-    for (int frame = 1; frame < history.count; ++frame) {
+    float* out = frame.node + point * ((frame.known + 1) * DIMENSIONS + scales.further);
+    for (int back = frame.known - 2; back >= 0; --back) {
         for (int k = 0; k < DIMENSIONS; ++k) {
-            const float step = history.at[frame][first + k] - history.at[frame - 1][first + k];
+            const float step = frame.past[back][first + k] - frame.past[back + 1][first + k];
             *out++ = (step - scales.velocity_mean[k]) / scales.velocity_std[k];
         }
     }
-    const float* x = history.at[history.count - 1] + first;
+    const float* x = frame.past[0] + first;
+    const unsigned window = obstacles.window[point];
     for (int k = 0; k < DIMENSIONS; ++k) {
-        *out++ = wall_distance(x[k] - scales.bounds[k][0], scales);
-        *out++ = wall_distance(scales.bounds[k][1] - x[k], scales);
+        float below = x[k] - scales.bounds[k][0], above = scales.bounds[k][1] - x[k];
+        for (unsigned o = obstacles.first[window]; o < obstacles.first[window + 1]; ++o) {
+            const Obstacle box = obstacles.all[o];
+            if (in_the_way(box, x, k, scales.skin)) {
+                const float over = x[k] - box.high[k], under = box.low[k] - x[k];
+                if (over >= -scales.skin) below = fminf(below, fmaxf(over, 0.0f));
+                if (under >= -scales.skin) above = fminf(above, fmaxf(under, 0.0f));
+            }
+        }
+        *out++ = wall_distance(below, scales);
+        *out++ = wall_distance(above, scales);
     }
-    for (int k = 0; k < further.columns; ++k) {
-        *out++ = further.values[point * further.columns + k];
+    for (int k = 0; k < scales.further; ++k) {
+        *out++ = frame.further[point * scales.further + k];
     }
 }
 
@@ -60,13 +104,14 @@ extern "C" __global__ void node_features(
 // standardised, into a column of the further features: the twin of `overburden` in
 // surrogate/src/node_features.rs. A warp for each point.
 extern "C" __global__ void overburden(
-    unsigned points, const unsigned* window, float radius, const float* now, float mean, float std,
-    Further further, int column) {
+    unsigned points, Scales scales, const __grid_constant__ Frames frames, const unsigned* window,
+    float mean, float std, int column) {
     const unsigned point = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
     if (point >= points) {
         return;
     }
-    const float half = radius / 2.0f;
+    const float half = scales.radius / 2.0f;
+    const float* now = frames.of[blockIdx.y].past[0];
     const float* x = now + point * DIMENSIONS;
     unsigned above = 0;
     for (unsigned other = lane; other < points; other += 32) {
@@ -82,7 +127,7 @@ extern "C" __global__ void overburden(
         above += __shfl_xor_sync(0xffffffff, above, bit);
     }
     if (lane == 0) {
-        further.values[point * further.columns + column] = (float(above) - mean) / std;
+        frames.of[blockIdx.y].further[point * scales.further + column] = (float(above) - mean) / std;
     }
 }
 
@@ -94,35 +139,39 @@ struct Standard {
 // Accelerations from the positions in a frame and the two before it, standardised, into columns of
 // the further features: the twin of `moving_features` in surrogate/src/node_features.rs.
 extern "C" __global__ void acceleration(
-    unsigned points, const float* oldest, const float* before, const float* now,
-    Standard standard, Further further, int column) {
+    unsigned points, Scales scales, const __grid_constant__ Frames frames, Standard standard,
+    int column) {
     const unsigned k = blockIdx.x * blockDim.x + threadIdx.x;
     if (k >= points * DIMENSIONS) {
         return;
     }
     const unsigned point = k / DIMENSIONS, axis = k % DIMENSIONS;
+    const Frame& frame = frames.of[blockIdx.y];
+    const float *now = frame.past[0], *before = frame.past[1], *oldest = frame.past[2];
     const float a = (now[k] - before[k]) - (before[k] - oldest[k]);
-    further.values[point * further.columns + column + axis] =
+    frame.further[point * scales.further + column + axis] =
         (a - standard.mean[axis]) / standard.std[axis];
 }
 
 // [velocity of the sender less that of the receiver,] direction from receiver to sender (GNS:
-// displacement / radius), distance. `before` are the positions in the frame before, or null.
-extern "C" __global__ void edge_features(
-    const unsigned* edges, const unsigned* receivers, const unsigned* senders, Scales scales,
-    const float* now, const float* before, float* features) {
+// displacement / radius), distance. Velocities are known of later frames of a TGNNS.
+extern "C" __global__ void edge_features(Scales scales, const __grid_constant__ Frames frames) {
+    const Frame& frame = frames.of[blockIdx.y];
     const unsigned edge = blockIdx.x * blockDim.x + threadIdx.x;
-    if (edge >= edges[0]) {
+    if (edge >= frame.edges[0]) {
         return;
     }
-    const unsigned receiver = receivers[edge] * DIMENSIONS, sender = senders[edge] * DIMENSIONS;
-    float* out = features + edge * (before ? 2 * DIMENSIONS + 1 : DIMENSIONS + 1);
+    const bool moving = !scales.gns && frame.known > 1;
+    const float *now = frame.past[0], *before = frame.past[1];
+    const unsigned receiver = frame.receivers[edge] * DIMENSIONS;
+    const unsigned sender = frame.senders[edge] * DIMENSIONS;
+    float* out = frame.edge + edge * (moving ? 2 * DIMENSIONS + 1 : DIMENSIONS + 1);
     float displacement[DIMENSIONS];
     float square = 0.0f;
     for (int k = 0; k < DIMENSIONS; ++k) {
         displacement[k] = now[sender + k] - now[receiver + k];
         square = __fadd_rn(square, __fmul_rn(displacement[k], displacement[k]));
-        if (before) {
+        if (moving) {
             const float of_sender = now[sender + k] - before[sender + k];
             const float of_receiver = now[receiver + k] - before[receiver + k];
             *out++ = (of_sender - of_receiver) / scales.velocity_std[k];

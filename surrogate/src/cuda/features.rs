@@ -11,25 +11,28 @@ use gpu::{Device, Error};
 
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::graph::GraphBuilder;
-use super::launch::{address, each};
+use super::graph::{FRAMES, GraphBuilder};
+use super::launch::{address, each, of_frames};
 use super::network::supports;
 use crate::config::{ModelConfig, ModelKind};
-use crate::features::Normalisation;
+use crate::features::{Normalisation, Obstacle, SKIN};
 use crate::node_features::{self, NodeFeature};
 
 /// The source of the kernels.
 pub const FEATURES_SOURCE: &str = include_str!("features.cu");
 
-/// Most frames whose velocities a node knows: more than the GNS has at most.
-const FRAMES: usize = 16;
+/// Most frames of a history: more than the GNS has at most.
+const PAST: usize = 16;
+
+/// Numbers of an obstacle.
+const OBSTACLE: usize = 4;
 
 /// Threads of a warp.
 const LANES: usize = 32;
 
 /// Definitions that the source needs.
 pub fn features_defines(dimensions: usize) -> Vec<String> {
-    vec![format!("DIMENSIONS={dimensions}"), format!("FRAMES={FRAMES}")]
+    vec![format!("DIMENSIONS={dimensions}"), format!("FRAMES={FRAMES}"), format!("PAST={PAST}")]
 }
 
 /// `Scales` of `features.cu`.
@@ -41,21 +44,35 @@ struct Scales {
     velocity_std: [f32; 3],
     bounds: [[f32; 2]; 3],
     gns: i32,
+    clamped: i32,
+    skin: f32,
+    further: i32,
 }
 
 // SAFETY: plain numbers without padding, laid out as in `features.cu`.
 unsafe impl DeviceRepr for Scales {}
 
-/// `History` of `features.cu`.
+/// `Frame` of `features.cu`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
-struct History {
-    at: [CUdeviceptr; FRAMES],
-    count: i32,
+struct FrameAddress {
+    past: [CUdeviceptr; PAST],
+    known: i32,
+    edges: CUdeviceptr,
+    receivers: CUdeviceptr,
+    senders: CUdeviceptr,
+    further: CUdeviceptr,
+    node: CUdeviceptr,
+    edge: CUdeviceptr,
 }
 
-// SAFETY: addresses and a number, laid out as in `features.cu`.
-unsafe impl DeviceRepr for History {}
+/// `Frames` of `features.cu`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+struct FramesAddress([FrameAddress; FRAMES]);
+
+// SAFETY: addresses and numbers, laid out as in `features.cu`.
+unsafe impl DeviceRepr for FramesAddress {}
 
 /// `Standard` of `features.cu`.
 #[repr(C)]
@@ -68,16 +85,29 @@ struct Standard {
 // SAFETY: plain numbers, laid out as in `features.cu`.
 unsafe impl DeviceRepr for Standard {}
 
-/// `Further` of `features.cu`.
+/// `Obstacles` of `features.cu`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
-struct FurtherAddress {
-    values: CUdeviceptr,
-    columns: i32,
+struct ObstaclesAddress {
+    all: CUdeviceptr,
+    first: CUdeviceptr,
+    window: CUdeviceptr,
 }
 
-// SAFETY: an address and a number, laid out as in `features.cu`.
-unsafe impl DeviceRepr for FurtherAddress {}
+// SAFETY: addresses, laid out as in `features.cu`.
+unsafe impl DeviceRepr for ObstaclesAddress {}
+
+/// A frame that is to be made.
+pub struct NewFrame<'a> {
+    /// Positions in the frames up to this one, the last of them: as many as its features follow
+    /// from.
+    pub past: &'a [CudaView<'a, f32>],
+    /// The newest of them, whose velocities a node knows: of a GNS all frames of the network; of a
+    /// TGNNS the frame before and this one, or the first alone.
+    pub known: usize,
+    /// Where graph and features go.
+    pub frame: &'a mut FrameInput,
+}
 
 /// Makes what a network reads of frames: graph and features.
 pub struct FrameBuilder {
@@ -90,13 +120,19 @@ pub struct FrameBuilder {
     config: ModelConfig,
     norm: Normalisation,
     scales: Scales,
-    /// Features beyond velocity and walls, points x columns, of the frame that is made.
+    /// Frames that are made at once.
+    frames: usize,
+    /// Features beyond velocity and walls of each of them, points x columns.
     further: CudaSlice<f32>,
+    /// Lower and upper corners of the obstacles that the network sees, window after window,
+    obstacles: CudaSlice<f32>,
+    /// and where those of each window begin and end.
+    first_obstacle: CudaSlice<u32>,
 }
 
 impl FrameBuilder {
-    /// For windows with these numbers of points, side by side. `bounds` are the lower and upper wall
-    /// of each direction (m).
+    /// For windows with these numbers of points, side by side, of which some `frames` are made at
+    /// once. `bounds` are the lower and upper wall of each direction (m).
     ///
     /// # Errors
     /// A network that is too large for the kernels, too little memory, or no compiler.
@@ -106,22 +142,35 @@ impl FrameBuilder {
         norm: &Normalisation,
         bounds: &[[f64; 2]],
         windows: &[usize],
+        frames: usize,
     ) -> Result<Self, CudaError> {
         supports(config)?;
         let d = config.dimensions;
         let radius = config.connection_radius as f32;
         let gns = i32::from(config.kind == ModelKind::Gns);
-        let mut scales = Scales { radius, gns, ..Scales::default() };
+        let clamped = i32::from(config.clamps_walls());
+        let further = config.further_node_features();
+        let mut scales = Scales {
+            radius,
+            gns,
+            clamped,
+            skin: SKIN * radius,
+            further: further as i32,
+            ..Scales::default()
+        };
         for (k, walls) in bounds.iter().enumerate() {
             scales.velocity_mean[k] = norm.velocity_mean[k] as f32;
             scales.velocity_std[k] = norm.velocity_std[k] as f32;
             scales.bounds[k] = walls.map(|wall| wall as f32);
         }
         let module = device.module("features.cu", FEATURES_SOURCE, &features_defines(d))?;
-        let graph = GraphBuilder::new(device, d, radius, windows)?;
-        let further = graph.points() * config.further_node_features();
+        let frames = frames.clamp(1, FRAMES);
+        let graph = GraphBuilder::new(device, d, radius, windows, frames)?;
         Ok(Self {
-            further: device.zeros(further.max(1))?,
+            further: device.zeros((frames * graph.points() * further).max(1))?,
+            frames,
+            obstacles: device.zeros(OBSTACLE)?,
+            first_obstacle: device.zeros(windows.len() + 1)?,
             graph,
             nodes: module.load_function("node_features")?,
             edges: module.load_function("edge_features")?,
@@ -139,6 +188,24 @@ impl FrameBuilder {
         self.graph.points()
     }
 
+    /// See [`GraphBuilder::window`].
+    pub fn window(&self) -> &CudaSlice<u32> {
+        self.graph.window()
+    }
+
+    /// See [`GraphBuilder::has_room_for`].
+    pub fn has_room_for(&self, windows: &[usize]) -> bool {
+        self.graph.has_room_for(windows)
+    }
+
+    /// See [`GraphBuilder::set_windows`].
+    ///
+    /// # Errors
+    /// The copy was refused.
+    pub fn set_windows(&mut self, windows: &[usize]) -> Result<(), Error> {
+        self.graph.set_windows(windows)
+    }
+
     /// Takes the features of points that never change, points x columns
     /// ([`node_features::static_features`]).
     ///
@@ -149,6 +216,9 @@ impl FrameBuilder {
     /// If they are not those of all points.
     pub fn set_statics(&mut self, statics: &[f32]) -> Result<(), Error> {
         let features = &self.config.node_features;
+        if !features.iter().any(|feature| feature.is_static()) {
+            return Ok(());
+        }
         let moving: Vec<_> = features
             .iter()
             .filter(|feature| !feature.is_static())
@@ -156,8 +226,40 @@ impl FrameBuilder {
             .collect();
         let values =
             node_features::standardised(features, &self.norm, self.points(), statics, &moving);
-        if !values.is_empty() {
-            self.device.stream().memcpy_htod(&values, &mut self.further)?;
+        if values.is_empty() {
+            return Ok(());
+        }
+        (0..self.frames).try_for_each(|frame| {
+            let mut to = self.further.slice_mut(frame * values.len()..(frame + 1) * values.len());
+            Ok(self.device.stream().memcpy_htod(&values, &mut to)?)
+        })
+    }
+
+    /// Takes the obstacles of each window, of which a network without `obstacles` sees none.
+    ///
+    /// # Errors
+    /// The copy was refused, or too little memory.
+    ///
+    /// # Panics
+    /// If there are more lists than windows.
+    pub fn set_obstacles(&mut self, windows: &[Vec<Obstacle>]) -> Result<(), Error> {
+        assert!(windows.len() < self.first_obstacle.len());
+        if !self.config.obstacles {
+            return Ok(());
+        }
+        let mut first = vec![0];
+        first.extend(windows.iter().scan(0, |sum, window| {
+            *sum += window.len() as u32;
+            Some(*sum)
+        }));
+        let all: Vec<f32> = windows.iter().flatten().flatten().flatten().copied().collect();
+        if all.len() > self.obstacles.len() {
+            self.obstacles = self.device.zeros(all.len())?;
+        }
+        let stream = self.device.stream();
+        stream.memcpy_htod(&first, &mut self.first_obstacle.slice_mut(..first.len()))?;
+        if !all.is_empty() {
+            stream.memcpy_htod(&all, &mut self.obstacles)?;
         }
         Ok(())
     }
@@ -172,76 +274,92 @@ impl FrameBuilder {
             ModelKind::Tgnns => [config.later_node_features(), config.later_edge_features()],
             ModelKind::Gns => [config.gns_node_features(), config.first_edge_features()],
         };
-        let (node, edge) = (self.points() * node, capacity * edge);
+        let graph = self.graph.allocate(capacity)?;
+        let (node, edge) = (graph.points * node, capacity * edge);
         self.device.reserve((node + edge) * size_of::<f32>())?;
         Ok(FrameInput {
-            graph: self.graph.allocate(capacity)?,
+            graph,
             node: self.device.zeros(node.max(1))?,
             edge: self.device.zeros(edge.max(1))?,
         })
     }
 
-    /// Queues the building of the graph of a frame: see [`GraphBuilder::build`].
+    /// Queues the building of the graphs of frames: see [`GraphBuilder::build`].
     ///
     /// # Errors
     /// A launch was refused.
-    pub fn graph(&mut self, now: &CudaView<f32>, frame: &mut FrameInput) -> Result<(), Error> {
-        self.graph.build(now, &mut frame.graph)
+    pub fn graphs(&mut self, frames: &mut [NewFrame]) -> Result<(), Error> {
+        let mut graphs: Vec<_> = frames
+            .iter_mut()
+            .map(|new| (new.past[new.past.len() - 1].slice(..), &mut new.frame.graph))
+            .collect();
+        self.graph.build(&mut graphs)
     }
 
-    /// Queues the computation of the features of a frame whose graph is built. `past` are the
-    /// positions in the frames up to this one, the last of them. A node knows the velocities in the
-    /// `known` newest of them: of a GNS all frames of the network; of a TGNNS the frame before and
-    /// this one, or the first alone.
+    /// Queues the computation of the features of frames whose graphs are built.
     ///
     /// # Errors
     /// A launch was refused.
     ///
     /// # Panics
-    /// If there is no frame, fewer than the features follow from, or more than the kernels know.
-    pub fn features(
-        &mut self,
-        past: &[CudaView<f32>],
-        known: usize,
-        frame: &mut FrameInput,
-    ) -> Result<(), Error> {
-        let points = self.points();
-        if points == 0 {
+    /// If there are fewer frames than the features follow from, or more than the kernels know.
+    pub fn features(&mut self, frames: &mut [NewFrame]) -> Result<(), Error> {
+        if self.points() == 0 {
             return Ok(());
         }
+        frames.chunks(self.frames).try_for_each(|part| self.some_features(part))
+    }
+
+    /// Makes the features of as many frames as there is room for at once.
+    fn some_features(&self, frames: &[NewFrame]) -> Result<(), Error> {
         let stream = self.device.stream();
-        let history = &past[past.len() - known..];
-        let mut at = History { count: history.len() as i32, ..History::default() };
-        for (at, positions) in at.at[..history.len()].iter_mut().zip(history) {
-            *at = address(positions, stream);
+        let points = self.points();
+        let further = points * self.config.further_node_features() * size_of::<f32>();
+        let mut at = FramesAddress::default();
+        for (k, (at, new)) in at.0.iter_mut().zip(frames).enumerate() {
+            let graph = &new.frame.graph;
+            *at = FrameAddress {
+                known: new.known as i32,
+                edges: address(&graph.edges, stream),
+                receivers: address(&graph.receiver, stream),
+                senders: address(&graph.sender, stream),
+                further: address(&self.further, stream) + (k * further) as u64,
+                node: address(&new.frame.node, stream),
+                edge: address(&new.frame.edge, stream),
+                ..FrameAddress::default()
+            };
+            assert!(new.known <= new.past.len().min(PAST), "history of a frame");
+            for (at, positions) in at.past.iter_mut().zip(new.past.iter().rev()) {
+                *at = address(positions, stream);
+            }
         }
-        let now = at.at[history.len() - 1];
-        let moving = self.config.kind == ModelKind::Tgnns && history.len() > 1;
-        let before = if moving { at.at[history.len() - 2] } else { 0 };
-        self.follow_motion(past)?;
-        let (number, graph) = (points as u32, &frame.graph);
-        let further = self.further_address();
+        self.follow_motion(&at, frames.len())?;
+        let (number, all) = (points as u32, |config| of_frames(config, frames.len()));
+        let capacity = frames.iter().map(|new| new.frame.graph.capacity).max().unwrap_or(0);
+        let obstacles = ObstaclesAddress {
+            all: address(&self.obstacles, stream),
+            first: address(&self.first_obstacle, stream),
+            window: address(self.graph.window(), stream),
+        };
         // SAFETY: the argument types are those of the kernels, and the arrays as long as they
         // expect: a later frame has more features than a first one.
         unsafe {
             let mut launch = stream.launch_builder(&self.nodes);
-            launch.arg(&number).arg(&self.scales).arg(&at).arg(&further);
-            launch.arg(&frame.node).launch(each(points))?;
-            if graph.capacity > 0 {
+            launch.arg(&number).arg(&self.scales).arg(&at).arg(&obstacles);
+            launch.launch(all(each(points)))?;
+            if capacity > 0 {
                 let mut launch = stream.launch_builder(&self.edges);
-                launch.arg(&graph.edges).arg(&graph.receiver).arg(&graph.sender);
-                launch.arg(&self.scales).arg(&now).arg(&before);
-                launch.arg(&frame.edge).launch(each(graph.capacity))?;
+                launch.arg(&self.scales).arg(&at).launch(all(each(capacity)))?;
             }
         }
         Ok(())
     }
 
     /// Queues those further features that follow from positions.
-    fn follow_motion(&self, past: &[CudaView<f32>]) -> Result<(), Error> {
+    fn follow_motion(&self, at: &FramesAddress, frames: usize) -> Result<(), Error> {
         let stream = self.device.stream();
-        let (points, further) = (self.points() as u32, self.further_address());
-        let now = address(&past[past.len() - 1], stream);
+        let (points, scales) = (self.points() as u32, &self.scales);
+        let all = |config| of_frames(config, frames);
         let mut place = 0;
         for feature in &self.config.node_features {
             let columns = feature.columns(self.config.dimensions);
@@ -259,32 +377,24 @@ impl FrameBuilder {
                 NodeFeature::Overburden => {
                     let [mean, std] = [standard.mean[0], standard.std[0]];
                     let mut launch = stream.launch_builder(&self.overburden);
-                    launch.arg(&points).arg(self.graph.window()).arg(&self.scales.radius);
-                    launch.arg(&now).arg(&mean).arg(&std).arg(&further).arg(&column);
+                    launch.arg(&points).arg(scales).arg(at).arg(self.graph.window());
+                    launch.arg(&mean).arg(&std).arg(&column);
                     // SAFETY: as above; the column is one of the further features'.
-                    unsafe { launch.launch(each(LANES * points as usize))? };
+                    unsafe { launch.launch(all(each(LANES * points as usize)))? };
                 }
                 NodeFeature::Acceleration => {
-                    let [oldest, before] =
-                        [3, 2].map(|back| address(&past[past.len() - back], stream));
+                    let frames = &at.0[..frames];
+                    assert!(frames.iter().all(|frame| frame.past[2] != 0), "three frames");
                     let mut launch = stream.launch_builder(&self.acceleration);
-                    launch.arg(&points).arg(&oldest).arg(&before).arg(&now);
-                    launch.arg(&standard).arg(&further).arg(&column);
+                    launch.arg(&points).arg(scales).arg(at).arg(&standard).arg(&column);
                     // SAFETY: as above; so are the columns.
-                    unsafe { launch.launch(each(columns * points as usize))? };
+                    unsafe { launch.launch(all(each(columns * points as usize)))? };
                 }
                 NodeFeature::InitialStress | NodeFeature::InitialSolidFraction => {}
             }
             place += columns;
         }
         Ok(())
-    }
-
-    fn further_address(&self) -> FurtherAddress {
-        FurtherAddress {
-            values: address(&self.further, self.device.stream()),
-            columns: self.config.further_node_features() as i32,
-        }
     }
 
     /// See [`GraphBuilder::copy_needed`].

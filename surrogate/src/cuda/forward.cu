@@ -3,7 +3,7 @@
 // leaving its registers.
 
 struct Forward {
-    // Number of rows in device memory; if null, it is `rows`.
+    // Number of rows.
     const u32* count;
     // Inputs, rows x 128: x_0 W_0 + x_1 W_1. Row k of x_0 is `index[k]` if there is an index.
     const Stored* x[2];
@@ -35,7 +35,6 @@ struct Forward {
     // k + v.
     float* sums;
 
-    u32 rows;
     int units, resident, feature_count, feature_stride, feature_steps;
     // Offsets in `parameters`: of biases (-1 for none), of LayerNorm (-1 for none), of the
     // LayerNorm whose scale and shift apply to x_0 (-1 for none).
@@ -60,7 +59,7 @@ __device__ void load_vectors(float* to, const Forward& a) {
         const int count = after < 0 || after > 2 ? a.width : a.columns;
         // Shifts follow scales.
         if (after == 2 || after == 4) offset += offset < 0 ? 0 : count;
-        to[k] = offset >= 0 && column < count ? a.parameters[offset + column] : 0.f;
+        to[k] = offset >= 0 && column < count ? read_early(a.parameters + offset + column) : 0.f;
     }
 }
 
@@ -213,10 +212,10 @@ __device__ __forceinline__ void forward(const Forward& a) {
     const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * STEP;
     Weights weights(a.weights, (uint4*)(input_scales + 2 * WIDTH), a.units, a.resident);
     load_vectors(biases, a);
+    const u32 rows = read_early(a.count);
     wait_for_kernel_before();
     weights.wait();
 
-    const u32 rows = a.count ? *a.count : a.rows;
     for (Tiles tile(rows, a.resident); tile.next();) {
         weights.cursor = 0;
         const Place at(tile.index, rows);

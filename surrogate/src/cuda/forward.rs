@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::error::CudaError;
 use super::kernels::{Address, Forward, Receive};
-use super::network::{Capacity, CudaNetwork, View};
+use super::network::{CudaNetwork, View};
 use super::room::{FrameRoom, Saved};
 
 /// Edge states as a message layer reads them.
@@ -19,9 +19,9 @@ impl CudaNetwork {
     /// Encodes nodes and edges of frames.
     pub(super) fn encode(&self, frames: &[(usize, &View)]) -> Result<(), CudaError> {
         let nodes: Vec<_> = frames.iter().map(|(k, view)| self.node_encoder(*k, view)).collect();
-        self.kernels.forward(&nodes, self.room.capacity.points)?;
+        self.kernels.forward(&nodes, self.nodes())?;
         let edges: Vec<_> = frames.iter().map(|(k, view)| self.edge_encoder(*k, view)).collect();
-        self.kernels.forward(&edges, self.room.capacity.edges)
+        self.kernels.forward(&edges, self.edges())
     }
 
     fn node_encoder(&self, frame: usize, view: &View) -> Forward {
@@ -30,7 +30,7 @@ impl CudaNetwork {
         let item = Forward {
             features: view.node.at,
             feature_stride: view.node.stride as i32,
-            rows: view.points as u32,
+            count: view.nodes,
             output: room.node,
             ..self.mlp(mlp)
         };
@@ -84,9 +84,9 @@ impl CudaNetwork {
         }
     }
 
-    /// The network on a window, the oldest frame first.
-    pub(super) fn pass(&self, views: &[View]) -> Result<(), CudaError> {
-        self.kernels.begin();
+    /// The network on a window, the oldest frame first; `keep`: before its gradients.
+    pub(super) fn pass(&self, views: &[View], keep: bool) -> Result<(), CudaError> {
+        self.kernels.begin(keep);
         let training = self.room.training.is_some();
         if training {
             self.encode(&views.iter().enumerate().collect::<Vec<_>>())?;
@@ -110,11 +110,11 @@ impl CudaNetwork {
         let last = self.layout.layers.len() - 1;
         let decoder = Forward {
             x: [self.room.layers[last].node, 0],
-            rows: view.points as u32,
+            count: view.nodes,
             narrow: self.address(&self.output),
             ..self.mlp(self.layout.decoder)
         };
-        self.kernels.forward(&[decoder.saving(&self.room.decoder)], self.room.capacity.points)
+        self.kernels.forward(&[decoder.saving(&self.room.decoder)], self.nodes())
     }
 
     /// S joins the node states of the previous frame with the encoded nodes; `edgemsg` the previous
@@ -130,13 +130,13 @@ impl CudaNetwork {
             let room = &self.room.frames[frame];
             let item = Forward {
                 x: [self.room.layers[frame - 1].node, room.node],
-                rows: view.points as u32,
+                count: view.nodes,
                 output: room.fused,
                 ..self.mlp(self.layout.node_fusion)
             };
             item.saving(&room.node_fusion)
         });
-        self.kernels.forward(&nodes.collect::<Vec<_>>(), self.room.capacity.points)?;
+        self.kernels.forward(&nodes.collect::<Vec<_>>(), self.nodes())?;
         let Some(fusion) = self.layout.edge_fusion else { return Ok(()) };
 
         let graph = |v: &View| ([v.edges, v.sender, v.receiver], [v.start, v.sender]);
@@ -157,7 +157,7 @@ impl CudaNetwork {
             };
             item.reading_edges(view).saving(&room.edge_fusion)
         });
-        self.kernels.forward(&edges.collect::<Vec<_>>(), self.room.capacity.edges)
+        self.kernels.forward(&edges.collect::<Vec<_>>(), self.edges())
     }
 
     /// Layers side by side on one graph.
@@ -166,17 +166,16 @@ impl CudaNetwork {
         layers: Range<usize>,
         view: &View,
     ) -> Result<(), CudaError> {
-        let Capacity { points, edges } = self.room.capacity;
-        let rows = view.points as u32;
+        let count = view.nodes;
         let each = || layers.clone().map(|k| (k, &self.layout.layers[k], &self.room.layers[k]));
 
         let parts = each().flat_map(|(layer, mlps, room)| {
             [(mlps.sender, room.sender), (mlps.receiver, room.receiver)].map(|(packed, output)| {
                 let state = self.node_state(layer);
-                Forward { x: [state, 0], rows, output, ..self.linear(packed) }
+                Forward { x: [state, 0], count, output, ..self.linear(packed) }
             })
         });
-        self.kernels.forward(&parts.collect::<Vec<_>>(), points)?;
+        self.kernels.forward(&parts.collect::<Vec<_>>(), self.nodes())?;
 
         let messages = each().map(|(layer, mlps, room)| {
             let edge = self.edge_state(layer);
@@ -193,34 +192,34 @@ impl CudaNetwork {
             };
             item.saving(&room.message)
         });
-        self.kernels.forward(&messages.collect::<Vec<_>>(), edges)?;
+        self.kernels.forward(&messages.collect::<Vec<_>>(), self.edges())?;
 
         let receive = each().map(|(_, mlps, room)| {
             let mlp = &self.layout.mlps[mlps.message];
             Receive {
+                nodes: view.nodes,
                 start: view.start,
                 sums: room.sums,
                 parameters: self.address(&self.parameters),
                 received: room.received,
-                points: view.points as i32,
                 norm: mlp.scale() as i32,
                 width: mlp.width as i32,
             }
         });
-        self.kernels.receive(&receive.collect::<Vec<_>>(), points)?;
+        self.kernels.receive(&receive.collect::<Vec<_>>(), self.nodes())?;
 
         let updates = each().map(|(layer, mlps, room)| {
             let state = self.node_state(layer);
             let item = Forward {
                 x: [state, room.received],
-                rows,
+                count,
                 output: room.node,
                 residual: if self.layout.residual { state } else { 0 },
                 ..self.mlp(mlps.update)
             };
             item.saving(&room.update)
         });
-        self.kernels.forward(&updates.collect::<Vec<_>>(), points)
+        self.kernels.forward(&updates.collect::<Vec<_>>(), self.nodes())
     }
 }
 

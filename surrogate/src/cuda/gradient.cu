@@ -238,6 +238,7 @@ __device__ __forceinline__ void add_bias(float (&bias)[2], const Rows64& dz) {
 
 extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
     weight_gradient(const Product* products) {
+    wait_for_kernel_before();
     const Product& a = products[blockIdx.y];
     if ((int)blockIdx.x >= a.blocks) return;
     extern __shared__ __align__(1024) uint4 shared[];
@@ -246,10 +247,9 @@ extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
         for (int s = 0; s < STAGES; s++)
             for (int k = threadIdx.x; k < sizeof(Rows64) / 16; k += GRADIENT_THREADS)
                 ((uint4*)&stages[s].x)[k] = make_uint4(0, 0, 0, 0);
-    wait_for_kernel_before();
     __syncthreads();
 
-    const u32 rows = a.count ? *a.count : a.rows, tiles = (rows + ROWS - 1) / ROWS;
+    const u32 rows = *a.count, tiles = (rows + ROWS - 1) / ROWS;
     Sums sums;
     float bias[2] = {};
     int stage = 0;

@@ -1,5 +1,5 @@
-// Radius graph of one frame, of one window or of several side by side: the CUDA twin of
-// `radius_graph` in surrogate/src/graph.rs, equal to it edge by edge.
+// Radius graphs of frames, of one window or of several side by side: the CUDA twin of `radius_graph`
+// in surrogate/src/graph.rs, equal to it edge by edge. Blocks (x, y) make that of frame y.
 //
 // A cell list finds candidates: cells are at least as wide as the radius, so neighbours lie in
 // adjacent cells. Cells whose coordinates differ by a multiple of the grid's side share a bucket,
@@ -7,7 +7,8 @@
 // any case, and a window has buckets of its own. A warp serves a receiver, whose row of the graph it
 // counts, then fills and puts in order. No sum depends on the order of atomics.
 //
-// DIMENSIONS is 2 or 3, ROWS the number of receivers of a thread block (both defined by graph.rs).
+// DIMENSIONS is 2 or 3, ROWS the number of receivers of a thread block, FRAMES the most frames of a
+// launch (defined by graph.rs).
 
 constexpr int LANES = 32;
 constexpr unsigned ALL = 0xffffffffu;
@@ -26,7 +27,24 @@ struct Grid {
     unsigned points;
 };
 
-// The cell list.
+struct Graph {
+    unsigned* start;
+    unsigned* sender;
+    unsigned* receiver;
+    unsigned* reverse;
+    unsigned* nodes;
+    unsigned* edges;
+    unsigned capacity;
+};
+
+struct Frames {
+    struct {
+        const float* position;
+        Graph graph;
+    } of[FRAMES];
+};
+
+// The cell list of a frame, those of all frames one after the other.
 struct Cells {
     // Points in each bucket; one more entry counts those that have a place already.
     unsigned* count;
@@ -37,15 +55,18 @@ struct Cells {
     unsigned* rank;
     // Coordinates of the point at each place, and its index as the bits of w.
     float4* sorted;
-};
+    // Neighbours of each receiver, and of all those of a thread block.
+    unsigned* neighbours;
+    unsigned* block_neighbours;
+    // Buckets of all windows; room for points and thread blocks.
+    unsigned buckets, points, blocks;
 
-struct Graph {
-    unsigned* start;
-    unsigned* sender;
-    unsigned* receiver;
-    unsigned* reverse;
-    unsigned* edges;
-    unsigned capacity;
+    __device__ Cells of(unsigned frame) const {
+        return {count + frame * (buckets + 1), first + frame * buckets,
+                bucket + frame * points,       rank + frame * points,
+                sorted + frame * points,       neighbours + frame * points,
+                block_neighbours + frame * blocks, buckets, points, blocks};
+    }
 };
 
 struct Point {
@@ -89,12 +110,13 @@ __device__ float distance_squared(const Point& point, float4 other) {
 }
 
 extern "C" __global__ void count_buckets(
-    Grid grid, const float* position, const unsigned* window, Cells cells) {
+    Grid grid, const __grid_constant__ Frames frames, const unsigned* window, Cells all) {
+    const Cells cells = all.of(blockIdx.y);
     const unsigned i = blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= grid.points) {
         return;
     }
-    const Point point(position + i * DIMENSIONS);
+    const Point point(frames.of[blockIdx.y].position + i * DIMENSIONS);
     unsigned bucket = NOWHERE;
     if (point.is_finite()) {
         bucket = window[i] * grid.buckets + (point.cell(grid) & (grid.buckets - 1));
@@ -104,10 +126,11 @@ extern "C" __global__ void count_buckets(
 }
 
 // Gives each bucket a stretch of places; which one does not matter.
-extern "C" __global__ void place_buckets(unsigned buckets, Cells cells) {
+extern "C" __global__ void place_buckets(Cells all) {
+    const Cells cells = all.of(blockIdx.y);
     const unsigned bucket = blockIdx.x * blockDim.x + threadIdx.x;
     const unsigned lane = threadIdx.x % LANES;
-    const unsigned count = bucket < buckets ? cells.count[bucket] : 0;
+    const unsigned count = bucket < cells.buckets ? cells.count[bucket] : 0;
     unsigned end = count;
     for (unsigned step = 1; step < LANES; step *= 2) {
         const unsigned other = __shfl_up_sync(ALL, end, step);
@@ -115,20 +138,22 @@ extern "C" __global__ void place_buckets(unsigned buckets, Cells cells) {
     }
     unsigned base = 0;
     if (lane == LANES - 1 && end > 0) {
-        base = atomicAdd(&cells.count[buckets], end);
+        base = atomicAdd(&cells.count[cells.buckets], end);
     }
     base = __shfl_sync(ALL, base, LANES - 1);
-    if (bucket < buckets) {
+    if (bucket < cells.buckets) {
         cells.first[bucket] = base + end - count;
     }
 }
 
-extern "C" __global__ void sort_points(Grid grid, const float* position, Cells cells) {
+extern "C" __global__ void sort_points(
+    Grid grid, const __grid_constant__ Frames frames, Cells all) {
+    const Cells cells = all.of(blockIdx.y);
     const unsigned i = blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= grid.points || cells.bucket[i] == NOWHERE) {
         return;
     }
-    const float* x = position + i * DIMENSIONS;
+    const float* x = frames.of[blockIdx.y].position + i * DIMENSIONS;
     const float z = DIMENSIONS == 3 ? x[DIMENSIONS - 1] : 0.0f;
     const unsigned place = cells.first[cells.bucket[i]] + cells.rank[i];
     cells.sorted[place] = make_float4(x[0], x[1], z, __uint_as_float(i));
@@ -174,10 +199,10 @@ __device__ void visit_candidates(
     }
 }
 
-// Neighbours of each receiver, and of all those of a thread block.
 extern "C" __global__ void __launch_bounds__(ROWS * LANES) count_edges(
-    Grid grid, const float* position, const unsigned* window, Cells cells, unsigned* neighbours,
-    unsigned* block_neighbours) {
+    Grid grid, const __grid_constant__ Frames frames, const unsigned* window, Cells all) {
+    const Cells cells = all.of(blockIdx.y);
+    const float* position = frames.of[blockIdx.y].position;
     const unsigned receiver = blockIdx.x * ROWS + threadIdx.x / LANES;
     __shared__ unsigned sum;
     if (threadIdx.x == 0) {
@@ -190,13 +215,13 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) count_edges(
             number += __popc(__ballot_sync(ALL, near));
         });
         if (threadIdx.x % LANES == 0) {
-            neighbours[receiver] = number;
+            cells.neighbours[receiver] = number;
             atomicAdd(&sum, number);
         }
     }
     __syncthreads();
     if (threadIdx.x == 0) {
-        block_neighbours[blockIdx.x] = sum;
+        cells.block_neighbours[blockIdx.x] = sum;
     }
 }
 
@@ -222,12 +247,14 @@ __device__ unsigned long long block_sum(unsigned long long value) {
 // Rows of the graph: start, receivers, and senders in ascending order. If there is not enough room,
 // the graph is left without edges, and `needed` tells how many there would be.
 extern "C" __global__ void __launch_bounds__(ROWS * LANES) fill_edges(
-    Grid grid, const float* position, const unsigned* window, Cells cells,
-    const unsigned* neighbours, const unsigned* block_neighbours, Graph graph,
+    Grid grid, const __grid_constant__ Frames frames, const unsigned* window, Cells all_cells,
     unsigned long long* needed) {
+    const Cells cells = all_cells.of(blockIdx.y);
+    const float* position = frames.of[blockIdx.y].position;
+    const Graph& graph = frames.of[blockIdx.y].graph;
     unsigned long long earlier = 0, all = 0;
     for (unsigned block = threadIdx.x; block < gridDim.x; block += blockDim.x) {
-        const unsigned number = block_neighbours[block];
+        const unsigned number = cells.block_neighbours[block];
         all += number;
         earlier += block < blockIdx.x ? number : 0;
     }
@@ -235,6 +262,7 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) fill_edges(
     all = block_sum(all);
     const bool fits = all <= graph.capacity;
     if (blockIdx.x == 0 && threadIdx.x == 0) {
+        graph.nodes[0] = grid.points;
         graph.edges[0] = fits ? unsigned(all) : 0;
         atomicMax(needed, all);
     }
@@ -245,9 +273,9 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) fill_edges(
     if (receiver >= grid.points) {
         return;
     }
-    unsigned start = lane < row ? neighbours[blockIdx.x * ROWS + lane] : 0;
+    unsigned start = lane < row ? cells.neighbours[blockIdx.x * ROWS + lane] : 0;
     start = fits ? unsigned(earlier) + __reduce_add_sync(ALL, start) : 0;
-    const unsigned number = fits ? neighbours[receiver] : 0;
+    const unsigned number = fits ? cells.neighbours[receiver] : 0;
     if (lane == 0) {
         graph.start[receiver] = start;
         if (receiver == grid.points - 1) {
@@ -280,7 +308,8 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) fill_edges(
 }
 
 // The edge back, found in the sender's row.
-extern "C" __global__ void reverse_edges(Graph graph) {
+extern "C" __global__ void reverse_edges(const __grid_constant__ Frames frames) {
+    const Graph& graph = frames.of[blockIdx.y].graph;
     const unsigned edge = blockIdx.x * blockDim.x + threadIdx.x;
     if (edge >= graph.edges[0]) {
         return;

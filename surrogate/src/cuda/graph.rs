@@ -9,7 +9,7 @@ use cudarc::driver::{
 use gpu::{Device, Error};
 
 use super::buffers::DeviceGraph;
-use super::launch::{address, blocks, each};
+use super::launch::{address, blocks, each, of_frames};
 
 /// The source of the kernels.
 pub const GRAPH_SOURCE: &str = include_str!("graph.cu");
@@ -18,9 +18,12 @@ pub const GRAPH_SOURCE: &str = include_str!("graph.cu");
 const ROWS: u32 = 16;
 const LANES: u32 = 32;
 
+/// Most frames of a launch.
+pub(super) const FRAMES: usize = 8;
+
 /// Definitions that the source needs.
 pub fn graph_defines(dimensions: usize) -> Vec<String> {
-    vec![format!("DIMENSIONS={dimensions}"), format!("ROWS={ROWS}")]
+    vec![format!("DIMENSIONS={dimensions}"), format!("ROWS={ROWS}"), format!("FRAMES={FRAMES}")]
 }
 
 /// `Grid` of `graph.cu`.
@@ -58,21 +61,30 @@ impl Grid {
 /// `Cells` of `graph.cu`.
 #[repr(C)]
 #[derive(Clone, Copy)]
-struct CellsAddress([sys::CUdeviceptr; 5]);
+struct CellsAddress {
+    arrays: [sys::CUdeviceptr; 7],
+    buckets: u32,
+    points: u32,
+    blocks: u32,
+}
 
-// SAFETY: device addresses, in the order of `graph.cu`.
+// SAFETY: device addresses and numbers, in the order of `graph.cu`.
 unsafe impl DeviceRepr for CellsAddress {}
 
-/// `Graph` of `graph.cu`.
+/// `Frames` of `graph.cu`: positions, graph and its capacity.
 #[repr(C)]
-#[derive(Clone, Copy)]
-struct GraphAddress {
-    arrays: [sys::CUdeviceptr; 5],
+#[derive(Clone, Copy, Default)]
+struct FrameAddress {
+    arrays: [sys::CUdeviceptr; 7],
     capacity: u32,
 }
 
-// SAFETY: device addresses and a number, in the order of `graph.cu`.
-unsafe impl DeviceRepr for GraphAddress {}
+#[repr(C)]
+#[derive(Clone, Copy, Default)]
+struct FramesAddress([FrameAddress; FRAMES]);
+
+// SAFETY: device addresses and numbers, in the order of `graph.cu`.
+unsafe impl DeviceRepr for FramesAddress {}
 
 /// Builds the radius graphs of frames of the same points.
 ///
@@ -101,6 +113,10 @@ struct Kernels {
 
 /// Arrays of `graph.cu` besides the graph.
 struct Work {
+    /// Frames, windows and points of all windows together that there is room for.
+    frames: usize,
+    windows: usize,
+    points: usize,
     /// Window of each point.
     window: CudaSlice<u32>,
     count: CudaSlice<u32>,
@@ -113,29 +129,36 @@ struct Work {
 }
 
 impl Work {
-    fn new(device: &Device, windows: &[usize], grid: &Grid) -> Result<Self, Error> {
-        let numbered = windows.iter().enumerate();
-        let window: Vec<u32> =
-            numbered.flat_map(|(k, &n)| std::iter::repeat_n(k as u32, n)).collect();
-        let buckets = windows.len() * grid.buckets as usize;
+    fn new(
+        device: &Device,
+        windows: usize,
+        points: usize,
+        frames: usize,
+        grid: &Grid,
+    ) -> Result<Self, Error> {
+        let buckets = windows * grid.buckets as usize;
         // An empty allocation is an error.
-        let points = window.len().max(1);
+        let points = points.max(1);
+        let frames = frames.clamp(1, FRAMES);
         Ok(Self {
-            window: device.upload(if window.is_empty() { &[0] } else { &window })?,
-            count: device.zeros(buckets + 1)?,
-            first: device.zeros(buckets.max(1))?,
-            bucket: device.zeros(points)?,
-            rank: device.zeros(points)?,
-            sorted: device.zeros(4 * points)?,
-            neighbours: device.zeros(points)?,
-            block_neighbours: device.zeros(points.div_ceil(ROWS as usize))?,
+            frames,
+            windows,
+            points,
+            window: device.zeros(points)?,
+            count: device.zeros(frames * (buckets + 1))?,
+            first: device.zeros(frames * buckets.max(1))?,
+            bucket: device.zeros(frames * points)?,
+            rank: device.zeros(frames * points)?,
+            sorted: device.zeros(frames * 4 * points)?,
+            neighbours: device.zeros(frames * points)?,
+            block_neighbours: device.zeros(frames * points.div_ceil(ROWS as usize))?,
         })
     }
 }
 
 impl GraphBuilder {
     /// For points in 2 or 3 dimensions, of which those closer than `radius` (m) are neighbours;
-    /// `windows` are the numbers of points of windows side by side.
+    /// `windows` are the numbers of points of windows side by side, `frames` those made at once.
     ///
     /// # Errors
     /// Too little memory, or no compiler.
@@ -144,6 +167,7 @@ impl GraphBuilder {
         dimensions: usize,
         radius: f32,
         windows: &[usize],
+        frames: usize,
     ) -> Result<Self, Error> {
         let module = device.module("graph.cu", GRAPH_SOURCE, &graph_defines(dimensions))?;
         let kernels = Kernels {
@@ -156,15 +180,45 @@ impl GraphBuilder {
         };
         let (points, largest) = (windows.iter().sum(), windows.iter().copied().max().unwrap_or(0));
         let grid = Grid::new(dimensions, radius, points, largest);
-        Ok(Self {
+        let mut builder = Self {
             kernels,
             dimensions,
-            windows: windows.to_vec(),
-            work: Work::new(device, windows, &grid)?,
+            windows: Vec::new(),
+            work: Work::new(device, windows.len(), points, frames, &grid)?,
             grid,
             needed: device.zeros(1)?,
             device: device.clone(),
-        })
+        };
+        builder.set_windows(windows)?;
+        Ok(builder)
+    }
+
+    /// Whether there is room for windows with these numbers of points.
+    pub fn has_room_for(&self, windows: &[usize]) -> bool {
+        windows.len() <= self.work.windows && windows.iter().sum::<usize>() <= self.work.points
+    }
+
+    /// Takes other windows, for which there is [room](Self::has_room_for).
+    ///
+    /// # Errors
+    /// The copy was refused.
+    ///
+    /// # Panics
+    /// If there is no room for them.
+    pub fn set_windows(&mut self, windows: &[usize]) -> Result<(), Error> {
+        if self.windows == windows {
+            return Ok(());
+        }
+        assert!(self.has_room_for(windows), "room for {windows:?}");
+        let numbered = windows.iter().enumerate();
+        let window: Vec<u32> =
+            numbered.flat_map(|(k, &n)| std::iter::repeat_n(k as u32, n)).collect();
+        if !window.is_empty() {
+            self.device.stream().memcpy_htod(&window, &mut self.work.window)?;
+        }
+        self.grid.points = window.len() as u32;
+        self.windows = windows.to_vec();
+        Ok(())
     }
 
     /// Points of all windows together.
@@ -177,82 +231,94 @@ impl GraphBuilder {
         &self.work.window
     }
 
-    /// Room for a graph of at most `capacity` edges.
+    /// Room for a graph of as many points as there is room for and at most `capacity` edges.
     ///
     /// # Errors
     /// Too little memory.
     pub fn allocate(&self, capacity: usize) -> Result<DeviceGraph, Error> {
         let room = capacity.max(1);
         self.device.reserve(3 * room * size_of::<u32>())?;
+        let points = self.work.points;
         Ok(DeviceGraph {
-            points: self.points(),
+            points,
             capacity,
-            start: self.device.zeros(self.points() + 1)?,
+            start: self.device.zeros(points + 1)?,
             sender: self.device.zeros(room)?,
             receiver: self.device.zeros(room)?,
             reverse: self.device.zeros(room)?,
+            nodes: self.device.zeros(1)?,
             edges: self.device.zeros(1)?,
         })
     }
 
-    /// Queues the building of the graph of `position`, points x dimensions (m). A graph with more
-    /// edges than there is room for is left without any.
+    /// Queues the building of the graphs of frames whose positions, points x dimensions (m), are
+    /// given. A graph with more edges than there is room for is left without any.
     ///
     /// # Errors
     /// A launch was refused.
-    pub fn build(
-        &mut self,
-        position: &CudaView<f32>,
-        graph: &mut DeviceGraph,
-    ) -> Result<(), Error> {
-        let points = self.points();
-        debug_assert_eq!(position.len(), points * self.dimensions);
-        debug_assert_eq!(graph.points, points);
-        if points == 0 {
+    pub fn build(&mut self, frames: &mut [(CudaView<f32>, &mut DeviceGraph)]) -> Result<(), Error> {
+        if self.points() == 0 {
             return Ok(());
         }
+        frames.chunks(self.work.frames).try_for_each(|part| self.build_some(part))
+    }
+
+    /// Builds as many graphs as there is room for at once.
+    fn build_some(&mut self, frames: &[(CudaView<f32>, &mut DeviceGraph)]) -> Result<(), Error> {
         let stream = self.device.stream();
         let work = &mut self.work;
         stream.memset_zeros(&mut work.count)?;
-        let cells = CellsAddress([
-            address(&work.count, stream),
-            address(&work.first, stream),
-            address(&work.bucket, stream),
-            address(&work.rank, stream),
-            address(&work.sorted, stream),
-        ]);
-        let edges = GraphAddress {
+        let (points, windows) = (self.grid.points as usize, work.windows as u32);
+        let cells = CellsAddress {
             arrays: [
-                address(&graph.start, stream),
-                address(&graph.sender, stream),
-                address(&graph.receiver, stream),
-                address(&graph.reverse, stream),
-                address(&graph.edges, stream),
+                address(&work.count, stream),
+                address(&work.first, stream),
+                address(&work.bucket, stream),
+                address(&work.rank, stream),
+                address(&work.sorted, stream),
+                address(&work.neighbours, stream),
+                address(&work.block_neighbours, stream),
             ],
-            capacity: graph.capacity as u32,
+            buckets: windows * self.grid.buckets,
+            points: work.points as u32,
+            blocks: (work.points as u32).div_ceil(ROWS),
         };
-        let (grid, kernels) = (&self.grid, &self.kernels);
-        let buckets = grid.buckets * self.windows.len() as u32;
-        let rows = blocks(grid.points.div_ceil(ROWS), ROWS * LANES);
+        let mut at = FramesAddress::default();
+        for (at, (position, graph)) in at.0.iter_mut().zip(frames) {
+            debug_assert_eq!(position.len(), points * self.dimensions);
+            *at = FrameAddress {
+                arrays: [
+                    address(position, stream),
+                    address(&graph.start, stream),
+                    address(&graph.sender, stream),
+                    address(&graph.receiver, stream),
+                    address(&graph.reverse, stream),
+                    address(&graph.nodes, stream),
+                    address(&graph.edges, stream),
+                ],
+                capacity: graph.capacity as u32,
+            };
+        }
+        let (grid, window, kernels) = (&self.grid, &work.window, &self.kernels);
+        let all = |config| of_frames(config, frames.len());
+        let rows = all(blocks(grid.points.div_ceil(ROWS), ROWS * LANES));
+        let capacity = frames.iter().map(|(_, graph)| graph.capacity).max().unwrap_or(0);
         // SAFETY: the argument types are laid out as those of the kernels, the arrays as long as
         // they expect.
         unsafe {
             let mut launch = stream.launch_builder(&kernels.count_buckets);
-            launch.arg(grid).arg(position).arg(&work.window).arg(&cells).launch(each(points))?;
+            launch.arg(grid).arg(&at).arg(window).arg(&cells).launch(all(each(points)))?;
             let mut launch = stream.launch_builder(&kernels.place_buckets);
-            launch.arg(&buckets).arg(&cells).launch(each(buckets as usize))?;
+            launch.arg(&cells).launch(all(each(cells.buckets as usize)))?;
             let mut launch = stream.launch_builder(&kernels.sort_points);
-            launch.arg(grid).arg(position).arg(&cells).launch(each(points))?;
+            launch.arg(grid).arg(&at).arg(&cells).launch(all(each(points)))?;
             let mut launch = stream.launch_builder(&kernels.count_edges);
-            launch.arg(grid).arg(position).arg(&work.window).arg(&cells);
-            launch.arg(&work.neighbours).arg(&work.block_neighbours).launch(rows)?;
+            launch.arg(grid).arg(&at).arg(window).arg(&cells).launch(rows)?;
             let mut launch = stream.launch_builder(&kernels.fill_edges);
-            launch.arg(grid).arg(position).arg(&work.window).arg(&cells);
-            launch.arg(&work.neighbours).arg(&work.block_neighbours);
-            launch.arg(&edges).arg(&self.needed).launch(rows)?;
-            if graph.capacity > 0 {
+            launch.arg(grid).arg(&at).arg(window).arg(&cells).arg(&self.needed).launch(rows)?;
+            if capacity > 0 {
                 let mut launch = stream.launch_builder(&kernels.reverse_edges);
-                launch.arg(&edges).launch(each(graph.capacity))?;
+                launch.arg(&at).launch(all(each(capacity)))?;
             }
         }
         Ok(())

@@ -12,6 +12,7 @@ use cudarc::driver::{CudaFunction, CudaModule, DeviceRepr, LaunchConfig};
 use gpu::Device;
 
 use super::error::CudaError;
+use super::network::View;
 use super::profile::Profile;
 
 /// Columns of a state.
@@ -125,7 +126,6 @@ pub struct Forward {
     pub output32: Address,
     pub narrow: Address,
     pub sums: Address,
-    pub rows: u32,
     pub units: i32,
     pub resident: i32,
     pub feature_count: i32,
@@ -166,7 +166,6 @@ pub struct Backward {
     pub input: Address,
     pub norm_sums: Address,
     pub sums: Address,
-    pub rows: u32,
     pub units: i32,
     pub resident: i32,
     pub select_none: i32,
@@ -183,11 +182,11 @@ pub struct Backward {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Receive {
+    pub nodes: Address,
     pub start: Address,
     pub sums: Address,
     pub parameters: Address,
     pub received: Address,
-    pub points: i32,
     pub norm: i32,
     pub width: i32,
 }
@@ -203,7 +202,6 @@ pub struct Product {
     pub dz: Address,
     pub weight: Address,
     pub bias: Address,
-    pub rows: u32,
     pub feature_count: i32,
     pub blocks: i32,
 }
@@ -223,6 +221,15 @@ pub struct Target {
     pub norm: i32,
     pub width: i32,
     pub to: i32,
+}
+
+/// What the rows of a launch are.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows {
+    /// Edges, or nodes.
+    pub edges: bool,
+    /// How many there may be: kernels look on the device for how many there are.
+    pub most: usize,
 }
 
 /// MLPs of one forward launch, and of one backward launch; sums of one launch.
@@ -267,9 +274,11 @@ pub struct Kernels {
     shared: usize,
     /// Whether the GPU can begin a kernel while the one before ends.
     early: bool,
-    /// The next launch is the first of a pass: the weights may be new, which kernels read as soon as
-    /// they begin.
+    /// The next launch is the first of a pass: the weights and numbers of rows may be new, which
+    /// kernels read as soon as they begin.
     first: AtomicBool,
+    /// MLPs keep what gradients need.
+    keep: AtomicBool,
     pack: CudaFunction,
     forward: CudaFunction,
     backward: CudaFunction,
@@ -335,6 +344,7 @@ impl Kernels {
             shared,
             early: device.context().compute_capability()?.0 >= 9,
             first: AtomicBool::new(true),
+            keep: AtomicBool::new(true),
         })
     }
 
@@ -353,12 +363,15 @@ impl Kernels {
     }
 
     /// Begins a pass through the network: its first kernel waits for all that was queued before.
-    pub fn begin(&self) {
+    /// `keep`: with all that gradients need, if there is room for it.
+    pub fn begin(&self, keep: bool) {
         self.first.store(true, Ordering::Relaxed);
+        self.keep.store(keep, Ordering::Relaxed);
     }
 
     /// Launches a kernel. `early`: it waits itself for the one before (`wait_for_kernel_before` of
-    /// ptx.cuh), and until then reads weights only, so that it can begin while that one ends.
+    /// ptx.cuh), and until then reads only what does not change during a pass (weights, numbers of
+    /// rows), so that it can begin while that one ends.
     ///
     /// # Safety
     /// As for any kernel, and `arguments` are pointers to what it takes.
@@ -416,10 +429,9 @@ impl Kernels {
         (resident, if resident { all } else { vectors + 16 * UNIT * self.precision.parts() })
     }
 
-    /// MLPs with the same sizes of weights on up to `rows` rows each.
-    pub fn forward(&self, items: &[Forward], rows: usize) -> Result<(), CudaError> {
-        let edges = items.first().is_some_and(|item| item.count != 0);
-        let name = if edges { "forward, edges" } else { "forward, nodes" };
+    /// MLPs with the same sizes of weights.
+    pub fn forward(&self, items: &[Forward], rows: Rows) -> Result<(), CudaError> {
+        let name = if rows.edges { "forward, edges" } else { "forward, nodes" };
         let threads = self.precision.threads();
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
@@ -427,10 +439,13 @@ impl Kernels {
             for (to, from) in batch.0.iter_mut().zip(part) {
                 let (resident, bytes) = self.fit(from.units, from.layers as usize + 5);
                 *to = Forward { resident: i32::from(resident), ..*from };
+                if !self.keep.load(Ordering::Relaxed) {
+                    (to.hidden, to.deviation) = (0, 0);
+                }
                 shared = shared.max(bytes);
             }
             // Of the multiprocessors, each MLP has its share.
-            let grid = [self.blocks(rows, part.len()) as u32, part.len() as u32];
+            let grid = [self.blocks(rows.most, part.len()) as u32, part.len() as u32];
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
             unsafe {
                 let config = config(grid, threads, shared);
@@ -440,10 +455,9 @@ impl Kernels {
         Ok(())
     }
 
-    /// MLPs with the same sizes of weights on up to `rows` rows each, which `blocks` share.
-    pub fn backward(&self, items: &[Backward]) -> Result<(), CudaError> {
-        let edges = items.first().is_some_and(|item| item.count != 0);
-        let (name, kernel, threads) = match (edges, &self.edges_backward) {
+    /// MLPs with the same sizes of weights, whose rows `blocks` share.
+    pub fn backward(&self, items: &[Backward], rows: Rows) -> Result<(), CudaError> {
+        let (name, kernel, threads) = match (rows.edges, &self.edges_backward) {
             (true, Some(kernel)) => ("backward, edges", kernel, EDGES_THREADS),
             (true, None) => ("backward, edges", &self.backward, self.precision.threads()),
             _ => ("backward, nodes", &self.backward, self.precision.threads()),
@@ -458,7 +472,7 @@ impl Kernels {
                 let sums = threads as usize / 32 * 256 * 4;
                 shared = shared.max(bytes).max(sums);
             }
-            if edges && self.edges_backward.is_some() {
+            if rows.edges && self.edges_backward.is_some() {
                 shared = EDGES_SHARED;
             }
             let grid = [part[0].blocks as u32, part.len() as u32];
@@ -486,12 +500,12 @@ impl Kernels {
         unsafe { self.launch("products", &self.product, arguments![products], config, true) }
     }
 
-    /// Messages of each node's edges, added, of up to `points` nodes.
-    pub fn receive(&self, items: &[Receive], points: usize) -> Result<(), CudaError> {
+    /// Messages of each node's edges, added.
+    pub fn receive(&self, items: &[Receive], nodes: Rows) -> Result<(), CudaError> {
         for part in items.chunks(RECEIVE_BATCH) {
             let mut batch = ReceiveBatch::default();
             batch.0[..part.len()].copy_from_slice(part);
-            let grid = [(points as u32).div_ceil(4), part.len() as u32];
+            let grid = [(nodes.most as u32).div_ceil(4), part.len() as u32];
             let config = config(grid, 128, 0);
             // SAFETY: live buffers for the graphs' points and edges.
             unsafe { self.launch("receive", &self.receive, arguments![batch], config, true)? };
@@ -503,15 +517,14 @@ impl Kernels {
     /// latter may be there already.
     pub fn collect(
         &self,
-        start: Address,
-        reverse: Address,
-        points: usize,
+        view: &View,
+        nodes: Rows,
         [edge, sums]: [Address; 2],
         [sent, received]: [Address; 2],
     ) -> Result<(), CudaError> {
-        let config = config([(points as u32).div_ceil(4), 1], 128, 0);
-        let points = points as i32;
-        let arguments = arguments![start, reverse, points, edge, sums, sent, received];
+        let config = config([(nodes.most as u32).div_ceil(4), 1], 128, 0);
+        let View { start, reverse, nodes, .. } = *view;
+        let arguments = arguments![start, reverse, nodes, edge, sums, sent, received];
         // SAFETY: as above.
         unsafe { self.launch("collect", &self.collect, arguments, config, true) }
     }
@@ -544,19 +557,19 @@ impl Kernels {
         unsafe { self.launch("reduce", &self.reduce, arguments, config, true) }
     }
 
-    /// Sums of squared errors and of squared targets, each with `floor`² more, over points x columns
-    /// numbers, and the gradient of the first in rows of 128.
+    /// Sums of squared errors and of squared targets, each with `floor`² more, over nodes x columns
+    /// numbers, and the gradient of the first in rows of 128; `nodes` is their number on the device.
     pub fn loss(
         &self,
         [output, target]: [Address; 2],
-        points: usize,
+        nodes: Address,
         columns: usize,
         gradient: Address,
         sums: Address,
         floor: f32,
     ) -> Result<(), CudaError> {
-        let (points, columns) = (points as i32, columns as i32);
-        let arguments = arguments![output, target, points, columns, gradient, sums, floor];
+        let columns = columns as i32;
+        let arguments = arguments![output, target, nodes, columns, gradient, sums, floor];
         // SAFETY: live buffers of these sizes.
         unsafe { self.launch("loss", &self.loss, arguments, config([1, 1], 1024, 0), true) }
     }

@@ -14,6 +14,11 @@ pub(super) fn blocks(blocks: u32, threads: u32) -> LaunchConfig {
     LaunchConfig { grid_dim: (blocks, 1, 1), block_dim: (threads, 1, 1), shared_mem_bytes: 0 }
 }
 
+/// The same for each of some frames, whose number is the y of a block.
+pub(super) fn of_frames(config: LaunchConfig, frames: usize) -> LaunchConfig {
+    LaunchConfig { grid_dim: (config.grid_dim.0, frames as u32, 1), ..config }
+}
+
 /// Where an array is. All work is queued on one stream, so that nothing has to be waited for.
 pub(super) fn address<T>(array: &impl DevicePtr<T>, stream: &CudaStream) -> CUdeviceptr {
     array.device_ptr(stream).0

@@ -7,7 +7,7 @@ use gpu::Device;
 
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::kernels::{Address, Forward, Kernels, Precision, WIDTH};
+use super::kernels::{Address, Forward, Kernels, Precision, Rows, WIDTH};
 use super::layout::{Layout, Packed};
 use super::room::Room;
 use crate::config::{ModelConfig, ModelKind};
@@ -62,12 +62,13 @@ pub struct Capacity {
 /// A frame's graph and features, as addresses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct View {
-    pub points: usize,
+    /// Numbers of nodes and of edges.
+    pub nodes: Address,
+    pub edges: Address,
     pub start: Address,
     pub sender: Address,
     pub receiver: Address,
     pub reverse: Address,
-    pub edges: Address,
     pub node: Features,
     pub edge: Features,
 }
@@ -174,7 +175,7 @@ impl CudaNetwork {
     /// If there are more points or edges than there is room for.
     pub fn forward(&mut self, frames: &[FrameInput]) -> Result<&CudaSlice<f32>, CudaError> {
         let views = self.views(frames)?;
-        self.pass(&views)?;
+        self.pass(&views, false)?;
         Ok(&self.output)
     }
 
@@ -218,12 +219,12 @@ impl CudaNetwork {
             stride,
         };
         Ok(View {
-            points: graph.points,
+            nodes: self.address(&graph.nodes),
+            edges: self.address(&graph.edges),
             start: self.address(&graph.start),
             sender: self.address(&graph.sender),
             receiver: self.address(&graph.receiver),
             reverse: self.address(&graph.reverse),
-            edges: self.address(&graph.edges),
             node: features(&frame.node, node),
             edge: features(&frame.edge, edge),
         })
@@ -231,6 +232,15 @@ impl CudaNetwork {
 
     pub(super) fn address<T>(&self, slice: &CudaSlice<T>) -> Address {
         slice.device_ptr(self.kernels.device.stream()).0
+    }
+
+    /// Rows of a launch over nodes, and over edges.
+    pub(super) fn nodes(&self) -> Rows {
+        Rows { edges: false, most: self.room.capacity.points }
+    }
+
+    pub(super) fn edges(&self) -> Rows {
+        Rows { edges: true, most: self.room.capacity.edges }
     }
 
     /// What launches of an MLP have in common.

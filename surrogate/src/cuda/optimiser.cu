@@ -57,14 +57,15 @@ __device__ float block_sum(float x) {
     return sum;
 }
 
-// sums = { sum (a - a*)^2, sum (a*^2 + floor^2) } over points x columns, and the gradient of the first
+// sums = { sum (a - a*)^2, sum (a*^2 + floor^2) } over nodes x columns, and the gradient of the first
 // in rows of 128.
 extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
-    loss_gradient(const float* output, const float* target, int points, int columns,
+    loss_gradient(const float* output, const float* target, const u32* nodes, int columns,
                   float* gradient, float* sums, float floor) {
+    const int count = read_early(nodes) * columns;
     wait_for_kernel_before();
     float error = 0.f, scale = 0.f;
-    for (int n = threadIdx.x; n < points * columns; n += LOSS_THREADS) {
+    for (int n = threadIdx.x; n < count; n += LOSS_THREADS) {
         float e = output[n] - target[n];
         gradient[n / columns * WIDTH + n % columns] = 2.f * e;
         error += e * e;

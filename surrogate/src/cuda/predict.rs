@@ -10,11 +10,11 @@ use gpu::Device;
 use super::batch::EDGES_PER_POINT;
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::features::FrameBuilder;
+use super::features::{FrameBuilder, NewFrame};
 use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
 use super::network::{Capacity, CudaNetwork};
 use crate::config::{ModelConfig, ModelKind};
-use crate::features::Normalisation;
+use crate::features::{Normalisation, mirrored_obstacle};
 use crate::rollout::RolloutError;
 use crate::simulator::mirrored;
 
@@ -60,8 +60,10 @@ impl Network for CudaNetwork {
 /// What a rollout begins with.
 #[derive(Clone, Copy, Debug)]
 pub struct Past<'a> {
-    /// Positions (m) in a window of frames, the first of which has number 0.
+    /// Positions (m) in a window of frames,
     pub window: &'a [Vec<[f64; 2]>],
+    /// and the number of the frame that follows.
+    pub next: usize,
     /// Features that never change, of each point.
     pub statics: &'a [f32],
 }
@@ -105,13 +107,18 @@ impl<N: Network> CudaRollout<N> {
         past: Past,
         network: N,
     ) -> Result<Self, CudaError> {
-        let Past { window, statics } = past;
+        let Past { window, next, statics } = past;
         let points = window[0].len();
         let bounds = motion.constraints.domain().map(|length| [0.0, length]);
         // The images are a second window beside the first.
         let windows = if motion.mirror { 2 } else { 1 };
-        let mut builder = FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows])?;
+        let mut builder =
+            FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows], 1)?;
         builder.set_statics(&statics.repeat(windows))?;
+        let obstacles = motion.constraints.obstacles();
+        let width = motion.constraints.domain()[0] as f32;
+        let images = obstacles.iter().map(|&obstacle| mirrored_obstacle(obstacle, width)).collect();
+        builder.set_obstacles(&[obstacles, images][..windows])?;
         let integrator = Integrator::new(device, config, norm, motion, points)?;
         let landing = || -> Result<_, CudaError> {
             // SAFETY: read after a copy has filled it only.
@@ -131,7 +138,7 @@ impl<N: Network> CudaRollout<N> {
             mirror: motion.mirror.then(|| motion.constraints.domain()[0]),
             builder,
             window: window.iter().cloned().collect(),
-            frame: window.len(),
+            frame: next,
             queued: 0,
             given: 0,
             graphs: Vec::new(),
@@ -168,7 +175,8 @@ impl<N: Network> CudaRollout<N> {
         }
         loop {
             for position in &self.positions {
-                self.builder.graph(&position.as_view(), &mut self.inputs[0])?;
+                let (past, frame) = (&[position.as_view()], &mut self.inputs[0]);
+                self.builder.graphs(&mut [NewFrame { past, known: 1, frame }])?;
             }
             let needed = self.builder.needed()?;
             if needed <= self.room() {
@@ -204,9 +212,9 @@ impl<N: Network> CudaRollout<N> {
         let past: Vec<_> = (frame + 1..=frame + frames)
             .map(|frame| self.positions[frame % frames].as_view())
             .collect();
-        let input = &mut self.inputs[frame % 2];
-        self.builder.graph(&past[frames - 1], input)?;
-        Ok(self.builder.features(&past, known, input)?)
+        let mut new = [NewFrame { past: &past, known, frame: &mut self.inputs[frame % 2] }];
+        self.builder.graphs(&mut new)?;
+        Ok(self.builder.features(&mut new)?)
     }
 
     /// Queues one frame: acceleration of the network, semi-implicit Euler, walls and boxes; then the

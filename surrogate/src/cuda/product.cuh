@@ -2,6 +2,7 @@
 // shared out among blocks, whose sums `reduce_gradient` adds up in a fixed order.
 
 struct Product {
+    // Number of rows.
     const u32* count;
     // X, rows x 128; row k is row `index[k]` if there is an index.
     const Stored* x;
@@ -13,7 +14,6 @@ struct Product {
     // Sums of each block: 128 x 128 and 128 numbers.
     float* weight;
     float* bias;
-    u32 rows;
     int feature_count, blocks;
 };
 

@@ -27,16 +27,22 @@ type Range = (usize, usize);
 pub struct Products {
     /// In the order of the weights, then the sums of the loss ([`SUMS`]).
     pub gradient: CudaSlice<f32>,
-    products: CudaSlice<Product>,
     targets: CudaSlice<Target>,
-    /// What is on the device: products over edges, those of an application of an MLP from the last
-    /// linear to the first, then those over nodes.
-    known: Vec<Product>,
-    /// Of applications to edges, by the address of the gradients.
-    applications: BTreeMap<Address, Range>,
     target_count: usize,
     weight_sums: CudaSlice<f32>,
     bias_sums: CudaSlice<f32>,
+}
+
+/// The products of a step on certain frames.
+#[derive(Debug)]
+pub struct List {
+    /// Over edges, those of an application of an MLP from the last linear to the first; then over
+    /// nodes.
+    products: CudaSlice<Product>,
+    /// How many of them are over edges.
+    edges: usize,
+    /// Of applications to edges, by the address of the gradients.
+    applications: BTreeMap<Address, Range>,
 }
 
 /// A product without a place for its sums, and the part of an MLP whose gradient it is: linear
@@ -47,7 +53,7 @@ struct Part {
     input: usize,
     /// LayerNorm whose scale and shift the product leaves out; -1 for none.
     norm: i32,
-    /// Of an application of an MLP to edges, the address of the gradients.
+    /// Of an application of an MLP to edges, the address of the gradients; 0 over nodes.
     application: Address,
     product: Product,
 }
@@ -100,19 +106,15 @@ impl Products {
         }
         Ok(Self {
             gradient: device.zeros(layout.parameters + SUMS)?,
-            products: device.upload(&vec![Product::default(); parts.len()])?,
             targets: device.upload(&targets)?,
-            known: Vec::new(),
-            applications: BTreeMap::new(),
             target_count: targets.len(),
             weight_sums,
             bias_sums,
         })
     }
 
-    /// Makes the list of products for these frames; does nothing if they are at the same addresses
-    /// as before.
-    pub fn prepare(&mut self, network: &CudaNetwork, views: &[View]) -> Result<(), CudaError> {
+    /// Makes the list of products for frames.
+    pub fn list(&self, network: &CudaNetwork, views: &[View]) -> Result<List, CudaError> {
         let device = &network.kernels.device;
         let (weights, biases) = (at(&self.weight_sums, device), at(&self.bias_sums, device));
         let mut parts = network.parts(views);
@@ -120,19 +122,30 @@ impl Products {
             (weights + (4 * weight * WIDTH * WIDTH) as u64, biases + (4 * bias * WIDTH) as u64)
         });
         // The long ones first, which stay in order.
-        parts.sort_by_key(|part| part.product.count == 0);
-        self.applications.clear();
-        for (k, part) in parts.iter().enumerate().filter(|(_, part)| part.product.count != 0) {
-            self.applications.entry(part.application).or_insert((k, 0)).1 += 1;
+        parts.sort_by_key(|part| part.application == 0);
+        let edges = parts.iter().take_while(|part| part.application != 0).count();
+        let mut applications = BTreeMap::new();
+        for (k, part) in parts[..edges].iter().enumerate() {
+            applications.entry(part.application).or_insert((k, 0)).1 += 1;
         }
         let products: Vec<Product> = parts.into_iter().map(|part| part.product).collect();
-        if self.known != products {
-            device.stream().memcpy_htod(&products, &mut self.products)?;
-            self.known = products;
-        }
-        Ok(())
+        Ok(List { products: device.upload(&products)?, edges, applications })
     }
 
+    /// Computes the gradient of the weights, or what the backward pass left of it.
+    pub fn launch(&self, network: &CudaNetwork, list: &List) -> Result<(), CudaError> {
+        let device = &network.kernels.device;
+        let (first, blocks) =
+            if network.kernels.fused() { (list.edges, NODE_BLOCKS) } else { (0, EDGE_BLOCKS) };
+        let count = list.products.len() - first;
+        network.kernels.products(list.product(first, device), count, blocks)?;
+        let (targets, parameters) = (at(&self.targets, device), at(&network.parameters, device));
+        let gradient = at(&self.gradient, device);
+        network.kernels.reduce(targets, self.target_count, parameters, gradient)
+    }
+}
+
+impl List {
     /// Where the products of an application of an MLP to edges are, and their number.
     pub fn of(&self, saved: &Saved, device: &Device) -> (Address, usize) {
         match self.applications.get(&saved.linear) {
@@ -143,19 +156,6 @@ impl Products {
 
     fn product(&self, number: usize, device: &Device) -> Address {
         at(&self.products, device) + (number * size_of::<Product>()) as u64
-    }
-
-    /// Computes the gradient of the weights, or what the backward pass left of it.
-    pub fn launch(&self, network: &CudaNetwork) -> Result<(), CudaError> {
-        let device = &network.kernels.device;
-        let edges = self.known.iter().take_while(|product| product.count != 0).count();
-        let (first, blocks) =
-            if network.kernels.fused() { (edges, NODE_BLOCKS) } else { (0, EDGE_BLOCKS) };
-        let products = self.product(first, device);
-        network.kernels.products(products, self.known.len() - first, blocks)?;
-        let (targets, parameters) = (at(&self.targets, device), at(&network.parameters, device));
-        let gradient = at(&self.gradient, device);
-        network.kernels.reduce(targets, self.target_count, parameters, gradient)
     }
 }
 
@@ -207,9 +207,9 @@ fn at<T>(slice: &CudaSlice<T>, device: &Device) -> Address {
 struct Read<'a> {
     mlp: usize,
     saved: &'a Saved,
-    /// Number of rows on the device, or here.
+    /// Whether its rows are edges, and their number on the device.
+    edges: bool,
     count: Address,
-    rows: usize,
     states: Vec<EdgeState>,
     index: Address,
     features: Option<Features>,
@@ -220,12 +220,12 @@ impl CudaNetwork {
     fn parts(&self, views: &[View]) -> Vec<Part> {
         let layout = &self.layout;
         let none = View {
-            points: 0,
+            nodes: 0,
+            edges: 0,
             start: 0,
             sender: 0,
             receiver: 0,
             reverse: 0,
-            edges: 1,
             node: Features { at: 0, stride: 0 },
             edge: Features { at: 0, stride: 0 },
         };
@@ -235,8 +235,8 @@ impl CudaNetwork {
         let nodes = |mlp, saved, states: Vec<Address>, features, view: &View| Read {
             mlp,
             saved,
-            count: 0,
-            rows: view.points,
+            edges: false,
+            count: view.nodes,
             states: states.into_iter().map(plain).collect(),
             index: 0,
             features,
@@ -252,8 +252,8 @@ impl CudaNetwork {
             let edges = |mlp, saved, states, index| Read {
                 mlp,
                 saved,
+                edges: true,
                 count: view.edges,
-                rows: 0,
                 states,
                 index,
                 features: Some(view.edge),
@@ -279,8 +279,8 @@ impl CudaNetwork {
                 &Read {
                     mlp: mlps.message,
                     saved: &room.message,
+                    edges: true,
                     count: view.edges,
-                    rows: 0,
                     states: vec![self.edge_state(k)],
                     index: 0,
                     features: None,
@@ -290,7 +290,7 @@ impl CudaNetwork {
                 let product = Product {
                     x: state,
                     dz: *dz,
-                    rows: view.points as u32,
+                    count: view.nodes,
                     blocks: NODE_BLOCKS as i32,
                     ..Product::default()
                 };
@@ -311,18 +311,13 @@ impl CudaNetwork {
     fn add_products(&self, parts: &mut Vec<Part>, read: &Read) {
         let (m, saved) = (&self.layout.mlps[read.mlp], read.saved);
         let stride = self.kernels.precision.bytes() as u64 * saved.stride;
-        let blocks = match (read.count, self.kernels.fused()) {
-            (0, _) => NODE_BLOCKS,
-            (_, false) => EDGE_BLOCKS,
-            (_, true) => saved.blocks,
+        let blocks = match (read.edges, self.kernels.fused()) {
+            (false, _) => NODE_BLOCKS,
+            (true, false) => EDGE_BLOCKS,
+            (true, true) => saved.blocks,
         };
-        let common = Product {
-            count: read.count,
-            rows: read.rows as u32,
-            blocks: blocks as i32,
-            ..Product::default()
-        };
-        let application = saved.linear;
+        let common = Product { count: read.count, blocks: blocks as i32, ..Product::default() };
+        let application = if read.edges { saved.linear } else { 0 };
         for linear in (1..=m.layers).rev() {
             let product = Product {
                 x: saved.hidden + (linear as u64 - 1) * stride,

@@ -65,6 +65,12 @@ __device__ __forceinline__ void wait_for_kernel_before() {
 #endif
 }
 
+// Reads before that: what the multiprocessor's own cache holds may be from before the kernel before.
+template <class T>
+__device__ __forceinline__ T read_early(const T* from) {
+    return __ldcg(from);
+}
+
 // Copies 16 bytes to shared memory without waiting, or zeros.
 __device__ __forceinline__ void copy_async(void* to, const void* from, bool valid) {
     u32 address = (u32)__cvta_generic_to_shared(to);

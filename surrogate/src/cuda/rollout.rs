@@ -27,7 +27,7 @@ impl CudaNetwork {
         let frames = self.layout.frames;
         let (first, view) = (self.frame_view(frame, true)?, self.frame_view(frame, false)?);
         let before = self.frame_view(before, false)?;
-        self.kernels.begin();
+        self.kernels.begin(false);
         // Later places share their encodings, but for `edgemsg`.
         let encoded = if self.layout.edge_fusion.is_some() { frames } else { frames.min(2) };
         let views = (0..encoded).map(|k| (k, if k == 0 { &first } else { &view }));

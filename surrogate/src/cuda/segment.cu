@@ -19,14 +19,40 @@ __device__ __forceinline__ void add_runs(float (&total)[8], const float* sums, i
     }
 }
 
+// Adds what a half of a warp has to add of up to 32 rows, each lane having the number of one of them:
+// every other row, some of which are on their way at a time.
+__device__ __forceinline__ void add_rows(float (&total)[8], const Stored* x, u32 row, u32 count,
+                                         int column) {
+    constexpr int WORDS = sizeof(Stored) / 2, TOGETHER = 8 / WORDS;
+    const u32 half = threadIdx.x % 32 / 16;
+    for (u32 first = 0; first < count; first += 2 * TOGETHER) {
+        uint4 words[TOGETHER][WORDS];
+#pragma unroll
+        for (int n = 0; n < TOGETHER; n++) {
+            const u32 from = __shfl_sync(ALL, row, first + 2 * n + half);
+#pragma unroll
+            for (int k = 0; k < WORDS; k++)
+                words[n][k] = ((const uint4*)(x + (size_t)from * WIDTH + column))[k];
+        }
+#pragma unroll
+        for (int n = 0; n < TOGETHER; n++) {
+            float v[8];
+            unpack8(words[n], v);
+#pragma unroll
+            for (int k = 0; k < 8; k++) total[k] += first + 2 * n + half < count ? v[k] : 0.f;
+        }
+    }
+}
+
 struct Receive {
+    // Number of nodes.
+    const u32* nodes;
     const u32* start;
     // Sums of the messages x of runs of edges (forward.cu).
     const float* sums;
     const float* parameters;
-    // points x 128.
+    // Nodes x 128.
     Stored* received;
-    int points;
     // Offset of LayerNorm's scale in `parameters`.
     int norm;
     int width;
@@ -38,10 +64,11 @@ struct ReceiveBatch {
 
 // For each node the sum of its edges' messages scale x + shift.
 extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
-    wait_for_kernel_before();
     const Receive& a = batch.item[blockIdx.y];
+    const int nodes = read_early(a.nodes);
+    wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
-    if (node >= a.points) return;
+    if (node >= nodes) return;
     const int column = lane % 16 * 8;
     const u32 first = a.start[node], end = a.start[node + 1];
     float total[8] = {};
@@ -59,28 +86,23 @@ extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
 }
 
 // For each node the sum of an edge quantity over the edges that it receives, and over those that it
-// sends: points x 128 each. The graph is symmetric, so the latter are the reverses of the former. If
+// sends: nodes x 128 each. The graph is symmetric, so the latter are the reverses of the former. If
 // `sums` is not null, the former are added up already as far as runs go.
-extern "C" __global__ void collect(const u32* start, const u32* reverse, int points,
+extern "C" __global__ void collect(const u32* start, const u32* reverse, const u32* count,
                                    const Stored* x, const float* sums, Stored* sent,
                                    Stored* received) {
+    const int nodes = read_early(count);
     wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
-    if (node >= points) return;
+    if (node >= nodes) return;
     const int column = lane % 16 * 8;
     const u32 first = start[node], end = start[node + 1];
     float in[8] = {}, out[8] = {};
     if (sums) add_runs(in, sums, node, first, end, column);
-#pragma unroll 4
-    for (u32 edge = first + lane / 16; edge < end; edge += 2) {
-        float v[8];
-        load8(x + (size_t)reverse[edge] * WIDTH + column, v);
-#pragma unroll
-        for (int k = 0; k < 8; k++) out[k] += v[k];
-        if (sums) continue;
-        load8(x + (size_t)edge * WIDTH + column, v);
-#pragma unroll
-        for (int k = 0; k < 8; k++) in[k] += v[k];
+    for (u32 some = first; some < end; some += 32) {
+        const u32 count = min(end - some, 32u), place = min((u32)lane, count - 1);
+        add_rows(out, x, reverse[some + place], count, column);
+        if (!sums) add_rows(in, x, some + place, count, column);
     }
     combine(in);
     combine(out);

@@ -1,5 +1,6 @@
 //! Training steps on a GPU: loss, gradient and Adam, queued as one CUDA graph.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
@@ -7,11 +8,12 @@ use cudarc::driver::{CudaGraph, CudaSlice};
 use gpu::Device;
 use gpu::ranks::Ranks;
 
+use super::batch::{DeviceBatch, PLACES};
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::kernels::{Address, Precision};
 use super::network::{Capacity, CudaNetwork, View};
-use super::products::Products;
+use super::products::{List, Products};
 use crate::config::ModelConfig;
 
 /// Losses that can wait on the device to be read.
@@ -39,14 +41,17 @@ pub struct CudaTrainer {
     rates: CudaSlice<f32>,
     losses: CudaSlice<f32>,
     counter: CudaSlice<u32>,
-    graph: Option<(Key, CudaGraph)>,
+    /// The steps that can be repeated, the oldest first.
+    queued: VecDeque<Queued>,
 }
 
-/// What a queued step was made for.
-#[derive(PartialEq)]
-struct Key {
+/// A step on what is at certain addresses, however large the batch is that is there.
+struct Queued {
     views: Vec<View>,
     target: Address,
+    /// Read by the graph.
+    _list: List,
+    graph: CudaGraph,
 }
 
 /// Numbers that change from step to step.
@@ -86,7 +91,7 @@ impl CudaTrainer {
             rates: device.zeros(4)?,
             losses: device.zeros(LOSSES)?,
             counter: device.zeros(1)?,
-            graph: None,
+            queued: VecDeque::new(),
             network,
         })
     }
@@ -113,10 +118,23 @@ impl CudaTrainer {
         let before = self.network.capacity();
         self.network.grow(capacity)?;
         if self.network.capacity() != before {
-            self.graph = None;
+            self.device().stream().synchronize()?;
+            self.queued.clear();
             self.products = Products::new(&self.network, &self.device())?;
         }
         Ok(())
+    }
+
+    /// Queues what the network says of a batch, normalised accelerations, to the start of a list; makes
+    /// room for it, if need be.
+    ///
+    /// # Errors
+    /// If the GPU's memory is too small.
+    pub fn say(&mut self, batch: &DeviceBatch, said: &mut CudaSlice<f32>) -> Result<(), CudaError> {
+        self.grow(batch.room())?;
+        let stream = self.device().stream().clone();
+        let output = self.network.forward(&batch.frames)?.slice(..batch.values);
+        Ok(stream.memcpy_dtod(&output, &mut said.slice_mut(..batch.values))?)
     }
 
     /// One step on a batch of windows and its normalised accelerations (points x dimensions). Does
@@ -134,19 +152,11 @@ impl CudaTrainer {
         let stream = self.device().stream().clone();
         stream.memcpy_htod(&[rate, mean, square, decay], &mut self.rates)?;
         let views = self.network.views(frames)?;
-        let key = Key { target: self.network.address(target), views };
-        if self.graph.as_ref().is_none_or(|(known, _)| *known != key) {
-            self.products.prepare(&self.network, &key.views)?;
-            // What is captured must not wait for what was queued before.
-            stream.synchronize()?;
-            stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
-            let queued = self.queue_captured(&key);
-            let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
-            queued?;
-            self.graph = graph.map(|graph| (key, graph));
-        }
-        if let Some((_, graph)) = &self.graph {
-            graph.launch()?;
+        let target = self.network.address(target);
+        let known = |queued: &Queued| queued.views == views && queued.target == target;
+        match self.queued.iter().find(|queued| known(queued)) {
+            Some(queued) => queued.graph.launch()?,
+            None => self.queue(views, target)?,
         }
         if let Some(ranks) = &self.ranks {
             ranks.all_reduce(&mut self.products.gradient)?;
@@ -155,10 +165,34 @@ impl CudaTrainer {
         Ok(())
     }
 
+    /// Captures a step in a CUDA graph and queues it.
+    fn queue(&mut self, views: Vec<View>, target: Address) -> Result<(), CudaError> {
+        let stream = self.device().stream().clone();
+        let list = self.products.list(&self.network, &views)?;
+        // What is captured must not wait for what was queued before.
+        stream.synchronize()?;
+        stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
+        let captured = self.queue_captured(&views, target, &list);
+        let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
+        captured?;
+        let Some(graph) = graph else { return Ok(()) };
+        graph.launch()?;
+        if self.queued.len() == PLACES {
+            self.queued.pop_front();
+        }
+        self.queued.push_back(Queued { views, target, _list: list, graph });
+        Ok(())
+    }
+
     /// What a CUDA graph repeats: the step, or the gradient where ranks add theirs. To capture that
     /// too, all would have to do so at the same time, but each has batches of its own.
-    fn queue_captured(&self, key: &Key) -> Result<(), CudaError> {
-        self.queue_gradient(&key.views, key.target)?;
+    fn queue_captured(
+        &self,
+        views: &[View],
+        target: Address,
+        list: &List,
+    ) -> Result<(), CudaError> {
+        self.queue_gradient(views, target, list)?;
         if self.ranks.is_none() { self.queue_update() } else { Ok(()) }
     }
 
@@ -178,20 +212,25 @@ impl CudaTrainer {
         network.pack()
     }
 
-    fn queue_gradient(&self, views: &[View], target: Address) -> Result<(), CudaError> {
+    fn queue_gradient(
+        &self,
+        views: &[View],
+        target: Address,
+        list: &List,
+    ) -> Result<(), CudaError> {
         let network = &self.network;
-        network.pass(views)?;
+        network.pass(views, true)?;
         let Some(passed) = &network.room.training else { return Ok(()) };
         network.kernels.loss(
             [network.address(&network.output), target],
-            views[0].points,
+            views[0].nodes,
             network.layout.dimensions,
             passed.output,
             network.address(&self.products.gradient) + 4 * network.layout.parameters as u64,
             self.floor,
         )?;
-        network.propagate(views, passed, &self.products)?;
-        self.products.launch(network)
+        network.propagate(views, passed, list)?;
+        self.products.launch(network, list)
     }
 
     /// The loss and its gradient, in the order of the weights, which stay as they are. Other GPUs
@@ -205,10 +244,8 @@ impl CudaTrainer {
         target: &CudaSlice<f32>,
     ) -> Result<(f32, Vec<f32>), CudaError> {
         let views = self.network.views(frames)?;
-        // Another step may have other products.
-        self.graph = None;
-        self.products.prepare(&self.network, &views)?;
-        self.queue_gradient(&views, self.network.address(target))?;
+        let products = self.products.list(&self.network, &views)?;
+        self.queue_gradient(&views, self.network.address(target), &products)?;
         let mut list = self.device().stream().clone_dtoh(&self.products.gradient)?;
         let sums = list.split_off(self.network.layout.parameters);
         let scale = sums[1].max(SMALLEST_TARGET);
@@ -226,10 +263,10 @@ impl CudaTrainer {
         target: &CudaSlice<f32>,
     ) -> Result<Vec<(&'static str, usize, f32)>, CudaError> {
         let views = self.network.views(frames)?;
-        self.products.prepare(&self.network, &views)?;
+        let products = self.products.list(&self.network, &views)?;
         self.network.profile(|network| {
             network.pack()?;
-            self.queue_gradient(&views, network.address(target))
+            self.queue_gradient(&views, network.address(target), &products)
         })
     }
 

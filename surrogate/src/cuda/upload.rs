@@ -72,12 +72,13 @@ impl FrameInput {
         let (points, edges) = (points.max(1), edges.max(1));
         Ok(Self {
             graph: DeviceGraph {
-                points: 0,
+                points,
                 capacity: edges,
                 start: device.zeros(points + 1)?,
                 sender: device.zeros(edges)?,
                 receiver: device.zeros(edges)?,
                 reverse: device.zeros(edges)?,
+                nodes: device.zeros(1)?,
                 edges: device.zeros(1)?,
             },
             node: device.zeros(points * columns[0])?,
@@ -95,10 +96,10 @@ impl FrameInput {
         copy(device, "edges", &frame.sender, &mut graph.sender)?;
         copy(device, "edges", &frame.receiver, &mut graph.receiver)?;
         copy(device, "edges", &frame.reverse, &mut graph.reverse)?;
+        copy(device, "points", &[frame.points as u32], &mut graph.nodes)?;
         copy(device, "edges", &[frame.sender.len() as u32], &mut graph.edges)?;
         copy(device, "node features", &frame.nodes, &mut self.node)?;
         copy(device, "edge features", &frame.edges, &mut self.edge)?;
-        graph.points = frame.points;
         Ok(())
     }
 }

@@ -3,8 +3,8 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{DataError, DataSet, Draft, Example, Order};
-use crate::features::Normalisation;
+use super::{DataError, DataSet, Draft, Example, Order, Unrolling};
+use crate::features::{Normalisation, Obstacle};
 
 /// Windows and what should follow, ready for the model.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,6 +15,8 @@ pub struct Batch {
     pub points: Vec<usize>,
     /// Features of the points of each window that never change.
     pub statics: Vec<Vec<f32>>,
+    /// Obstacles of each window.
+    pub obstacles: Vec<Vec<Obstacle>>,
     /// Normalised accelerations of the points of all windows.
     pub targets: Vec<f32>,
 }
@@ -52,22 +54,31 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// The examples of a step. The same step always gives the same examples; `order` has to be
-    /// that of `self.seed` and `data`. The examples of all ranks of a step follow one another in
-    /// the order, so n ranks learn what one with n times the batch would.
+    /// The windows of a step, in an order that has to be that of `self.seed`. Those of all ranks of a
+    /// step follow one another, so n ranks learn what one with n times the batch would.
+    pub fn windows(&self, order: &mut Order, step: u64) -> Vec<usize> {
+        self.places(step).map(|place| order.window(place)).collect()
+    }
+
+    /// The places of the windows of a step in the order.
+    fn places(&self, step: u64) -> impl Iterator<Item = u64> + use<> {
+        let Shard { rank, ranks } = self.shard;
+        let first = (step * ranks as u64 + rank as u64) * self.batch as u64;
+        first..first + self.batch as u64
+    }
+
+    /// The examples of a step, made of its `windows`. The same step always gives the same examples.
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn draft(&self, data: &DataSet, order: &mut Order, step: u64) -> Result<Draft, DataError> {
+    pub fn draft(&self, data: &DataSet, windows: &[usize], step: u64) -> Result<Draft, DataError> {
         let [[_, width], _] = data.bounds();
         let mut draft = Draft { examples: Vec::new(), future: Vec::new(), unroll: 0 };
         if self.unroll > 0 && step >= self.unroll_from {
             draft.unroll = self.rng(u64::MAX - step).random_range(0..=self.unroll);
         }
-        let Shard { rank, ranks } = self.shard;
-        for member in 0..self.batch {
-            let place = (step * ranks as u64 + rank as u64) * self.batch as u64 + member as u64;
-            let mut example = data.example(order.window(place))?;
+        for (place, &window) in self.places(step).zip(windows) {
+            let mut example = data.example(window)?;
             let mut rng = self.rng(place);
             if self.mirror && rng.random() {
                 example.mirror(width);
@@ -99,6 +110,7 @@ impl Recipe {
             batch.points.push(example.points);
             batch.windows.push(example.window());
             batch.statics.push(example.statics.clone());
+            batch.obstacles.push(example.obstacles.clone());
         }
         batch
     }
@@ -109,14 +121,32 @@ impl Recipe {
         normalised.iter().zip(scales).map(|(&a, [mean, std])| f64::from(a) * std + mean).collect()
     }
 
+    /// What it takes to move the windows on elsewhere, if that is to be done.
+    pub fn unrolling(&self, draft: &Draft) -> Option<Unrolling> {
+        (draft.unroll > 0).then(|| Unrolling {
+            steps: draft.unroll,
+            last_two: draft.last_two(),
+            truth: draft.truth(),
+            mean: draft.examples.iter().map(|example| self.mean(example)).collect(),
+            std: self.std(),
+        })
+    }
+
     /// Mean and standard deviation that accelerations are normalised with, for x and y in turn.
     fn scales(&self, example: &Example) -> impl Iterator<Item = [f64; 2]> + use<> {
-        let Normalisation { acceleration_mean, acceleration_std, .. } = &self.normalisation;
-        let scale = [0, 1].map(|axis| {
+        let (mean, std) = (self.mean(example), self.std());
+        [0, 1].map(|axis| [mean[axis], std[axis]]).into_iter().cycle()
+    }
+
+    fn mean(&self, example: &Example) -> [f64; 2] {
+        [0, 1].map(|axis| {
             let gravity = if self.without_gravity { example.gravity[axis] } else { 0.0 };
-            [acceleration_mean[axis] + gravity, acceleration_std[axis]]
-        });
-        scale.into_iter().cycle()
+            self.normalisation.acceleration_mean[axis] + gravity
+        })
+    }
+
+    fn std(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.normalisation.acceleration_std[axis])
     }
 }
 
@@ -134,6 +164,7 @@ mod tests {
             next: vec![0.25; 2 * points],
             gravity,
             statics: Vec::new(),
+            obstacles: Vec::new(),
         };
         let examples = vec![example(3, [0.5, -1.0]), example(2, [-0.5, -1.0])];
         let draft = Draft { examples, future: Vec::new(), unroll: 0 };

@@ -10,7 +10,22 @@ pub struct Draft {
     /// Steps that the model has to make by itself before it learns.
     pub unroll: usize,
     /// Frames after each example's window, the first of them without noise.
-    pub(super) future: Vec<Vec<f64>>,
+    pub future: Vec<Vec<f64>>,
+}
+
+/// What it takes to move the windows of a draft on elsewhere. Frames are those of all windows side by
+/// side, in m.
+#[derive(Clone, Debug)]
+pub struct Unrolling {
+    /// Steps that the model makes by itself, at least one.
+    pub steps: usize,
+    /// The last two frames of the windows.
+    pub last_two: [Vec<f64>; 2],
+    /// The true frames before and after the step that it learns.
+    pub truth: [Vec<f64>; 2],
+    /// What accelerations are normalised with: means for each window, and standard deviations.
+    pub mean: Vec<[f64; 2]>,
+    pub std: [f64; 2],
 }
 
 impl Draft {
@@ -36,8 +51,8 @@ impl Draft {
         }
         for (example, future) in self.examples.iter_mut().zip(&self.future) {
             let values = example.values();
-            if let Some(last) = self.unroll.checked_sub(1) {
-                let [before, after] = [last, last + 1].map(|k| &future[k * values..][..values]);
+            if self.unroll > 0 {
+                let [before, after] = truth(future, self.unroll, values);
                 let now = &example.positions[example.positions.len() - values..];
                 example.next = (0..values).map(|i| now[i] + (after[i] - before[i])).collect();
             }
@@ -45,6 +60,32 @@ impl Draft {
         self.unroll = 0;
         Ok(self)
     }
+
+    /// The frames before and after the step to learn once the windows have been moved on.
+    pub(super) fn truth(&self) -> [Vec<f64>; 2] {
+        let mut both = [Vec::new(), Vec::new()];
+        for (example, future) in self.examples.iter().zip(&self.future) {
+            let frames = truth(future, self.unroll, example.values());
+            both.iter_mut().zip(frames).for_each(|(all, frame)| all.extend(frame));
+        }
+        both
+    }
+
+    /// The last two frames of all windows.
+    pub(super) fn last_two(&self) -> [Vec<f64>; 2] {
+        let mut both = [Vec::new(), Vec::new()];
+        for example in &self.examples {
+            let (before, last) = example.last_two();
+            both[0].extend(before);
+            both[1].extend(last);
+        }
+        both
+    }
+}
+
+/// The frames before and after the step that follows on `unroll` others, at least one.
+fn truth(future: &[f64], unroll: usize, values: usize) -> [&[f64]; 2] {
+    [unroll - 1, unroll].map(|k| &future[k * values..][..values])
 }
 
 #[cfg(test)]
@@ -62,6 +103,7 @@ mod tests {
             next: fall(5).to_vec(),
             gravity: [0.0, -0.5],
             statics: Vec::new(),
+            obstacles: Vec::new(),
         };
         let future = example.shorten(2);
         assert_eq!(example.next, fall(2));

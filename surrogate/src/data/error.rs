@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use dempm::scene::SceneError;
 use dempm::trajectory::TrajectoryError;
 
 use crate::node_features::Missing;
@@ -28,6 +29,10 @@ pub enum DataError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Trajectory(#[from] TrajectoryError),
+    /// The scene in a trajectory is none.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Scene(#[from] SceneError),
     /// A trajectory that has too few frames.
     #[error("{}: {found} frames, but a window with stride {stride} needs {needed}", path.display())]
     TooShort {

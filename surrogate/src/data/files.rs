@@ -2,10 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use dempm::scene::Scene;
 use dempm::trajectory::{Header, Trajectory};
 
 use super::DataError;
+use crate::constraints::Constraints;
+use crate::features::Obstacle;
 use crate::node_features::{NodeFeature, static_features};
+use crate::start::moved;
 
 /// The trajectory files (`*.h5`) of a folder, by name.
 ///
@@ -53,6 +57,8 @@ impl DataFolder {
 pub struct Recording {
     trajectory: Trajectory,
     held: Option<Vec<f64>>,
+    /// Positions (m) and velocities (m/s) in the first frame, if they were asked for.
+    start: Vec<([f64; 2], [f64; 2])>,
 }
 
 impl Recording {
@@ -61,7 +67,7 @@ impl Recording {
     /// # Errors
     /// If it is not a trajectory or damaged.
     pub fn open(path: &Path) -> Result<Self, DataError> {
-        Ok(Self { trajectory: Trajectory::open(path)?, held: None })
+        Ok(Self { trajectory: Trajectory::open(path)?, held: None, start: Vec::new() })
     }
 
     /// The file.
@@ -105,6 +111,38 @@ impl Recording {
         }
         self.held = Some(all);
         Ok(())
+    }
+
+    /// The obstacles of its scene.
+    ///
+    /// # Errors
+    /// If the scene in the file is none.
+    pub fn obstacles(&self) -> Result<Vec<Obstacle>, DataError> {
+        let place = format!("{}, scene", self.path().display());
+        let scene = Scene::parse(&self.header().scene, &place)?;
+        Ok(Constraints::new(&scene).obstacles())
+    }
+
+    /// Reads what [`positions_before`](Self::positions_before) needs.
+    ///
+    /// # Errors
+    /// If the data are damaged or not finite.
+    pub fn hold_start(&mut self) -> Result<(), DataError> {
+        let positions = self.positions(0)?;
+        let first = self.trajectory.frame(0)?;
+        if let Some(point) = first.velocity.iter().position(|v| !v.iter().all(|v| v.is_finite())) {
+            return Err(DataError::NotFinite { path: self.path().to_owned(), frame: 0, point });
+        }
+        let positions = positions.as_chunks().0.iter().copied();
+        self.start = positions.zip(first.velocity).collect();
+        Ok(())
+    }
+
+    /// Positions so many frames before the first one, in which every point moves as it does in that
+    /// one: those of [`hold_start`](Self::hold_start), or none.
+    pub fn positions_before(&self, frames: usize) -> Vec<f64> {
+        let time = -(frames as f64 * self.header().frame_interval);
+        self.start.iter().flat_map(|&(x, v)| moved(x, v, time)).collect()
     }
 
     /// Positions of one frame, m: x and y of the points in turn.

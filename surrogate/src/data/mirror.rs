@@ -1,6 +1,7 @@
 //! Mirror images: gravity points down, so left and right are alike, and only they.
 
 use super::Example;
+use crate::features::mirrored_obstacle;
 
 impl Example {
     /// Mirrors the example in a domain from 0 to `width` along x.
@@ -11,6 +12,9 @@ impl Example {
             }
         }
         self.gravity[0] = -self.gravity[0];
+        for obstacle in &mut self.obstacles {
+            *obstacle = mirrored_obstacle(*obstacle, width as f32);
+        }
     }
 }
 
@@ -26,6 +30,7 @@ mod tests {
             next: vec![1.75, 0.25],
             gravity: [0.5, -1.0],
             statics: Vec::new(),
+            obstacles: vec![[[0.5, 0.0], [1.5, 0.25]]],
         };
         let mut image = example.clone();
         image.mirror(4.0);
@@ -33,6 +38,7 @@ mod tests {
         assert_eq!(image.velocity(), [-0.25, 0.0]);
         assert_eq!(image.acceleration(), [-0.25, -0.25]);
         assert_eq!(image.gravity, [-0.5, -1.0]);
+        assert_eq!(image.obstacles, [[[2.5, 0.0], [3.5, 0.25]]]);
         image.mirror(4.0);
         assert_eq!(image, example);
     }

@@ -17,7 +17,7 @@ mod statistics;
 mod windows;
 
 pub use batch::{Batch, Recipe, Shard};
-pub use draft::Draft;
+pub use draft::{Draft, Unrolling};
 pub use error::DataError;
 pub use files::{DataFolder, Recording, trajectories_in};
 pub use order::Order;

@@ -59,6 +59,7 @@ mod tests {
             next: vec![1.0; 2 * points],
             gravity: [0.0; 2],
             statics: Vec::new(),
+            obstacles: Vec::new(),
         };
         let mut noisy = still.clone();
         noisy.add_noise(sigma, &mut ChaCha8Rng::seed_from_u64(1));

@@ -11,12 +11,12 @@ const AHEAD: usize = 3;
 
 /// Makes batches ahead of time, in order. The thread ends when this is dropped.
 pub struct Prefetch<T> {
-    batches: Receiver<Result<Receiver<T>, DataError>>,
+    batches: Receiver<Receiver<Result<T, DataError>>>,
 }
 
 impl<T: Send + 'static> Prefetch<T> {
-    /// Begins with the examples of `step`; `prepare` is the last thing done, for several batches at
-    /// a time.
+    /// Begins with the examples of `step`; `prepare` is the last thing done. Several batches are made
+    /// at a time.
     pub fn start(
         data: DataSet,
         recipe: Recipe,
@@ -24,20 +24,20 @@ impl<T: Send + 'static> Prefetch<T> {
         prepare: impl Fn(Draft) -> T + Send + Sync + 'static,
     ) -> Self {
         let (send, batches) = sync_channel(rayon::current_num_threads().max(AHEAD));
-        let prepare = Arc::new(prepare);
+        let mut order = Order::new(recipe.seed, data.len());
+        let maker = Arc::new((data, recipe, prepare));
         thread::spawn(move || {
-            let mut order = Order::new(recipe.seed, data.len());
             for step in step.. {
-                let batch = recipe.draft(&data, &mut order, step).map(|draft| {
-                    let (done, prepared) = channel();
-                    let prepare = Arc::clone(&prepare);
+                let (done, batch) = channel();
+                let windows = maker.1.windows(&mut order, step);
+                let maker = Arc::clone(&maker);
+                rayon::spawn(move || {
+                    let (data, recipe, prepare) = &*maker;
                     // Nobody waits for a batch after the training ended.
-                    rayon::spawn(move || drop(done.send(prepare(draft))));
-                    prepared
+                    drop(done.send(recipe.draft(data, &windows, step).map(prepare)));
                 });
-                let failed = batch.is_err();
                 // Nobody listens any more once the training ends.
-                if send.send(batch).is_err() || failed {
+                if send.send(batch).is_err() {
                     break;
                 }
             }
@@ -50,7 +50,7 @@ impl<T: Send + 'static> Prefetch<T> {
     /// # Errors
     /// If a file could not be read.
     pub fn next(&self) -> Result<Option<T>, DataError> {
-        let prepared = self.batches.recv().ok().transpose()?;
-        Ok(prepared.and_then(|batch| batch.recv().ok()))
+        let batch = self.batches.recv().ok().and_then(|batch| batch.recv().ok());
+        batch.transpose()
     }
 }

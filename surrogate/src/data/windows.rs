@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::{DataError, Recording};
+use crate::features::Obstacle;
 use crate::node_features::NodeFeature;
 
 /// What a window is made of.
@@ -14,12 +15,19 @@ pub struct Shape {
     /// paper's data sets 1 to 5. Windows start at every frame of the file, so a coarser data set
     /// is cut into interleaved trajectories and has about as many windows as the finest.
     pub stride: usize,
+    /// Frames of a window that may be from before the first of the file, at most.
+    pub before: usize,
 }
 
 impl Shape {
     /// Frames of the file from the first of a window to its target.
     fn span(self) -> usize {
         self.frames * self.stride
+    }
+
+    /// How far before the first frame of the file the first window begins.
+    fn ahead(self) -> usize {
+        self.before * self.stride
     }
 }
 
@@ -36,6 +44,8 @@ pub struct Example {
     pub gravity: [f64; 2],
     /// Features of the points that never change.
     pub statics: Vec<f32>,
+    /// Fixed boxes.
+    pub obstacles: Vec<Obstacle>,
 }
 
 impl Example {
@@ -79,7 +89,8 @@ impl Example {
         future
     }
 
-    fn last_two(&self) -> (&[f64], &[f64]) {
+    /// The last two frames.
+    pub(super) fn last_two(&self) -> (&[f64], &[f64]) {
         let (rest, last) = self.positions.split_at(self.positions.len() - self.values());
         (&rest[rest.len() - self.values()..], last)
     }
@@ -94,6 +105,8 @@ pub struct DataSet {
     shape: Shape,
     /// Features that never change, of the points of each file.
     statics: Vec<Vec<f32>>,
+    /// Obstacles of each file.
+    obstacles: Vec<Vec<Obstacle>>,
 }
 
 impl DataSet {
@@ -107,16 +120,20 @@ impl DataSet {
         let mut left = memory;
         for path in paths {
             let mut recording = Recording::open(path)?;
-            if recording.frames() <= shape.span() {
+            let needed = shape.span() + 1 - shape.ahead();
+            if recording.frames() < needed {
                 return Err(DataError::TooShort {
                     path: path.clone(),
                     found: recording.frames(),
                     stride: shape.stride,
-                    needed: shape.span() + 1,
+                    needed,
                 });
             }
             if let Some(first) = recordings.first() {
                 check_alike(first, &recording)?;
+            }
+            if shape.before > 0 {
+                recording.hold_start()?;
             }
             if let Some(rest) = left.checked_sub(recording.bytes()) {
                 recording.hold()?;
@@ -125,7 +142,8 @@ impl DataSet {
             recordings.push(recording);
         }
         let statics = vec![Vec::new(); recordings.len()];
-        Ok(Self { recordings, shape, statics })
+        let obstacles = vec![Vec::new(); recordings.len()];
+        Ok(Self { recordings, shape, statics, obstacles })
     }
 
     /// Reads the features that never change.
@@ -135,6 +153,19 @@ impl DataSet {
     pub fn with_statics(mut self, features: &[NodeFeature]) -> Result<Self, DataError> {
         for (recording, statics) in self.recordings.iter().zip(&mut self.statics) {
             *statics = recording.static_features(features)?;
+        }
+        Ok(self)
+    }
+
+    /// Reads the obstacles, if a network sees them.
+    ///
+    /// # Errors
+    /// If a file does not say what its scene was.
+    pub fn with_obstacles(mut self, seen: bool) -> Result<Self, DataError> {
+        if seen {
+            for (recording, obstacles) in self.recordings.iter().zip(&mut self.obstacles) {
+                *obstacles = recording.obstacles()?;
+            }
         }
         Ok(self)
     }
@@ -183,26 +214,37 @@ impl DataSet {
     /// If the file cannot be read.
     pub fn example(&self, window: usize) -> Result<Example, DataError> {
         let mut first = window;
-        let mut files = self.recordings.iter().zip(&self.statics);
-        let (recording, statics) = loop {
-            let (recording, statics) = files.next().expect("the window is one of the data set");
-            match first.checked_sub(self.windows(recording)) {
+        let mut files = self.recordings.iter().zip(&self.statics).zip(&self.obstacles);
+        let ((recording, statics), obstacles) = loop {
+            let file = files.next().expect("the window is one of the data set");
+            match first.checked_sub(self.windows(file.0.0)) {
                 Some(rest) => first = rest,
-                None => break (recording, statics.clone()),
+                None => break file,
             }
         };
         let mut positions = Vec::new();
         for frame in 0..self.shape.frames {
-            positions.extend(recording.positions(first + frame * self.shape.stride)?);
+            let place = first + frame * self.shape.stride;
+            positions.extend(match place.checked_sub(self.shape.ahead()) {
+                Some(frame) => recording.positions(frame)?,
+                None => recording.positions_before(self.shape.ahead() - place),
+            });
         }
-        let next = recording.positions(first + self.shape.span())?;
+        let next = recording.positions(first + self.shape.span() - self.shape.ahead())?;
         let interval = self.frame_interval();
         let gravity = recording.header().gravity.map(|g| g * interval * interval);
-        Ok(Example { points: recording.points(), positions, next, gravity, statics })
+        Ok(Example {
+            points: recording.points(),
+            positions,
+            next,
+            gravity,
+            statics: statics.clone(),
+            obstacles: obstacles.clone(),
+        })
     }
 
     fn windows(&self, recording: &Recording) -> usize {
-        recording.frames() - self.shape.span()
+        recording.frames() + self.shape.ahead() - self.shape.span()
     }
 }
 

@@ -109,7 +109,7 @@ fn noise_floor(
     let stride = stride(simulator.training.frame_interval, header.frame_interval, || name(path))?;
     let made = truth.frames().min(other.frames()).div_ceil(stride);
     let mut errors = Errors { case: format!("{} floor", name(path)), ..Errors::default() };
-    for frame in simulator.config.window()..frames.unwrap_or(made).min(made) {
+    for frame in simulator.first_frames()..frames.unwrap_or(made).min(made) {
         let (one, another) = (truth.frame(frame * stride)?, other.frame(frame * stride)?);
         errors.frames.push(frame);
         errors.errors.push(error_of(&another.position, &one, header));

@@ -56,6 +56,9 @@ pub struct Data {
     pub mirror: bool,
     /// Learn accelerations relative to free fall.
     pub subtract_gravity: bool,
+    /// Frames of a window that may be from before the first of a run, at most: rollouts then start
+    /// from so many fewer.
+    pub before_start: usize,
     /// Memory for positions, MB; what does not fit is read from the files again and again.
     pub memory: usize,
 }
@@ -122,7 +125,14 @@ impl Default for TrainConfig {
 
 impl Default for Data {
     fn default() -> Self {
-        Self { stride: 1, noise: 3e-4, mirror: false, subtract_gravity: false, memory: 1024 }
+        Self {
+            stride: 1,
+            noise: 3e-4,
+            mirror: false,
+            subtract_gravity: false,
+            before_start: 0,
+            memory: 1024,
+        }
     }
 }
 
@@ -223,6 +233,7 @@ impl TrainConfig {
             ("loss_floor", self.loss_floor, 0.0, 1e3),
             ("log_every", self.log_every as f64, 1.0, 1e9),
             ("data.stride", self.data.stride as f64, 1.0, 1e4),
+            ("data.before_start", self.data.before_start as f64, 0.0, (model.window() - 1) as f64),
             ("data.noise", self.data.noise, 0.0, 1e3),
             ("data.memory", self.data.memory as f64, 0.0, 1e7),
             ("schedule.rate", rate, 1e-12, 1.0),

@@ -15,7 +15,7 @@ use crate::cuda::{
     BatchBuilder, Capacity, CudaError, CudaTrainer, DeviceBatch, EDGES_PER_POINT, HostWindows,
     LOSSES, Rates,
 };
-use crate::data::Batch;
+use crate::data::{Draft, Recipe};
 use crate::model::Model;
 
 /// The twin of [`CpuEngine`](super::engine::CpuEngine), with the same states.
@@ -37,14 +37,16 @@ pub struct CudaEngine {
 
 /// A batch for a GPU, whose graphs are built there.
 pub struct HostBatch {
-    windows: HostWindows,
-    preparation: Preparation,
+    pub windows: HostWindows,
+    pub preparation: Preparation,
 }
 
 impl HostBatch {
-    /// Does what is not done on the GPU; may run ahead of the training on another thread.
-    pub fn new(batch: Batch, preparation: &Preparation) -> Self {
-        Self { windows: HostWindows::new(batch), preparation: preparation.clone() }
+    /// Does what is not done on the GPU; may run ahead of the training on another thread. The network
+    /// will move the windows on as the draft says.
+    pub fn new(recipe: &Recipe, draft: &Draft, preparation: &Preparation) -> Self {
+        let windows = HostWindows::new(recipe.batch(draft), recipe.unrolling(draft));
+        Self { windows, preparation: preparation.clone() }
     }
 }
 
@@ -153,20 +155,21 @@ impl CudaEngine {
         let stream = self.device.stream().clone();
         let (trainer, batch) = self.load(batch)?;
         let output = trainer.network().forward(&batch.frames)?;
-        Ok(stream.clone_dtoh(&output.slice(..batch.targets.len()))?)
+        Ok(stream.clone_dtoh(&output.slice(..batch.values))?)
     }
 
-    /// Makes a batch on the GPU, and room for it in the network.
+    /// Makes a batch on the GPU, and room for it in the network. The step before may still go on.
     fn load(&mut self, batch: &HostBatch) -> Result<(&mut CudaTrainer, &DeviceBatch), CudaError> {
         let Preparation { config, normalisation, bounds } = &batch.preparation;
         let device = &self.device;
-        let builder = self
-            .builder
-            .get_or_insert_with(|| BatchBuilder::new(device, config, normalisation, bounds));
-        let batch = builder.make(&batch.windows)?;
-        let graph = &batch.frames[0].graph;
-        self.trainer.grow(Capacity { points: graph.points, edges: graph.capacity })?;
-        Ok((&mut self.trainer, batch))
+        let builder = match &mut self.builder {
+            Some(builder) => builder,
+            none => none.insert(BatchBuilder::new(device, config, normalisation, bounds)?),
+        };
+        let trainer = &mut self.trainer;
+        let batch = builder.make(&batch.windows, |batch, said| trainer.say(batch, said))?;
+        trainer.grow(batch.room())?;
+        Ok((trainer, batch))
     }
 
     fn read_losses(&mut self) -> Result<(), CudaError> {

@@ -60,8 +60,14 @@ impl Preparation {
     pub fn prepare(&self, batch: &Batch) -> Prepared {
         let device: Device = device();
         let windows = batch.windows.iter().zip(&batch.points).zip(&batch.statics);
+        let windows = windows.zip(&batch.obstacles);
         let windows: Vec<Window> = windows
-            .map(|((positions, &points), statics)| Window { positions, points, statics })
+            .map(|(((positions, &points), statics), obstacles)| Window {
+                positions,
+                points,
+                statics,
+                obstacles,
+            })
             .collect();
         let input =
             window_input(&windows, &self.config, &self.normalisation, &self.bounds, &device);

@@ -14,6 +14,7 @@ use super::engine::{CpuEngine, Preparation, State};
 use super::ranks::{AllReduce, Alone};
 use super::tcp::Tcp;
 use crate::config::ModelConfig;
+use crate::cuda::HostWindows;
 use crate::data::Batch;
 use crate::features::Normalisation;
 
@@ -66,7 +67,8 @@ fn train_on(
     let preparation = preparation();
     let mut engine = CudaEngine::new(device, &preparation.config, &config(), 42, ranks).unwrap();
     for step in 0..STEPS {
-        let batch = HostBatch::new(batch(step, windows.clone()), &preparation);
+        let windows = HostWindows::new(batch(step, windows.clone()), None);
+        let batch = HostBatch { windows, preparation: preparation.clone() };
         engine.step(&batch, 1e-3).unwrap();
     }
     (engine.state().unwrap(), engine.take_losses().unwrap())

@@ -36,8 +36,8 @@ pub fn checkpoint_in(folder: &Path) -> PathBuf {
 
 /// What the next step learns from.
 enum Work {
-    Graph(Box<EngineBatch>),
-    /// Windows that the network has to move on first, as it is by then.
+    Batch(Box<EngineBatch>),
+    /// Windows that the network has to move on first, as it is by then, on the processor.
     Draft(Draft),
 }
 
@@ -69,9 +69,11 @@ impl Sitting {
         let model = config.model();
         let files = DataFolder::open(data)?;
         let frames = model.window() + config.pushforward.steps;
-        let shape = Shape { frames, stride: config.data.stride };
+        let (stride, before) = (config.data.stride, config.data.before_start);
+        let shape = Shape { frames, stride, before };
         let data = DataSet::open(&files.train, shape, config.data.memory << 20)?
-            .with_statics(&model.node_features)?;
+            .with_statics(&model.node_features)?
+            .with_obstacles(model.obstacles)?;
         let frame_interval = data.frame_interval();
         let range = Range::of(&data, model.connection_radius)?;
         let identity = Identity::of(&config, &data, size)?;
@@ -131,11 +133,12 @@ impl Sitting {
         }
         let bar = if rank == 0 { progress::bar(config.steps, step) } else { ProgressBar::hidden() };
         let (ahead, prepare) = (recipe.clone(), engine.prepare(&preparation));
+        let pushes_forward = engine.pushes_forward();
         let batches = Prefetch::start(data, recipe.clone(), step, move |draft| {
-            if draft.unroll > 0 {
+            if draft.unroll > 0 && !pushes_forward {
                 Work::Draft(draft)
             } else {
-                Work::Graph(Box::new(prepare(ahead.batch(&draft))))
+                Work::Batch(Box::new(prepare(&ahead, &draft)))
             }
         });
         Ok(Self {
@@ -234,11 +237,10 @@ impl Sitting {
 
     fn step(&mut self) -> miette::Result<()> {
         let batch = match self.batches.next()? {
-            Some(Work::Graph(batch)) => *batch,
+            Some(Work::Batch(batch)) => *batch,
             Some(Work::Draft(draft)) => {
                 let draft = self.push_forward(draft)?;
-                let batch = self.recipe.batch(&draft);
-                self.engine.prepare(&self.preparation)(batch)
+                self.engine.prepare(&self.preparation)(&self.recipe, &draft)
             }
             None => bail!("the thread that prepares the data has died"),
         };
@@ -266,7 +268,7 @@ impl Sitting {
     fn push_forward(&mut self, draft: Draft) -> miette::Result<Draft> {
         let (recipe, prepare) = (&self.recipe, self.engine.prepare(&self.preparation));
         draft.push_forward(|draft| {
-            let normalised = self.engine.predict(&prepare(recipe.batch(draft)))?;
+            let normalised = self.engine.predict(&prepare(recipe, draft))?;
             Ok(recipe.accelerations(draft, &normalised))
         })
     }
@@ -323,6 +325,7 @@ impl Sitting {
             training: Training {
                 frame_interval: self.frame_interval,
                 without_gravity: self.config.data.subtract_gravity,
+                before_start: self.config.data.before_start,
                 steps: self.engine.step_number(),
                 range: self.range,
             },

@@ -85,7 +85,7 @@ fn accelerations_follow_from_three_frames(#[values("baseline", "gns")] name: &st
     };
     // Falls from the second frame on, and moves to the right in the last one.
     let positions = [0.5, 0.75, 0.5, 0.75, 0.5, 0.625, 0.625, 0.375];
-    let window = [Window { positions: &positions, points: 1, statics: &[] }];
+    let window = [Window { positions: &positions, points: 1, statics: &[], obstacles: &[] }];
     let whole = window_input::<Cpu>(&window, &config, &norm, &unit_box(2), &Default::default());
     let bare = input::<Cpu>(&plain, &[(&positions[4..], 1)]);
     let accelerations = [[0.0, -0.5], [0.25, -0.5]];
@@ -117,7 +117,7 @@ fn further_features_follow_the_others(#[values("baseline", "gns")] name: &str) {
     // Point 1 is above point 0, and beside it in the second frame.
     let positions = [0.5, 0.5, 0.5, 0.6, 0.5, 0.5, 0.7, 0.6];
     let statics = [0.9, 120.0, 10.0, 0.7, 100.0, 0.0];
-    let window = [Window { positions: &positions, points: 2, statics: &statics }];
+    let window = [Window { positions: &positions, points: 2, statics: &statics, obstacles: &[] }];
     let whole = window_input::<Cpu>(&window, &config, &norm, &unit_box(2), &Default::default());
     let bare = input::<Cpu>(&plain, &[(&positions, 2)]);
     let loads: &[[f64; 2]] = if name == "gns" { &[[0.0, 0.0]] } else { &[[1.0, 0.0], [0.0, 0.0]] };
@@ -138,4 +138,54 @@ fn further_features_follow_the_others(#[values("baseline", "gns")] name: &str) {
     assert_eq!(config.parameter_count(), plain.parameter_count() + encoders * 4 * plain.width);
     let output = model::<Cpu>(&config).forward(&whole);
     assert_eq!(output.dims(), [2, 2]);
+}
+
+/// Faces of obstacles are walls for the points in front of them, and for no others.
+#[rstest]
+fn faces_of_obstacles_are_walls(#[values("baseline", "gns")] name: &str) {
+    let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name, 2) };
+    let seeing = ModelConfig { obstacles: true, ..plain.clone() };
+    let obstacle = [[0.4, 0.1], [0.6, 0.5]];
+    let far = if name == "gns" { 1.0 } else { 0.0 };
+    // Left, right, below, above: in radii.
+    for (place, walls) in [
+        ([0.35, 0.3], [far, 0.25, far, far]),
+        ([0.7, 0.3], [0.5, far, far, far]),
+        ([0.5, 0.6], [far, far, 0.5, far]),
+        ([0.5, 0.05], [far, far, 0.25, 0.25]),
+        // On a face, and a rounding error inside.
+        ([0.4, 0.3], [far, 0.0, far, far]),
+        ([0.5, 0.499_999_9], [far, far, 0.0, far]),
+        // Beyond a corner.
+        ([0.35, 0.55], [far; 4]),
+    ] {
+        let positions = [place, place].concat();
+        for (config, seen) in [(&seeing, &[obstacle][..]), (&seeing, &[]), (&plain, &[obstacle])] {
+            let window =
+                [Window { positions: &positions, points: 1, statics: &[], obstacles: seen }];
+            let norm = normalisation(2);
+            let whole =
+                window_input::<Cpu>(&window, config, &norm, &unit_box(2), &Default::default());
+            let newest = values(whole.frames[whole.frames.len() - 1].nodes.clone());
+            let floor: f64 = if place[1] < 0.2 { f64::from(place[1]) / 0.2 } else { far };
+            let expected = match config.obstacles && !seen.is_empty() {
+                true => walls,
+                false => [far, far, floor, far],
+            };
+            close(&newest[2..], &expected, 1e-5);
+        }
+    }
+}
+
+/// A wall out of reach is at one radius instead of none.
+#[test]
+fn walls_can_be_clamped() {
+    let config = ModelConfig {
+        frames: 2,
+        connection_radius: 0.2,
+        clamped_walls: true,
+        ..small("baseline", 2)
+    };
+    let found = input::<Cpu>(&config, &[(&[0.1, 0.5, 0.1, 0.5], 1)]);
+    close(&values(found.frames[0].nodes.clone()), &[0.5, 1.0, 1.0, 1.0], 1e-5);
 }

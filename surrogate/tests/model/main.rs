@@ -66,7 +66,7 @@ fn small(name: &str, dimensions: usize) -> ModelConfig {
 fn input<B: Backend>(config: &ModelConfig, windows: &[(&[f32], usize)]) -> WindowInput<B> {
     let windows: Vec<Window> = windows
         .iter()
-        .map(|&(positions, points)| Window { positions, points, statics: &[] })
+        .map(|&(positions, points)| Window { positions, points, statics: &[], obstacles: &[] })
         .collect();
     let d = config.dimensions;
     window_input(&windows, config, &normalisation(d), &unit_box(d), &Default::default())

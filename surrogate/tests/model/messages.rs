@@ -62,7 +62,7 @@ fn place_does_not_matter(
     let there: Vec<f32> = here.iter().map(|x| x + 2.0).collect();
     let model = model::<Cpu>(&config);
     let run = |positions: &[f32], bounds: [f64; 2]| {
-        let window = [Window { positions, points, statics: &[] }];
+        let window = [Window { positions, points, statics: &[], obstacles: &[] }];
         let norm = normalisation(dimensions);
         let bounds = vec![bounds; dimensions];
         let input = window_input(&window, &config, &norm, &bounds, &Default::default());

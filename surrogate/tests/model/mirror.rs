@@ -17,7 +17,13 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
         model: model::<Cpu>(&config),
         config,
         normalisation: normalisation(2),
-        training: Training { frame_interval: 0.01, without_gravity: true, steps: 0, range: None },
+        training: Training {
+            frame_interval: 0.01,
+            without_gravity: true,
+            before_start: 0,
+            steps: 0,
+            range: None,
+        },
         mirror,
         device: Default::default(),
         gpu: None,
@@ -25,7 +31,7 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
     };
     let points = 40;
     let run = |positions: &[f32], gravity| {
-        let window = Window { positions, points, statics: &[] };
+        let window = Window { positions, points, statics: &[], obstacles: &[] };
         simulator.accelerations(&mut simulator.inference(), &window, [1.0, 1.0], gravity)
     };
     // 1 - x is exact for these positions, so the images are to the bit.

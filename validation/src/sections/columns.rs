@@ -93,12 +93,7 @@ impl Section for Columns {
             }
             let points: Vec<(f64, f64)> = deposits.iter().map(|d| (d.aspect, d.runout)).collect();
             let (factor, exponent) = power_law(&points);
-            exponents.push(format!(
-                "{name}: runout (L - L0) / L0 = {} a^{}; sand 1.2 a, then 1.9 a^(2/3), discs 2.5 a, \
-                 then 3.25 a^0.7.",
-                number(factor),
-                number(exponent)
-            ));
+            exponents.push(format!("{name} {} a^{}", number(factor), number(exponent)));
             series.push(Series::new(*name, mark, points));
         }
         let picture = Chart {
@@ -128,9 +123,15 @@ impl Section for Columns {
                 "Lines: experiments and discrete simulations of others. Marks: this code.",
             )),
             Block::Table(table),
-            Block::text("Least squares over all aspect ratios:"),
-            Block::Findings(exponents),
         ];
+        all.insert(
+            0,
+            Block::headline(format!(
+                "Runout (L - L0) / L0 of columns of aspect ratio a = 0.5 to 3, by least squares: {}. \
+                 Experiments: sand 1.2 a, then 1.9 a^(2/3); discs 2.5 a, then 3.25 a^0.7.",
+                exponents.join("; ")
+            )),
+        );
         all.append(&mut blocks);
         if context.suite == Suite::Quick {
             all.push(Block::missing(

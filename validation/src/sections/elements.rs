@@ -67,8 +67,10 @@ impl Section for Elements {
              is in the column before the last. References: an independent prototype with the same \
              discs and contact law.",
         );
+        let mut ratios = Vec::new();
         let mut row = |test: &str, quantity: &str, reference: f64, of: &[Found], value: Value| {
             let (ours, scatter) = mean_and_deviation(of, value);
+            ratios.push(ours / reference);
             table.row([
                 test.to_owned(),
                 quantity.to_owned(),
@@ -125,7 +127,16 @@ impl Section for Elements {
             floor: None,
         }
         .draw()?;
+        let (least, most) =
+            ratios.iter().fold((f64::MAX, f64::MIN), |(low, high), r| (low.min(*r), high.max(*r)));
         Ok(vec![
+            Block::headline(format!(
+                "{} quantities of critical state and strength are {} to {} times those of an \
+                 independent prototype.",
+                ratios.len(),
+                number(least),
+                number(most)
+            )),
             Block::text(
                 "Packings of 400 discs at 20 kPa, friction 0.5. Biaxial compression from a dense \
                  and a loose packing has to end in one critical state; simple shear at constant \

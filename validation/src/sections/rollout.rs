@@ -5,6 +5,7 @@ use crate::compare::difference;
 use crate::context::Context;
 use crate::rollouts::{animation, chart, failures, roll_out, snapshots, table};
 use crate::section::Section;
+use crate::sections::paper::networks::baseline_and_others;
 use crate::sections::speed_accuracy::no_model;
 use crate::sweep::Case;
 
@@ -23,7 +24,7 @@ impl Section for Column {
         // The first case of every suite.
         let case = Case::of(context.suite).remove(0);
         let [truth, other] = case.run_references(context)?;
-        let models = context.models.clone();
+        let models = baseline_and_others(&context.models);
         let rollouts = roll_out(context, &models, &[("column".to_owned(), truth.output.clone())])?;
         let floor = difference(&other.output, &truth.output)?;
         let all: Vec<_> = rollouts.iter().collect();

@@ -2,20 +2,22 @@
 
 mod comparisons;
 
-use self::comparisons::{comparisons, pay_back};
+use self::comparisons::{comparisons, headline, pay_back};
 use crate::block::{Block, Figure, Table};
 use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::Context;
 use crate::pareto::front;
 use crate::section::Section;
 use crate::sweep::{Case, Error, Family, Measure, Sweep};
-use crate::table::number;
+use crate::table::{number, seconds};
 
 /// The chart of one scene.
 pub struct SpeedAccuracy {
     /// Place of its case in [`Case::of`].
     pub case: usize,
     pub title: &'static str,
+    /// Whether its chart is on the first screen of the page.
+    pub cover: bool,
 }
 
 /// Measures of error: name, unit, value.
@@ -44,26 +46,40 @@ impl Section for SpeedAccuracy {
             )]);
         };
         let sweep = case.measure(context)?;
-        let mut blocks = vec![Block::text(format!(
-            "Scene: {}. The reference ({}) ran with two seeds; errors are means of those \
-             against each, and what lies below the difference between the two (the shade) \
-             cannot be told from it. All other runs have a third seed. The grid of the reference is \
-             that of the scene: settings with other cells show what that choice is worth. Time \
-             is wall time of the computation on {}, one run at a time: preparing packings and \
-             kernels, copying them to the device and writing files are not counted, the frames \
-             that a network starts from are.",
-            case.description, case.reference_words, context.device_name
-        ))];
+        let [one, other] = sweep.reference_seconds.map(seconds);
+        let mut blocks = vec![
+            Block::Headline(headline(&sweep)),
+            Block::text(format!(
+                "Scene: {}. The reference ({}) ran with two seeds; errors are means of those \
+                 against each, and what lies below the difference between the two (the shade) \
+                 cannot be told from it. All other runs have a third seed. The grid of the \
+                 reference is that of the scene: settings with other cells show what that choice is \
+                 worth. Time is wall time of the computation on {}, one run at a time: preparing \
+                 packings and kernels, copying them to the device and writing files are not \
+                 counted, the frames that a network starts from are. Where there is a spread in \
+                 the table, the time is the median of three; all else was timed once, and the two \
+                 references, equal but for their seeds, took {one} and {other}.",
+                case.description, case.reference_words, context.device_name
+            )),
+        ];
         blocks.extend(busy(&sweep));
         blocks.extend(elsewhere(&sweep));
-        for (name, unit, measure) in MEASURES {
+        for (place, (name, unit, measure)) in MEASURES.into_iter().enumerate() {
             let picture = chart(&sweep, name, unit, measure).draw()?;
-            blocks.push(Block::Figure(Figure::new(
-                format!("Error over wall time: {name}"),
-                picture,
-                "Down and left is better. The line joins what nothing beats in both; numbers are \
-                 those of the table.",
-            )));
+            let title = format!("Error over wall time: {name}");
+            let costs: Vec<_> = sweep.measured.iter().map(|m| m.cost(measure)).collect();
+            let best = front(&costs, measure(&sweep.floor)).into_iter();
+            let best: Vec<String> =
+                best.map(|k| format!("{} {}", k + 1, sweep.measured[k].name)).collect();
+            let caption = format!(
+                "{}. Down and left is better. The line joins what nothing beats in both: {}. Other \
+                 numbers are in the table \"All settings\".",
+                case.name,
+                best.join("; ")
+            );
+            let figure = Figure::new(title, picture, caption);
+            let figure = if place == 0 && self.cover { figure.on_cover() } else { figure };
+            blocks.push(Block::Figure(figure));
         }
         blocks.push(Block::Table(all(&sweep)));
         blocks.extend(failures(&sweep));
@@ -127,7 +143,10 @@ fn chart(sweep: &Sweep, name: &str, unit: &str, measure: Measure) -> Chart {
         let (labels, points) = places
             .map(|(place, m)| {
                 let cost = m.cost(measure);
-                ((place + 1).to_string(), (cost.seconds, cost.error))
+                // The ablation's networks lie close together.
+                let numbered = family != Family::Ablation;
+                let label = if numbered { (place + 1).to_string() } else { String::new() };
+                (label, (cost.seconds, cost.error))
             })
             .unzip();
         Series { labels, ..Series::new(title, mark, points) }
@@ -146,10 +165,11 @@ fn chart(sweep: &Sweep, name: &str, unit: &str, measure: Measure) -> Chart {
     }
 }
 
-const FAMILIES: [(Family, &str, Mark); 3] = [
+const FAMILIES: [(Family, &str, Mark); 4] = [
     (Family::Packings, "packings (direct solver)", Mark::Circles),
     (Family::Continuum, "mu(I) law", Mark::Squares),
     (Family::Network, "networks", Mark::Triangles),
+    (Family::Ablation, "networks of the ablation", Mark::Crosses),
 ];
 
 fn all(sweep: &Sweep) -> Table {
@@ -157,6 +177,7 @@ fn all(sweep: &Sweep) -> Table {
         "",
         "method",
         "wall time [s]",
+        "spread [s]",
         "on",
         "processor time [s]",
         "MSE [box²]",
@@ -165,7 +186,8 @@ fn all(sweep: &Sweep) -> Table {
         "points [m]",
     ];
     let mut table = Table::new("All settings", columns).note(format!(
-        "Processor time: of the whole program, over all threads. MSE and points (its root, in \
+        "Spread: between the shortest and the longest of three times. Processor time: of the whole \
+         program, over all threads. MSE and points (its root, in \
          metres): over all points and frames; front and height profile: at the end, where the front \
          of the reference is at {:.2} m. Where points differ in size, the finer ones are \
          averaged over the squares of the coarser ones.",
@@ -179,6 +201,7 @@ fn all(sweep: &Sweep) -> Table {
             (place + 1).to_string(),
             m.name.clone(),
             if m.error.is_some() { number(m.seconds) } else { "failed".to_owned() },
+            m.spread.map_or(String::new(), number),
             m.device.clone(),
             m.processor_seconds.map_or(String::new(), number),
             error(|e| e.mse),

@@ -91,20 +91,20 @@ impl Section for Yade {
         }
         table.row(["YADE".to_owned(), format!("{:.2e}", speed("yade"))]);
         let finding = format!(
-            "Up to a strain of 0.5 %, p of this code (f64) is {} from that of YADE; then chaos parts \
-             all codes, f32 from f64 as well. On one thread it makes {} (f64) and {} (f32) times as \
+            "Up to a shear of 0.5 % the pressure of one packing (f64) \
+             differs by {}; then chaos parts all codes, f32 from f64 as well. On one thread it makes {} (f64) and {} (f32) times as \
              many disc-steps a second.",
             percent(found.difference("f64", PARTS[0])),
             number(speed("f64") / speed("yade")),
             number(speed("f32") / speed("yade")),
         );
         Ok(vec![
+            Block::headline(finding),
             Block::text(format!(
                 "One dense packing of 400 discs at 20 kPa, simple shear at constant volume, the same \
                  steps in both codes (`validation/yade/compare.py`, {version}), one thread each. \
                  Chaos parts the two at strains above 1 %: from there on only means can agree.",
             )),
-            Block::Findings(vec![finding]),
             found.chart("pressure p [kPa]", |[_, p, _]| 1e-3 * p)?,
             found.chart("q / p", |[_, p, q]| q / p)?,
             Block::Table(table),

@@ -12,6 +12,7 @@ use crate::section::Section;
 /// The sections of the chapter.
 pub fn all() -> Vec<Box<dyn Section>> {
     vec![
+        Box::new(accuracy::Stated),
         Box::new(data::Data),
         Box::new(networks::Networks),
         Box::new(times::Times),
@@ -33,7 +34,6 @@ pub fn all() -> Vec<Box<dyn Section>> {
             set: "test",
             only: Some(|case| case == "penetration"),
         }),
-        Box::new(accuracy::Stated),
     ]
 }
 

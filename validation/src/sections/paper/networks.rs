@@ -149,18 +149,29 @@ pub fn trained_on(training: &Training) -> String {
     )
 }
 
-/// Whether a model is a training of a network: it has the network's name, or that and `-dataN`.
+/// Whether a model is a training of a network: it has the network's name, which `tgnns-` may precede
+/// and `-dataN` may follow.
 pub fn belongs(model: &str, network: &str) -> bool {
-    let rest = model.strip_prefix(network);
+    let rest = model.strip_prefix("tgnns-").unwrap_or(model).strip_prefix(network);
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with("-data"))
 }
 
-/// The paper's Baseline, and all models that are none of its networks: its other nine are ablations
-/// that differ too little to be looked at one by one.
+/// The paper's Baseline, and all models that are none of its networks: the ablation's differ too
+/// little to be looked at one by one.
 pub fn baseline_and_others(models: &[Model]) -> Vec<Model> {
-    let of_paper = |model: &Model| PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name));
     let others = models.iter().filter(|model| !of_paper(model)).cloned();
     baseline(models).into_iter().chain(others).collect()
+}
+
+/// All other trainings of the paper's networks.
+pub fn ablation(models: &[Model]) -> Vec<Model> {
+    let first = baseline(models).map(|model| model.name);
+    let others = models.iter().filter(|m| of_paper(m) && Some(&m.name) != first.as_ref());
+    others.cloned().collect()
+}
+
+fn of_paper(model: &Model) -> bool {
+    PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name))
 }
 
 #[cfg(test)]
@@ -170,6 +181,7 @@ mod tests {
     #[test]
     fn models_are_known_by_the_names_of_their_networks() {
         assert!(belongs("frame4", "frame4") && belongs("frame4-data1", "frame4"));
+        assert!(belongs("tgnns-baseline", "baseline") && !belongs("tgnns-tiny", "baseline"));
         assert!(!belongs("frame4-hidden1-data1", "frame4") && !belongs("tiny", "frame4"));
     }
 

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use dempm::trajectory::Trajectory;
 
+use super::accuracy::ranking;
 use super::networks::belongs;
 use crate::block::{Block, Figure, Table};
 use crate::chart::{Axis, Chart, Mark, Series};
@@ -56,6 +57,7 @@ impl Section for Resolutions {
             return Ok(blocks);
         }
         let rollouts = roll_out(context, &models, &cases)?;
+        blocks.extend(ranking("Resolutions", &models, &rollouts)?);
         for (case, _) in &cases {
             let of_case: Vec<&Rollout> = rollouts.iter().filter(|r| r.case == *case).collect();
             blocks.push(chart(case, &of_case, None)?);

@@ -71,6 +71,8 @@ impl Section for Times {
         let cases = context.cases("test");
         let model = baseline(&context.models);
         let mut absent = Vec::new();
+        // Ours and the paper's, of solver and network.
+        let mut times = [Vec::new(), Vec::new()];
         for (case, points, steps, [dempm, tgnns, h800]) in TABLE_7 {
             let found = cases.iter().find(|(name, _)| name == case);
             let ours = found.map(|(_, path)| Trajectory::open(path)).transpose()?;
@@ -80,6 +82,7 @@ impl Section for Times {
             let size = ours.as_ref().map(size);
             let same = size == Some((points, steps));
             let time = ours.as_ref().map(computing);
+            times[0].extend(time.filter(|_| same).map(|time| (time, dempm)));
             direct.row([
                 case.to_owned(),
                 points.to_string(),
@@ -102,6 +105,7 @@ impl Section for Times {
                 // The time of a rollout that ended early says nothing.
                 rollout.as_ref().is_some_and(|r| r.message.is_empty())
             });
+            times[1].extend(time.filter(|_| same).map(|time| (time, h800)));
             learned.row([
                 case.to_owned(),
                 number(tgnns),
@@ -112,7 +116,18 @@ impl Section for Times {
                 rollout.as_ref().map_or(String::new(), |r| r.device.clone()),
             ]);
         }
-        let mut blocks = vec![Block::Table(direct), Block::Table(learned)];
+        let mut blocks: Vec<Block> = Vec::new();
+        let [solver, network] = times.map(|times| compared(&times));
+        blocks.extend(solver.map(|words| {
+            Block::headline(format!(
+                "Direct solver: {words} on an RTX 4090, whose substeps are not stated."
+            ))
+        }));
+        if let (Some(model), Some(words)) = (&model, network) {
+            let name = &model.name;
+            blocks.push(Block::headline(format!("Network `{name}`: {words} on an H800.")));
+        }
+        blocks.extend([Block::Table(direct), Block::Table(learned)]);
         if !absent.is_empty() {
             blocks.push(Block::missing(
                 format!("Our time of {}", absent.join(", ")),
@@ -131,9 +146,21 @@ impl Section for Times {
     }
 }
 
-/// The paper's network, on the finest data there is.
+/// The paper's network: the one that is not named after a data set, or else on the finest data.
 pub fn baseline(models: &[Model]) -> Option<Model> {
-    models.iter().find(|model| belongs(&model.name, "baseline")).cloned()
+    let all = models.iter().filter(|model| belongs(&model.name, "baseline"));
+    all.min_by_key(|model| model.name.contains("-data")).cloned()
+}
+
+/// Our times (s) and how far they are from the paper's, in words.
+fn compared(times: &[(f64, f64)]) -> Option<String> {
+    let range = |value: fn(&(f64, f64)) -> f64| {
+        let values = || times.iter().map(value);
+        let least = values().reduce(f64::min)?;
+        Some(format!("{} to {}", number(least), number(values().fold(least, f64::max))))
+    };
+    let (own, ratio) = (range(|(ours, _)| *ours)?, range(|(ours, paper)| paper / ours)?);
+    Some(format!("{own} s, {ratio} times as fast as the paper's"))
 }
 
 /// Points and steps of a run.
@@ -141,4 +168,16 @@ fn size(trajectory: &Trajectory) -> (usize, usize) {
     let duration = trajectory.time().last().copied().unwrap_or_default();
     let steps = (duration / trajectory.header().time_step).round() as usize;
     (trajectory.points().mass.len(), steps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_compared_case_by_case() {
+        assert_eq!(compared(&[]), None);
+        let words = compared(&[(2.0, 200.0), (4.0, 100.0)]).unwrap();
+        assert_eq!(words, "2 to 4 s, 25 to 100 times as fast as the paper's");
+    }
 }

@@ -1,10 +1,10 @@
 //! Fig. 8: training curves.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::block::{Block, Figure};
 use crate::chart::{Axis, Chart, Mark, Series};
-use crate::context::Context;
+use crate::context::{Context, Model};
 use crate::section::Section;
 
 /// Loss and validation error over the steps of trainings.
@@ -21,11 +21,8 @@ impl Section for Training {
             ("validation.csv", "mse", "MSE of validation rollouts [box²]"),
             ("log.csv", "loss", "loss"),
         ] {
-            let curve = |model: &crate::context::Model| {
-                let path = model.path.parent()?.join(file);
-                // A log belongs to the model of its own folder only.
-                let points =
-                    curve(&path, column).filter(|_| model.path.ends_with("best.safetensors"))?;
+            let curve = |model: &Model| {
+                let points = curve(&log_of(model, file)?, column)?;
                 Some(Series::new(&model.name, Mark::Line, points))
             };
             let series: Vec<Series> = context.models.iter().filter_map(curve).collect();
@@ -42,13 +39,21 @@ impl Section for Training {
         if blocks.is_empty() {
             blocks.push(Block::missing(
                 "Training curves",
-                "no model came with the folder of its training (`best.safetensors`, `log.csv`, \
-                 `validation.csv`).",
-                "`--models` takes the folder in which `surrogate train -o` made its own.",
+                "no model came with `log.csv` or `validation.csv` of its training.",
+                "`--models` takes the folder in which `surrogate train -o` made its own; beside \
+                 `NAME.safetensors` they are `NAME.log.csv` and `NAME.validation.csv`.",
             ));
         }
         Ok(blocks)
     }
+}
+
+/// The log of a training: in the folder of its own, or beside the weights under their name.
+fn log_of(model: &Model, file: &str) -> Option<PathBuf> {
+    if model.path.ends_with("best.safetensors") {
+        return Some(model.path.parent()?.join(file));
+    }
+    Some(model.path.with_extension(file))
 }
 
 /// Steps and one column of a log; none if there is no such file or column, or it is empty.

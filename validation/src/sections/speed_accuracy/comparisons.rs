@@ -3,7 +3,7 @@
 use super::MEASURES;
 use crate::block::{Block, Table};
 use crate::model_cost::ModelCost;
-use crate::pareto::{as_accurate, as_fast, break_even};
+use crate::pareto::{as_accurate, as_fast, break_even, front};
 use crate::sweep::{Family, Measured, Sweep};
 use crate::table::{number, seconds};
 
@@ -25,9 +25,13 @@ pub(super) fn comparisons(sweep: &Sweep) -> Vec<Block> {
          count as equal.",
     );
     let mut lines = Vec::new();
-    for method in
-        sweep.measured.iter().filter(|m| m.family != Family::Packings && m.error.is_some())
-    {
+    let all: Vec<_> = sweep.measured.iter().map(|m| m.cost(MEASURES[0].2)).collect();
+    let front = front(&all, MEASURES[0].2(&sweep.floor));
+    for (place, method) in sweep.measured.iter().enumerate() {
+        let compared = matches!(method.family, Family::Continuum | Family::Network);
+        if !compared || method.error.is_none() {
+            continue;
+        }
         let rivals = rivals(sweep, method);
         for (name, _, measure) in MEASURES {
             let floor = measure(&sweep.floor);
@@ -46,7 +50,9 @@ pub(super) fn comparisons(sweep: &Sweep) -> Vec<Block> {
                 fast.map_or("none is as fast".to_owned(), |k| rivals[k].name.clone()),
                 gain.map_or(String::new(), number),
             ]);
-            if name == MEASURES[0].0 {
+            // What is worth a sentence: what nothing beats in both, and what loses.
+            let loses = speed_up.is_some_and(|ratio| ratio < 1.0) || gain.is_some_and(|g| g < 1.0);
+            if name == MEASURES[0].0 && (loses || front.contains(&place)) {
                 lines.push(sentence(method, speed_up, accurate.map(|k| rivals[k]), gain));
             }
         }
@@ -60,10 +66,58 @@ pub(super) fn comparisons(sweep: &Sweep) -> Vec<Block> {
 /// What a method is measured against: everything of the families that solve equations.
 fn rivals<'s>(sweep: &'s Sweep, method: &Measured) -> Vec<&'s Measured> {
     let fair = |family| match method.family {
-        Family::Network => family != Family::Network,
-        _ => family == Family::Packings,
+        Family::Network | Family::Ablation => {
+            matches!(family, Family::Packings | Family::Continuum)
+        }
+        Family::Packings | Family::Continuum => family == Family::Packings,
     };
     sweep.measured.iter().filter(|m| fair(m.family)).collect()
+}
+
+/// The most accurate network against the cheapest setting of the solver that is as accurate.
+pub(super) fn headline(sweep: &Sweep) -> String {
+    let metres = |m: &Measured| m.error.map_or(f64::NAN, |error| error.distance);
+    let noise = format!(
+        "Two seeds of the reference ({}) are {} m apart (root mean square over points and frames).",
+        seconds(sweep.measured[0].seconds),
+        number(sweep.floor.distance)
+    );
+    let networks = sweep.measured.iter().filter(|m| m.family == Family::Network);
+    let networks = networks.filter(|m| m.error.is_some());
+    let Some(best) = networks.min_by(|a, b| metres(a).total_cmp(&metres(b))) else {
+        return format!("No network was compared. {noise}");
+    };
+    let rivals = rivals(sweep, best);
+    let costs: Vec<_> = rivals.iter().map(|m| m.cost(|e| e.mse)).collect();
+    let cost = best.cost(|e| e.mse);
+    let rival = as_accurate(cost, &costs, sweep.floor.mse).map(|k| rivals[k]);
+    let paid = match (rival, best.model.as_ref().map(|model| ModelCost::beside(&model.path))) {
+        (Some(rival), Some(Ok(cost))) => break_even(cost.total(), best.seconds, rival.seconds),
+        _ => None,
+    };
+    let paid = paid.map_or(String::new(), |runs| {
+        format!(" Making its data and training it pay back after {runs:.0} runs.")
+    });
+    let against = match rival {
+        Some(rival) if rival.seconds >= best.seconds => format!(
+            "{} times as fast as the cheapest setting of the solver that is as accurate ({}, {})",
+            number(rival.seconds / best.seconds),
+            rival.name,
+            seconds(rival.seconds)
+        ),
+        Some(rival) => format!(
+            "slower than {}, which is as accurate in {}: it loses",
+            rival.name,
+            seconds(rival.seconds)
+        ),
+        None => "more accurate than every setting of the solver that was tried".to_owned(),
+    };
+    format!(
+        "The most accurate network ({}, {}) is {} m off, and {against}.{paid} {noise}",
+        best.name,
+        seconds(best.seconds),
+        number(metres(best))
+    )
 }
 
 fn sentence(

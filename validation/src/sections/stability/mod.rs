@@ -12,6 +12,7 @@ mod dem_shear;
 mod dem_size;
 mod dem_step;
 mod dem_thin;
+mod glance;
 mod learned;
 mod mpm_crossing;
 mod mpm_step;
@@ -40,6 +41,12 @@ use crate::work::hash_of_file;
 
 /// The sections of the chapter.
 pub fn all() -> Vec<Box<dyn Section>> {
+    let mut all: Vec<Box<dyn Section>> = vec![Box::new(glance::Glance)];
+    all.extend(studies());
+    all
+}
+
+fn studies() -> Vec<Box<dyn Section>> {
     vec![
         direct("MPM: the step", mpm_step::study, 5.0),
         direct("MPM: cell crossing", mpm_crossing::study, 10.0),
@@ -116,11 +123,14 @@ fn pushed(
 }
 
 impl Learned {
-    /// The models that are pushed; in the quick size the first of them.
+    /// The models that are pushed; in the quick size the smallest of them.
     fn models(&self, context: &Context) -> Vec<Model> {
-        let mut models = baseline_and_others(&context.models);
-        models.truncate(study::pick(context.suite, 1, models.len()));
-        models
+        let models = baseline_and_others(&context.models);
+        let size = |model: &Model| std::fs::metadata(&model.path).map_or(0, |file| file.len());
+        match context.suite {
+            Suite::Quick => models.into_iter().min_by_key(size).into_iter().collect(),
+            Suite::Full => models,
+        }
     }
 }
 

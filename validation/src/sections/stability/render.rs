@@ -41,7 +41,8 @@ pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
 fn summary(study: &Study) -> String {
     let failed: Vec<_> = study.findings.iter().filter(|f| !f.beyond.works()).collect();
     let mut line = study.of.as_ref().map_or(String::new(), |model| format!("{model}: "));
-    line += &format!("{} pushed, {} until failure", study.findings.len(), failed.len());
+    let looked_for = study.findings.len();
+    line += &format!("{} of {looked_for} limits that were looked for were reached", failed.len());
     let silent = |outcome: &super::Outcome| outcome.kind() == map::Outcome::Silent;
     let unsaid: Vec<&str> =
         failed.iter().filter(|f| silent(&f.beyond)).map(|f| f.case.as_str()).collect();
@@ -58,7 +59,7 @@ fn summary(study: &Study) -> String {
     if let Some(least) = ratios.iter().copied().reduce(f64::min) {
         let most = ratios.iter().copied().fold(least, f64::max);
         line += &format!(
-            ". Thresholds over those of theory: {} to {} ({} of them)",
+            ". Measured limits are {} to {} times those of theory ({} of them)",
             number(least),
             number(most),
             ratios.len()
@@ -67,7 +68,7 @@ fn summary(study: &Study) -> String {
     let cells: Vec<_> = study.maps.iter().flat_map(|map| map.outcomes.iter().flatten()).collect();
     if !cells.is_empty() {
         let silent = cells.iter().filter(|outcome| silent(outcome)).count();
-        line += &format!(". Maps: {silent} of {} failed silently", cells.len());
+        line += &format!(". Of {} cells of the maps {silent} failed silently", cells.len());
     }
     line + "."
 }
@@ -210,8 +211,9 @@ mod tests {
         };
         assert_eq!(
             summary,
-            &["tiny: 1 pushed, 1 until failure; nothing was said of: case. Thresholds over those \
-               of theory: 1 to 1 (1 of them). Maps: 1 of 2 failed silently."]
+            &["tiny: 1 of 1 limits that were looked for were reached; nothing was said of: case. \
+               Measured limits are 1 to 1 times those of theory (1 of them). Of 2 cells of the maps \
+               1 failed silently."]
         );
         assert_eq!(table.title, "Thresholds (tiny)");
         assert_eq!(

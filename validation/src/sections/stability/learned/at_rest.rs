@@ -45,8 +45,8 @@ fn rest(simulator: &Simulator, depth: f64, frames: usize) -> Result<Case, StudyE
 /// Error over motion with a plate pushed 0.25 m deep into the bed.
 fn push(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
     let interval = simulator.training.frame_interval;
-    let frames = simulator.config.window() + (0.25 / speed / interval).round() as usize;
-    let start = (simulator.config.window() - 1) as f64 * interval;
+    let frames = simulator.first_frames() + (0.25 / speed / interval).round() as usize;
+    let start = (simulator.first_frames() - 1) as f64 * interval;
     let plate = format!(
         "[plate]\ncorner = [{:?}, {:?}]\nsize = [{PLATE}, 0.5]\nvelocity = [0.0, {:?}]\n\
          start = {start:?}\nfaces = {{ left = \"slip\", right = \"slip\", bottom = 0.5, top = 0.5 }}\n",

@@ -131,7 +131,7 @@ fn mirror(
                 let motion = difference(&straight.positions[k], &straight.positions[0]);
                 difference(&straight.positions[k], &reflected.positions[k]) / motion
             };
-            let points = (simulator.config.window()..both).map(|k| [k as f64 * interval, apart(k)]);
+            let points = (simulator.first_frames()..both).map(|k| [k as f64 * interval, apart(k)]);
             curves.push(Curve::measured(format!("{column}, {prediction}"), points.collect()));
             let last = apart(both - 1);
             let symptom = format!("mirror images part by {:.0} % of the motion", 100.0 * last);

@@ -72,7 +72,7 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
             curves: vec![
                 Curve::measured(
                     "rollout",
-                    (simulator.config.window()..rolled.positions.len())
+                    (simulator.first_frames()..rolled.positions.len())
                         .step_by((frames / 40).max(1))
                         .map(|k| [time(k), error(k)])
                         .collect(),

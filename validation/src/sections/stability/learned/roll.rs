@@ -76,7 +76,8 @@ impl Direct {
     }
 }
 
-/// A prediction and what was said of it.
+/// A prediction and what was said of it. That mirror images differ tells nothing of other errors, so it
+/// is not among it.
 pub struct Rolled {
     /// Frames from the first of the start on.
     pub positions: Frames,
@@ -93,8 +94,9 @@ pub fn of_mirror_images(doubt: &str) -> bool {
 pub fn roll(simulator: &Simulator, start: &Start, frames: usize) -> Rolled {
     let mut rollout = Rollout::new(simulator, start);
     let mut watch = Watch::new(start, simulator.training.frame_interval, frames);
+    let said = doubts(simulator, start).into_iter().filter(|doubt| !of_mirror_images(doubt));
     let mut rolled =
-        Rolled { positions: start.positions.clone(), said: doubts(simulator, start), error: None };
+        Rolled { positions: start.positions.clone(), said: said.collect(), error: None };
     while rolled.positions.len() < frames {
         match rollout.advance() {
             Ok(next) => rolled.positions.push(next.to_vec()),

@@ -19,7 +19,7 @@ struct Case {
 
 fn run(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
     let interval = simulator.training.frame_interval;
-    let window = simulator.config.window();
+    let window = simulator.first_frames();
     // The block is still free while the model looks.
     let gap = GAP.max(1.2 * speed * interval * window as f64);
     let gap = (gap / 0.125).ceil() * 0.125;
