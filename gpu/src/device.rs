@@ -83,7 +83,7 @@ impl Device {
             driver,
             // From this driver on also in graphs.
             overlaps_kernels: major >= 9 && driver >= (12, 4),
-            urgent_priority: greatest_priority()?,
+            urgent_priority: get_priority_range()?.1,
             context,
             stream,
         }))
@@ -104,9 +104,7 @@ impl Device {
     /// # Errors
     /// A failure of the GPU.
     pub fn with_urgent_stream(&self) -> Result<Arc<Self>, Error> {
-        self.context.bind_to_thread()?;
-        let highest = get_priority_range()?.1;
-        let stream = self.context.new_stream_with_priority(highest)?;
+        let stream = self.context.new_stream_with_priority(self.urgent_priority)?;
         Ok(Arc::new(Self { stream, ..self.clone() }))
     }
 
@@ -138,7 +136,7 @@ impl Device {
         self.overlaps_kernels
     }
 
-    /// Priority of kernels that go before others.
+    /// Priority of what goes before others.
     pub(crate) fn urgent_priority(&self) -> i32 {
         self.urgent_priority
     }
@@ -207,14 +205,6 @@ impl Device {
         let available = self.context.mem_get_info().map_or(0, |(free, _)| free);
         Error::OutOfMemory { needed, available }
     }
-}
-
-/// Of kernels, in the current context. Zero is the usual priority, smaller numbers go first.
-fn greatest_priority() -> Result<i32, DriverError> {
-    let (mut least, mut greatest) = (0, 0);
-    // SAFETY: writes the two integers.
-    unsafe { sys::cuCtxGetStreamPriorityRange(&raw mut least, &raw mut greatest) }.result()?;
-    Ok(greatest)
 }
 
 /// A driver runs what an NVRTC of its own major version compiles, and of older ones.
