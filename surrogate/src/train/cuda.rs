@@ -38,13 +38,13 @@ pub struct CudaEngine {
 /// A batch for a GPU, whose graphs are built there.
 pub struct HostBatch {
     pub windows: HostWindows,
-    pub preparation: Preparation,
+    pub preparation: Arc<Preparation>,
 }
 
 impl HostBatch {
     /// Does what is not done on the GPU; may run ahead of the training on another thread. The network
     /// will move the windows on as the draft says.
-    pub fn new(recipe: &Recipe, draft: &Draft, preparation: &Preparation) -> Self {
+    pub fn new(recipe: &Recipe, draft: &Draft, preparation: &Arc<Preparation>) -> Self {
         let windows = HostWindows::new(recipe.batch(draft), recipe.unrolling(draft));
         Self { windows, preparation: preparation.clone() }
     }
@@ -160,7 +160,7 @@ impl CudaEngine {
 
     /// Makes a batch on the GPU, and room for it in the network. The step before may still go on.
     fn load(&mut self, batch: &HostBatch) -> Result<(&mut CudaTrainer, &DeviceBatch), CudaError> {
-        let Preparation { config, normalisation, bounds } = &batch.preparation;
+        let Preparation { config, normalisation, bounds } = &*batch.preparation;
         let device = &self.device;
         let builder = match &mut self.builder {
             Some(builder) => builder,

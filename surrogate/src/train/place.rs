@@ -81,7 +81,7 @@ impl Engine {
         preparation: &Preparation,
     ) -> impl Fn(&Recipe, &Draft) -> EngineBatch + Send + Sync + 'static {
         let on_gpu = matches!(self, Self::Cuda(_));
-        let preparation = preparation.clone();
+        let preparation = Arc::new(preparation.clone());
         move |recipe, draft| {
             if on_gpu {
                 EngineBatch::Cuda(HostBatch::new(recipe, draft, &preparation))

@@ -64,7 +64,7 @@ fn train_on(
     windows: Range<u64>,
     ranks: Option<Arc<Ranks>>,
 ) -> (State, Vec<f64>) {
-    let preparation = preparation();
+    let preparation = Arc::new(preparation());
     let mut engine = CudaEngine::new(device, &preparation.config, &config(), 42, ranks).unwrap();
     for step in 0..STEPS {
         let windows = HostWindows::new(batch(step, windows.clone()), None);
