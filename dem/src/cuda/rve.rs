@@ -11,7 +11,7 @@ use nalgebra::Matrix2;
 
 use super::error::{CudaError, RveFailure};
 use super::real::CudaReal;
-use super::shape::Shape;
+use super::shape::{Room, Shape};
 use super::state::{Header, HostState, State};
 use crate::batch::RveBatch;
 use crate::error::Failure;
@@ -95,9 +95,21 @@ impl<R: CudaReal> CudaRveBatch<R> {
     /// # Errors
     /// RVEs of different numbers of discs, or of more than fit; too little memory; no compiler.
     pub fn upload(device: &Arc<Device>, batch: &RveBatch<R>) -> Result<Self, CudaError> {
+        Self::upload_with_room(device, batch, Room::Usual)
+    }
+
+    /// As [`upload`](Self::upload), with room for the lists of neighbours. Results do not depend on it.
+    ///
+    /// # Errors
+    /// As [`upload`](Self::upload).
+    pub fn upload_with_room(
+        device: &Arc<Device>,
+        batch: &RveBatch<R>,
+        room: Room,
+    ) -> Result<Self, CudaError> {
         let discs = batch.fresh.discs.len();
         let rves = batch.rves.len();
-        let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?)?;
+        let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?, room)?;
         let host = HostState::from_batch(batch, &shape)?;
         device.reserve(HostState::<R>::bytes(&shape, rves))?;
         Ok(Self {
