@@ -31,6 +31,13 @@ pub struct Rollout {
     pub message: String,
 }
 
+impl Rollout {
+    /// The first of the truth's frames that it predicts, as text.
+    pub fn first_frame(&self) -> String {
+        self.errors.frames.first().map_or(String::new(), usize::to_string)
+    }
+}
+
 /// Rolls models out from the first frames of trajectories, which are given with their names.
 ///
 /// # Errors
@@ -80,6 +87,7 @@ pub fn table(rollouts: &[Rollout]) -> Table {
     let columns = [
         "case",
         "network",
+        "from frame",
         "mean MSE",
         "peak MSE",
         "at frame",
@@ -90,13 +98,16 @@ pub fn table(rollouts: &[Rollout]) -> Table {
         "ended",
     ];
     let mut table = Table::new("Errors of rollouts", columns).note(
-        "MSE in units of the box, over all points and predicted frames; front and root mean \
-         square height at the end. Time of all predictions, the frames at the start not counted.",
+        "From frame: the first of the truth's frames that is predicted; those before are given. MSE in \
+         units of the box, over all points and predicted frames; front and root mean square height at \
+         the end. Time of all predictions, the frames at the start not counted.",
     );
     for rollout in rollouts {
         let Errors { errors, failure, .. } = &rollout.errors;
         if errors.is_empty() {
-            table.row([&rollout.case, &rollout.model, "", "", "", "", "", "", "", "refused"]);
+            let nothing = [""; 8];
+            let named = [rollout.case.as_str(), &rollout.model].into_iter();
+            table.row(named.chain(nothing).chain(["refused"]));
             continue;
         }
         let (peak, frame) = rollout.errors.peak();
@@ -105,6 +116,7 @@ pub fn table(rollouts: &[Rollout]) -> Table {
         table.row([
             rollout.case.clone(),
             rollout.model.clone(),
+            rollout.first_frame(),
             number(mean),
             number(peak),
             frame.to_string(),

@@ -204,11 +204,12 @@ impl Section for Stated {
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let mut rows =
-            Table::new("Stated accuracy", ["quantity", "paper", "ours", "ratio", "network"]).note(
-                "Mean square distance of points, box width 1. The paper's values are orders of \
-                   magnitude.",
-            );
+        let columns = ["quantity", "paper", "ours", "ratio", "network", "from frame"];
+        let mut rows = Table::new("Stated accuracy", columns).note(
+            "Mean square distance of points, box width 1. The paper's values are orders of \
+                 magnitude. From frame: the first that is predicted; a network with coarser frames \
+                 is given more of the truth, and is judged at the next frame that it has.",
+        );
         let models = baseline_and_others(&context.models);
         let mirrored = models.first().map(Model::mirrored);
         let models: Vec<Model> = models.into_iter().chain(mirrored).collect();
@@ -218,7 +219,7 @@ impl Section for Stated {
             let mut cases = context.cases(set);
             cases.retain(|(name, _)| name == case);
             let rollouts = roll_out(context, &models, &cases)?;
-            let mut row = |ours: Option<f64>, network: &str| {
+            let mut row = |ours: Option<f64>, network: &str, from: String| {
                 lacking += usize::from(ours.is_none());
                 rows.row([
                     words.to_owned(),
@@ -226,20 +227,26 @@ impl Section for Stated {
                     ours.map_or(String::new(), number),
                     ratio(paper, ours),
                     network.to_owned(),
+                    from,
                 ]);
             };
             if rollouts.is_empty() {
-                row(None, "");
+                row(None, "", String::new());
             }
             for rollout in &rollouts {
-                row(value(rollout, which), &rollout.model);
+                row(value(rollout, which), &rollout.model, rollout.first_frame());
             }
-            let found = rollouts.iter().filter_map(|r| Some((value(r, which)?, &r.model)));
-            if let (Some((error, model)), Some(paper)) =
+            let found = rollouts.iter().filter_map(|r| Some((value(r, which)?, r)));
+            if let (Some((error, rollout)), Some(paper)) =
                 (found.min_by(|(a, _), (b, _)| a.total_cmp(b)), paper)
             {
-                let ratio = number(error / paper);
-                best.push(format!("{words}: {} ({ratio} times, {model})", number(error)));
+                best.push(format!(
+                    "{words}: {} ({} times; {} from frame {} on)",
+                    number(error),
+                    number(error / paper),
+                    rollout.model,
+                    rollout.first_frame()
+                ));
             }
         }
         let headline = (!best.is_empty()).then(|| {
@@ -271,7 +278,7 @@ fn value(rollout: &Rollout, which: Which) -> Option<f64> {
     let errors = &rollout.errors;
     match which {
         Which::Frame(frame) => {
-            let place = errors.frames.iter().position(|found| *found == frame)?;
+            let place = errors.frames.iter().position(|found| *found >= frame)?;
             Some(errors.errors[place].mse)
         }
         // A rollout that ended early has neither.
