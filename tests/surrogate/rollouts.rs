@@ -57,6 +57,31 @@ fn networks_can_know_load_and_first_stress() {
     assert!(error.contains("bare.h5") && error.contains("no stress in it"), "{error}");
 }
 
+/// What a network sees of obstacles and how many frames it starts from is kept with its weights: with
+/// all of its window from before the run but one, it predicts from the first frame on.
+#[test]
+fn networks_can_see_obstacles_and_start_from_one_frame() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let barrier = "[[obstacle]]\ncorner = [0.375, 0.0]\nsize = [0.25, 0.125]\n";
+    simulate(&scene(0.0, 1.0, barrier), &here.join("data/barrier.h5"));
+    simulate(&scene(0.125, 1.0, ""), &here.join("data/free.h5"));
+    let path = config(here, 20, "");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let keys = "[data]\nbefore_start = 2\n[model]\nobstacles = true";
+    std::fs::write(&path, text.replace("[model]", keys)).unwrap();
+    succeeds(&mut train(here, &path, "run"));
+    std::fs::write(here.join("scene.toml"), scene(0.0, 1.0, barrier)).unwrap();
+    let mut command = surrogate(here);
+    command.args(["rollout", "run/last.safetensors", "--frames", "4", "-o", "out.h5"]);
+    let output = command.args(["--scene", "scene.toml"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("4 frames, 3 of them predicted"));
+    assert!(!String::from_utf8_lossy(&output.stderr).contains("does not see"));
+    let times = Trajectory::open(&here.join("out.h5")).unwrap().time().to_vec();
+    assert!((0..4).all(|k| (times[k] - 0.01 * k as f64).abs() < 1e-12), "{times:?}");
+}
+
 /// A network that knows nothing of a barrier does not get through it either.
 #[test]
 fn points_stay_out_of_barriers_and_plates() {

@@ -23,6 +23,7 @@ pub enum Engine {
 }
 
 /// A batch for an engine.
+#[allow(clippy::large_enum_variant)] // boxed where many wait
 pub enum EngineBatch {
     Cpu(Prepared),
     Cuda(HostBatch),

@@ -43,6 +43,7 @@ fn batch(step: u64, windows: Range<u64>) -> Batch {
         batch.targets.extend((0..2 * points).map(|i| (i as f32 + number).cos() * (1.0 + number)));
         batch.points.push(points);
         batch.statics.push(Vec::new());
+        batch.obstacles.push(Vec::new());
     }
     batch
 }
