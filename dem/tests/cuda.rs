@@ -4,7 +4,7 @@
 
 use std::sync::OnceLock;
 
-use dem::cuda::{CudaError, CudaReal, CudaRveBatch, RVE_SOURCE, RveFailure, Shape};
+use dem::cuda::{CudaError, CudaReal, CudaRveBatch, RVE_SOURCE, Room, RveFailure, Shape};
 use dem::{
     Cell, Failure, Packing, PlainDisc, Real, Rve, RveBatch, RveParameters, RveState, consolidate,
 };
@@ -408,9 +408,9 @@ fn failures_name_the_rve() {
 #[test]
 fn too_many_discs_are_refused() {
     let p = RveParameters::default();
-    let error = Shape::new::<f32>(&p, 1025, Limits::SM_90).unwrap_err();
+    let error = Shape::new::<f32>(&p, 1025, Limits::SM_90, Room::Usual).unwrap_err();
     assert!(matches!(error, CudaError::TooManyDiscs { discs: 1025, most: 1024, .. }), "{error}");
-    assert!(Shape::new::<f64>(&p, 1024, Limits::SM_90).is_ok());
+    assert!(Shape::new::<f64>(&p, 1024, Limits::SM_90, Room::Usual).is_ok());
 }
 
 /// Needs NVRTC, but no GPU.
@@ -422,8 +422,11 @@ fn kernels_compile() {
     let p = RveParameters::default();
     for (architecture, limits) in [("sm_80", Limits::SM_80), ("sm_90", Limits::SM_90)] {
         for discs in [1, 100, 400, 832] {
-            let shapes =
-                [Shape::new::<f32>(&p, discs, limits), Shape::new::<f64>(&p, discs, limits)];
+            let shapes = [
+                Shape::new::<f32>(&p, discs, limits, Room::Usual),
+                Shape::new::<f64>(&p, discs, limits, Room::Usual),
+                Shape::new::<f32>(&p, discs, limits, Room::Ample),
+            ];
             for shape in shapes.into_iter().flatten() {
                 let cubin = compile("rve.cu", RVE_SOURCE, architecture, &shape.defines());
                 assert!(!cubin.unwrap().is_empty());

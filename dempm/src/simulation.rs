@@ -136,7 +136,7 @@ impl Simulation {
     ) -> Result<(), SimulationError> {
         let start = Instant::now();
         let Self { scene, state, solver, .. } = self;
-        self.gpu = Some(CudaSimulation::new(device, solver, state, scene.step, ranks)?);
+        self.gpu = Some(CudaSimulation::new(device, solver, state, scene, ranks)?);
         let count = ranks.map_or(1, |ranks| ranks.size());
         let gpus = if count > 1 { format!("{count} x ") } else { String::new() };
         self.device = format!("{gpus}{}", device.name());

@@ -39,6 +39,7 @@ pub struct Device {
     architecture: String,
     driver: (i32, i32),
     overlaps_kernels: bool,
+    urgent_priority: i32,
 }
 
 impl Device {
@@ -82,6 +83,7 @@ impl Device {
             driver,
             // From this driver on also in graphs.
             overlaps_kernels: major >= 9 && driver >= (12, 4),
+            urgent_priority: get_priority_range()?.1,
             context,
             stream,
         }))
@@ -102,9 +104,7 @@ impl Device {
     /// # Errors
     /// A failure of the GPU.
     pub fn with_urgent_stream(&self) -> Result<Arc<Self>, Error> {
-        self.context.bind_to_thread()?;
-        let highest = get_priority_range()?.1;
-        let stream = self.context.new_stream_with_priority(highest)?;
+        let stream = self.context.new_stream_with_priority(self.urgent_priority)?;
         Ok(Arc::new(Self { stream, ..self.clone() }))
     }
 
@@ -134,6 +134,11 @@ impl Device {
     /// Whether a kernel can take its place before the one ahead of it has ended.
     pub(crate) fn overlaps_kernels(&self) -> bool {
         self.overlaps_kernels
+    }
+
+    /// Priority of what goes before others.
+    pub(crate) fn urgent_priority(&self) -> i32 {
+        self.urgent_priority
     }
 
     /// What bounds the size of a thread block.

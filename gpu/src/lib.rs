@@ -13,4 +13,4 @@ pub use cache::cache_directory;
 pub use compiler::{compile, nvrtc_is_present};
 pub use device::{Device, Limits, for_tests, nvrtc_for_tests};
 pub use error::Error;
-pub use launch::{Argument, argument};
+pub use launch::{Argument, Launch, argument};

@@ -3,7 +3,7 @@
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaFunction, DevicePtr, LaunchConfig};
-use gpu::{Device, Error, argument};
+use gpu::{Device, Error, Launch, argument};
 
 const LEN: usize = 10_000;
 const SOURCE: &str = r#"
@@ -55,5 +55,6 @@ fn turn(device: &Device, kernel: &CudaFunction, [from, to]: [u64; 2]) -> Result<
     let n = LEN as u32;
     let arguments = [argument(&from), argument(&to), argument(&n)];
     // SAFETY: the arguments of `turn`; both buffers have LEN entries.
-    unsafe { device.launch_early(device.stream(), kernel, config, &arguments) }
+    let how = Launch { early: true, urgent: true };
+    unsafe { device.launch(how, device.stream(), kernel, config, &arguments) }
 }

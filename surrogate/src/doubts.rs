@@ -11,8 +11,9 @@ use crate::start::Start;
 /// (1 in training) from which on a start is unlike all training.
 const STRANGE: f64 = 4.0;
 /// Part of the accelerations by which those of the mirrored start may differ. In a collapse mirror
-/// images part by more: six rollouts of three networks ended 0.4 to 2.3 times as much of their motion
-/// apart (`validation report`, "Mirror asymmetry"), so this is where a tenth of it begins.
+/// images may part by more: six rollouts of three networks ended 0.4 to 2.3 times as much of their
+/// motion apart (`validation report`, "Mirror asymmetry"), for which this is where a tenth of it
+/// begins. Others grow more from less.
 const ASYMMETRY: f64 = 0.04;
 /// The largest of those ratios.
 const WORST: f64 = 2.3;

@@ -14,7 +14,7 @@ pub enum RveFailure {
     )]
     ListFull { rows: usize },
     #[error(
-        "more than {slots} touching or nearly touching neighbours over all discs; the packing is compressed too far"
+        "more than {slots} touching or nearly touching neighbours over all discs; the packing is compressed too far, or needs `neighbours = \"ample\"` in [material]"
     )]
     SlotsFull { slots: usize },
 }

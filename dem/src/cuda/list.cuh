@@ -152,25 +152,22 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
 
     Found found;
     found.count = 0;
-    const bool imaged = c.header.imaged;
-    if (imaged) {
-        sh.search.binned[t] = {s, disc.r, unsigned(t)};
-        __syncthreads();
-        if (has_disc) find_all_images(found, s, disc.r, t);
-    } else {
-        fill_bins(s, disc.r, t);
-        if (has_disc) find_binned(found, s, disc.r, t);
-    }
+    const bool imaged = found.imaged = c.header.imaged;
+    fill_bins(s, disc.r, t);
+    if (has_disc && imaged) find_images(found, s, disc.r, t);
+    if (has_disc && !imaged) find_nearest(found, s, disc.r, t);
     if (found.count > ROWS) {
         found.count = ROWS;
         c.status = LIST_FULL;
     }
+    __syncthreads();
+    sh.search.constants[t] = {disc.r, disc.inv_mass};
     found.sort();
 
     // Masks over what was found.
     unsigned owned = 0;
     for (int row = 0; row < found.count; ++row) {
-        const unsigned word = found.word[row];
+        const unsigned word = found.at(row);
         const Position other = sh.body[word >> 16].s;
         owned |= unsigned(owns(t, s, word >> 16, other, imaged, word & 0xffffu)) << row;
     }
@@ -178,7 +175,7 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
     Real tangential[ROWS];
     int count = 0;
     for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count) {
-        const unsigned word = found.word[__ffs(int(rest)) - 1];
+        const unsigned word = found.at(__ffs(int(rest)) - 1);
         const int j = word >> 16;
         Real force = history(t, j, word, t);
         if (force == Real(0)) force = history(t, j, word, j);
@@ -193,12 +190,12 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
     int slot = sh.owned[seat].first;
     count = 0;
     for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count, slot += LANES) {
-        const unsigned word = found.word[__ffs(int(rest)) - 1];
-        const Disc other = discs[word >> 16];
+        const unsigned word = found.at(__ffs(int(rest)) - 1);
+        const Vec other = sh.search.constants[word >> 16];
         sh.slot.neighbour[slot] = sh.seat[word >> 16] * sizeof(Position) | word << 16;
         sh.slot.pair[slot] = {
-            disc.r + other.r,
-            p.dashpot * sqrt(p.normal_stiffness / (disc.inv_mass + other.inv_mass))};
+            disc.r + other.x,
+            p.dashpot * sqrt(p.normal_stiffness / (disc.inv_mass + other.y))};
         sh.slot.tangential[slot] = tangential[count];
     }
     sh.body[seat] = body;
@@ -209,7 +206,7 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
 
     slot = sh.incoming[seat].first;
     for (unsigned rest = others; rest != 0; rest &= rest - 1, slot += LANES) {
-        const unsigned word = found.word[__ffs(int(rest)) - 1];
+        const unsigned word = found.at(__ffs(int(rest)) - 1);
         const unsigned image = imaged ? reversed(word >> 7 & 127u) << 7 | reversed(word & 127u) : 0;
         const int at_owner =
             owner_slot(sh.seat[word >> 16], seat * sizeof(Position) | image << 16);

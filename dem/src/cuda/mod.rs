@@ -12,5 +12,5 @@ mod state;
 pub use error::{CudaError, RveFailure};
 pub use real::CudaReal;
 pub use rve::{CudaRveBatch, KernelResources, RVE_SOURCE};
-pub use shape::Shape;
+pub use shape::{Room, Shape};
 pub use state::State as DeviceState;

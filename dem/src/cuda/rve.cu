@@ -189,7 +189,12 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     Progress progress = {0, stale};
     while (true) {
         if (progress.stale) {
+            // Sums that are kept in registers meanwhile get spilled in all substeps.
+            volatile Real aside[] = {total.virial.xx, total.virial.yy, total.virial.shear,
+                                     total.relative_overlap};
             search(batch, p, discs);
+            // Contacts are counted in the last substep only.
+            total = {{aside[0], aside[1], aside[2]}, aside[3], 0};
             disc = discs[sh.disc[t]];
             reference = sh.body[t].s;
         }
@@ -220,9 +225,15 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     sh.summand[OVERLAPS][t] = total.relative_overlap;
     put_momentum(disc.mass, body.u, t);
     offer_stores();
-    // A search may be due soon where half of the squared way to it is done.
+    // A search may be due soon where half of the squared way to it will be done in another macro step.
     const Real half = Real(0.5) * sh.substep[progress.substeps].allowed2;
-    const bool slow = __syncthreads_or(t < DISCS && moved_far(reference, body.s, half));
+    const Real* const units = sh.substep[progress.substeps - 1].to_units;
+    const Real ahead = Real(p.substeps);
+    const Position next = {moved(body.s.x, ahead * (units[0] * body.u.x + units[1] * body.u.y)),
+                           moved(body.s.y, ahead * (units[2] * body.u.x + units[3] * body.u.y))};
+    const bool far = __syncthreads_or(t < DISCS && moved_far(reference, next, half));
+    // Among several images both a search and a substep take longer.
+    const bool slow = far || c.header.imaged;
     if (copies(t)) store_rve(batch, rve);
     if (t == THREADS - 1) queue_again(batch, launch, rve, slow);
     add_up(0, SUMS, t);

@@ -6,12 +6,12 @@ use cudarc::driver::sys::CUfunction_attribute;
 use cudarc::driver::{
     CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr, LaunchConfig, sys,
 };
-use gpu::{Device, argument};
+use gpu::{Device, Launch, argument};
 use nalgebra::Matrix2;
 
 use super::error::{CudaError, RveFailure};
 use super::real::CudaReal;
-use super::shape::Shape;
+use super::shape::{Room, Shape};
 use super::state::{Header, HostState, State};
 use crate::batch::RveBatch;
 use crate::error::Failure;
@@ -95,9 +95,21 @@ impl<R: CudaReal> CudaRveBatch<R> {
     /// # Errors
     /// RVEs of different numbers of discs, or of more than fit; too little memory; no compiler.
     pub fn upload(device: &Arc<Device>, batch: &RveBatch<R>) -> Result<Self, CudaError> {
+        Self::upload_with_room(device, batch, Room::Usual)
+    }
+
+    /// As [`upload`](Self::upload), with room for the lists of neighbours. Results do not depend on it.
+    ///
+    /// # Errors
+    /// As [`upload`](Self::upload).
+    pub fn upload_with_room(
+        device: &Arc<Device>,
+        batch: &RveBatch<R>,
+        room: Room,
+    ) -> Result<Self, CudaError> {
         let discs = batch.fresh.discs.len();
         let rves = batch.rves.len();
-        let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?)?;
+        let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?, room)?;
         let host = HostState::from_batch(batch, &shape)?;
         device.reserve(HostState::<R>::bytes(&shape, rves))?;
         Ok(Self {
@@ -246,7 +258,8 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let arguments = [argument(&arrays), argument(&parameters), argument(&gradient)];
         // SAFETY: the argument types are laid out as those of `rve_advance`, the arrays as long as
         // it expects, and the gradients by the caller's slice.
-        Ok(unsafe { self.device.launch_early(stream, &self.kernel, config, &arguments) }?)
+        let how = Launch { early: true, urgent: false };
+        Ok(unsafe { self.device.launch(how, stream, &self.kernel, config, &arguments) }?)
     }
 
     /// Advances RVE `p` by `dt` (s) under `velocity_gradient[p]` (1/s) into `states[p]` and waits:

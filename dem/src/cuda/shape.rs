@@ -42,6 +42,16 @@ struct Rows {
     /// As many more, for warps of unequal discs in small packings.
     more: usize,
 }
+/// Room for the lists of neighbours of a packing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Room {
+    /// What as many packings at a time as possible leave: enough for those of most collapses.
+    #[default]
+    Usual,
+    /// Enough for packings that an impact presses far together; fewer at a time if need be.
+    Ample,
+}
+
 /// Enough for any packing.
 const AMPLE: Rows = Rows { per_warp: 4.5, more: 16 };
 /// Enough for packings of a collapse: fewer blocks at a time rather than fewer rows.
@@ -52,15 +62,18 @@ const LEAST: Rows = Rows { per_warp: 2.65, more: 2 };
 impl Shape {
     /// The layout for RVEs of `discs` discs on a GPU.
     ///
+    /// A block alone on a multiprocessor may have to be content with less room than asked for.
+    ///
     /// # Errors
     /// More discs than fit one thread block.
     pub fn new<R: CudaReal>(
         p: &RveParameters,
         discs: usize,
         limits: Limits,
+        room: Room,
     ) -> Result<Self, CudaError> {
-        Self::try_new::<R>(p, discs, limits).ok_or_else(|| {
-            let fits = |n: &usize| Self::try_new::<R>(p, *n, limits).is_some();
+        Self::try_new::<R>(p, discs, limits, room).ok_or_else(|| {
+            let fits = |n: &usize| Self::try_new::<R>(p, *n, limits, room).is_some();
             CudaError::TooManyDiscs {
                 discs,
                 most: (0..discs).rev().find(fits).unwrap_or(0),
@@ -69,7 +82,12 @@ impl Shape {
         })
     }
 
-    fn try_new<R: CudaReal>(p: &RveParameters, discs: usize, limits: Limits) -> Option<Self> {
+    fn try_new<R: CudaReal>(
+        p: &RveParameters,
+        discs: usize,
+        limits: Limits,
+        room: Room,
+    ) -> Option<Self> {
         if discs > MOST_DISCS {
             return None;
         }
@@ -83,11 +101,11 @@ impl Shape {
         let listed = 3 * size_of::<R>() + size_of::<u32>() + 2 * size_of::<u16>();
         let reaction = 3 * size_of::<R>();
         let fixed = fixed_shared::<R>(threads);
+        let rows = rows(p);
         let fit = |blocks: usize, fewest: &Rows| {
             let share = limits.shared_per_multiprocessor / blocks - SYSTEM_SHARED;
             let room = share.min(limits.shared_per_block).checked_sub(fixed)? / (listed + reaction);
             let warps = threads / WARP;
-            let rows = rows(p);
             let slot_rows =
                 |r: &Rows| ((r.per_warp * warps as f64) as usize + r.more).min(rows * warps);
             let slots = WARP * slot_rows(&AMPLE).min(room / WARP);
@@ -101,12 +119,16 @@ impl Shape {
                 shared_bytes: fixed
                     + slots * listed
                     + (slots * reaction)
-                        .max(search_shared::<R>(threads))
+                        .max(search_shared::<R>(threads, rows))
                         .max(sums_shared::<R>(threads)),
                 real_bits: R::BITS,
             })
         };
-        (1..=wanted).rev().find_map(|blocks| fit(blocks, &USUAL)).or_else(|| fit(1, &LEAST))
+        let fewest = match room {
+            Room::Usual => &USUAL,
+            Room::Ample => &AMPLE,
+        };
+        (1..=wanted).rev().find_map(|blocks| fit(blocks, fewest)).or_else(|| fit(1, &LEAST))
     }
 
     /// Room for listed pairs at the discs that do not own them.
@@ -153,9 +175,27 @@ fn sums_shared<R: Real>(threads: usize) -> usize {
     7 * threads * size_of::<R>()
 }
 
-/// Shared memory of a search (bytes): discs by bins, bins, a census and rows.
-fn search_shared<R: Real>(threads: usize) -> usize {
+/// Shared memory of a search (bytes): discs by bins or who is near them, bins, a census and rows.
+fn search_shared<R: Real>(threads: usize, rows: usize) -> usize {
     const BINS: usize = 32;
-    let per_thread = 4 * size_of::<R>() + size_of::<u16>();
-    (BINS * BINS + 4 * WARP) * size_of::<u32>() + WARP * size_of::<R>() + threads * per_thread
+    let near = rows * size_of::<u16>();
+    let per_thread = near.max(4 * size_of::<R>()) + size_of::<u16>();
+    let bins = (BINS * BINS * size_of::<u32>()).max(2 * threads * size_of::<R>());
+    bins + 4 * WARP * size_of::<u32>() + WARP * size_of::<R>() + threads * per_thread
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ample_room_is_4_5_rows_a_warp_and_more() {
+        let p = RveParameters::default();
+        for limits in [Limits::SM_80, Limits::SM_90] {
+            let usual = Shape::new::<f32>(&p, 400, limits, Room::Usual).unwrap();
+            let ample = Shape::new::<f32>(&p, 400, limits, Room::Ample).unwrap();
+            assert_eq!(ample.slots, WARP * ((4.5 * 13.0) as usize + 16));
+            assert!(usual.slots < ample.slots && usual.blocks >= ample.blocks);
+        }
+    }
 }

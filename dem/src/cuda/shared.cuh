@@ -50,6 +50,8 @@ struct alignas(16) Control {
     Real old_cell[4];
     Real cell[4];
     int bins[2];
+    // One over the widths of the cell (1/m).
+    double per_width[2];
     unsigned old_imaged;
     unsigned searches;
     unsigned thin;
@@ -101,11 +103,19 @@ struct Shared {
             Real torque[SLOTS];
         } reaction;
         struct {
-            // By bins, or by discs where there are no bins.
-            Binned binned[THREADS];
+            union {
+                // By bins.
+                Binned binned[THREADS];
+                // Then who is near each disc, row by row.
+                unsigned short near[ROWS][THREADS];
+            };
             // By warp.
             Real fastest2[WARPS];
-            unsigned bin_end[BINS * BINS];
+            union {
+                unsigned bin_end[BINS * BINS];
+                // Then radius and inverse mass of each disc.
+                Vec constants[THREADS];
+            };
             // Threads of each class in each warp.
             unsigned short census[WARPS][LANES];
             // By warp: rows of owned and of incoming slots, and the first slot of each.

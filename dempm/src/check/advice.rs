@@ -1,7 +1,8 @@
 //! What cheaper settings cost in accuracy, as it was measured.
 
 /// What `tables/what-a-scene-needs--recommendations.csv` of `validation report` says of settings of the
-/// solver: the column on two cores (quick suite, processor seconds), Col2x2 on a GPU (`docs/report`).
+/// solver: the column on two cores (quick suite, processor seconds), Col2x2 and Col5x3 on a GPU
+/// (`docs/report`).
 const MEASURED: &str = include_str!("recommendations.csv");
 
 /// The cheapest setting within a tolerance on one scene.

@@ -9,11 +9,13 @@ use std::time::{Duration, Instant};
 
 use cudarc::driver::sys::{CUevent_flags, CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaEvent, CudaGraph};
+use dem::cuda::Room;
 use gpu::Device;
 use gpu::ranks::Ranks;
 use mpm::Solver;
 use mpm::cuda::{CudaDruckerPrager, CudaElastic, CudaError, CudaMaterial, CudaSolver};
 
+use crate::scene::{Material, Scene};
 use crate::simulation::{SceneMaterial, SimulationError, State};
 use rve_material::CudaRveMaterial;
 pub use rve_material::{defines, source};
@@ -47,11 +49,12 @@ impl DeviceMaterial {
     fn new(
         device: &Arc<Device>,
         material: &SceneMaterial,
+        room: Room,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<Self, SimulationError> {
         Ok(match material {
             SceneMaterial::Rve(rve) => {
-                Self::Rve(Box::new(CudaRveMaterial::new(device, rve, ranks)?))
+                Self::Rve(Box::new(CudaRveMaterial::new(device, rve, room, ranks)?))
             }
             SceneMaterial::MuI(law) => Self::MuI(CudaDruckerPrager::new(device, law)?),
             SceneMaterial::Elastic(law) => Self::Elastic(CudaElastic::new(device, law)?),
@@ -76,7 +79,7 @@ impl DeviceMaterial {
 }
 
 impl CudaSimulation {
-    /// Copies a simulation with macro steps of `dt` (s) to a GPU.
+    /// Copies the simulation of a scene to a GPU.
     ///
     /// # Errors
     /// When it does not fit or the kernels cannot be compiled.
@@ -84,13 +87,18 @@ impl CudaSimulation {
         device: &Arc<Device>,
         solver: &Solver,
         state: &State,
-        dt: f64,
+        scene: &Scene,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<Self, SimulationError> {
+        let dt = scene.step;
+        let room = match &scene.material {
+            Material::Rve(rve) => rve.neighbours,
+            Material::MuI(_) | Material::Elastic(_) => Room::default(),
+        };
         Ok(Self {
             solver: CudaSolver::new(device, solver, &state.points, dt, state.step)
                 .map_err(|error| SimulationError::on_gpu(error, dt))?,
-            material: DeviceMaterial::new(device, &state.material, ranks)?,
+            material: DeviceMaterial::new(device, &state.material, room, ranks)?,
             graphs: None,
             ahead: None,
             recorded: state.step,

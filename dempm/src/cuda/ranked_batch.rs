@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use cudarc::driver::CudaSlice;
 use dem::RveBatch;
-use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState};
+use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState, Room};
 use gpu::Device;
 use gpu::ranks::Ranks;
 
@@ -38,12 +38,13 @@ impl<R: CudaReal> RankedRveBatch<R> {
     pub fn upload(
         device: &Arc<Device>,
         batch: &RveBatch<R>,
+        room: Room,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<Self, CudaError> {
         let count = batch.rves.len();
         let device = device.clone();
         let Some(ranks) = ranks else {
-            let own = CudaRveBatch::upload(&device, batch)?;
+            let own = CudaRveBatch::upload_with_room(&device, batch, room)?;
             return Ok(Self { device, own, range: 0..count, count, shared: None });
         };
         let range = ranks.slice(count);
@@ -62,7 +63,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
             states: device.upload(&states)?,
             failed: device.upload(&vec![i32::MAX; ranks.size()])?,
         };
-        let own = CudaRveBatch::upload(&device, &slice)?;
+        let own = CudaRveBatch::upload_with_room(&device, &slice, room)?;
         Ok(Self { device, own, range, count, shared: Some(shared) })
     }
 
@@ -182,7 +183,7 @@ mod tests {
         let rves = vec![dem::Rve::new(fresh.clone()); 5];
         let batch = RveBatch { parameters: p, rves, fresh };
         let run = |ranks: Option<&Arc<Ranks>>| {
-            let mut twin = RankedRveBatch::upload(&device, &batch, ranks).unwrap();
+            let mut twin = RankedRveBatch::upload(&device, &batch, Room::Usual, ranks).unwrap();
             let gradients: Vec<f64> = (1..=5).flat_map(|k| [0.0, f64::from(k), 0.0, 0.0]).collect();
             let gradients = device.upload(&gradients).unwrap();
             (0..50).for_each(|_| twin.launch(1.0e-4, &gradients).unwrap());

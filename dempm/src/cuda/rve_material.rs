@@ -8,7 +8,7 @@ use cudarc::driver::{
     CudaEvent, CudaFunction, CudaSlice, DevicePtr, DeviceRepr, PinnedHostSlice, ValidAsZeroBits,
 };
 use dem::RveState;
-use dem::cuda::{CudaError as RveError, DeviceState};
+use dem::cuda::{CudaError as RveError, DeviceState, Room};
 use gpu::ranks::Ranks;
 use gpu::{Device, argument};
 use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
@@ -90,11 +90,16 @@ impl CudaRveMaterial {
     pub fn new(
         device: &Arc<Device>,
         rve: &RveMaterial,
+        room: Room,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<Self, RveError> {
         let batch = match rve.batch.as_ref() {
-            Batch::F32(batch) => DeviceBatch::F32(RankedRveBatch::upload(device, batch, ranks)?),
-            Batch::F64(batch) => DeviceBatch::F64(RankedRveBatch::upload(device, batch, ranks)?),
+            Batch::F32(batch) => {
+                DeviceBatch::F32(RankedRveBatch::upload(device, batch, room, ranks)?)
+            }
+            Batch::F64(batch) => {
+                DeviceBatch::F64(RankedRveBatch::upload(device, batch, room, ranks)?)
+            }
         };
         let packings = rve.volume_per_area.len();
         let none = DeviceTally {

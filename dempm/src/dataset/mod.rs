@@ -1,5 +1,6 @@
 //! `dempm dataset`: many scenes into a folder of trajectories that a model can be trained on.
 
+mod choice;
 mod error;
 mod list;
 mod metadata;
@@ -18,10 +19,14 @@ use crate::device::Device;
 use crate::run::{INTERRUPTED, checkpoint_interval, interrupt_flag};
 use crate::scene::Scene;
 
+use choice::Choice;
 pub use error::DatasetError;
 pub use metadata::Metadata;
 pub use split::{DataSet, Split, open_finished};
 pub use statistics::{Statistics, Welford};
+
+/// Scenes at a time on a GPU: measured in docs/benchmarks-gpu.md.
+const JOBS_ON_A_GPU: usize = 4;
 
 /// Arguments of `dempm dataset`.
 #[derive(clap::Args)]
@@ -31,15 +36,16 @@ pub struct DatasetArgs {
     /// Folder of the data set.
     #[arg(short, long)]
     output: PathBuf,
-    /// Only these splits (may be repeated).
-    #[arg(long)]
-    only: Vec<Split>,
+    /// Only this split, or the scenes of it that a name stands for: test, test/col2x2, test/col*
+    /// (may be repeated).
+    #[arg(long, value_name = "SPLIT[/NAME]")]
+    only: Vec<Choice>,
     /// Where to compute: auto (every GPU that is visible, else the CPU), cpu, cuda or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
-    /// Scenes at a time on each device.
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
-    jobs: u16,
+    /// Scenes at a time on each device [default: 4 on a GPU, whose gaps they fill, 1 on the CPU].
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
     /// Make trajectories again that are there already.
     #[arg(long)]
     overwrite: bool,
@@ -78,16 +84,12 @@ impl Case {
 /// are done).
 pub fn dataset(args: &DatasetArgs) -> miette::Result<ExitCode> {
     let all = cases(&args.scenes)?;
-    let mut chosen = all.clone();
-    if !args.only.is_empty() {
-        chosen.retain(|case| args.only.contains(&case.split));
-    }
-    if chosen.is_empty() {
-        bail!("{}: no scene of this split", args.scenes.display());
-    }
+    let chosen = chosen(&all, &args.only, &args.scenes)?;
+    let devices = args.device.open_all().into_diagnostic()?;
+    let usual = if devices.is_empty() { 1 } else { JOBS_ON_A_GPU };
     let options = work::Options {
-        devices: args.device.open_all().into_diagnostic()?,
-        jobs: args.jobs.into(),
+        jobs: args.jobs.map_or(usual, usize::from),
+        devices,
         overwrite: args.overwrite,
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
     };
@@ -112,6 +114,15 @@ pub fn dataset(args: &DatasetArgs) -> miette::Result<ExitCode> {
         }
         work::Done::Failed(names) => bail!("failed: {}", names.join(", ")),
     }
+}
+
+/// The cases that `only` names, or all if it is empty.
+fn chosen(cases: &[Case], only: &[Choice], scenes: &Path) -> miette::Result<Vec<Case>> {
+    if let Some(nothing) = only.iter().find(|choice| !cases.iter().any(|case| choice.has(case))) {
+        bail!("{}: no scene {nothing}", scenes.display());
+    }
+    let is_chosen = |case: &Case| only.is_empty() || only.iter().any(|choice| choice.has(case));
+    Ok(cases.iter().filter(|case| is_chosen(case)).cloned().collect())
 }
 
 /// The part of the data set that is finished.
@@ -145,6 +156,23 @@ fn cases(scenes: &Path) -> miette::Result<Vec<Case>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn splits_and_scenes_are_chosen_by_name() {
+        let (all, paper) = (cases(Path::new("paper")).unwrap(), Path::new("paper"));
+        let count = |only: &[&str]| {
+            let only: Vec<Choice> = only.iter().map(|choice| choice.parse().unwrap()).collect();
+            chosen(&all, &only, paper).map(|cases| cases.len())
+        };
+        assert_eq!(count(&[]).unwrap(), 39);
+        assert_eq!(count(&["test"]).unwrap(), 9);
+        // The collapses of Table 7.
+        assert_eq!(count(&["test/col*"]).unwrap(), 8);
+        assert_eq!(count(&["valid", "test/col2x2"]).unwrap(), 6);
+        let unknown = count(&["test/col9*"]).unwrap_err().to_string();
+        assert_eq!(unknown, "paper: no scene test/col9*");
+        assert!("tests".parse::<Choice>().unwrap_err().contains("train, valid, test"));
+    }
 
     #[test]
     fn the_scenes_of_the_paper_are_valid_without_their_files() {

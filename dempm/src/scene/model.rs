@@ -1,6 +1,7 @@
 //! What a scene says: the validated content of a scene file.
 
 use dem::RveParameters;
+use dem::cuda::Room;
 use mpm::{DruckerPragerParameters, Numerics, Walls};
 use serde::{Deserialize, Serialize};
 
@@ -153,6 +154,8 @@ pub struct Rve {
     pub packings: usize,
     /// Precision of the DEM.
     pub precision: Precision,
+    /// Room for lists of neighbours on a GPU.
+    pub neighbours: Room,
 }
 
 /// Floating-point precision.

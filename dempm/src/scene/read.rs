@@ -1,5 +1,6 @@
 //! The schema: every key of a scene file with its default and limits.
 
+use dem::cuda::Room;
 use mpm::{Basis, Friction, Numerics, Scheme, Transfer, Walls};
 use toml::de::DeTable;
 
@@ -166,6 +167,8 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
     let packings = table.integer("packings", 1, between(1.0, 1024.0, "packings")) as usize;
     let precisions = [("f32", Precision::F32), ("f64", Precision::F64)];
     let precision = table.choice("precision", Some(Precision::F32), &precisions);
+    let rooms = [("usual", Room::Usual), ("ample", Room::Ample)];
+    let neighbours = table.choice("neighbours", Some(Room::Usual), &rooms);
     let stresses = [("ladder", InitialStress::Ladder), ("none", InitialStress::None)];
     let initial_stress = table.choice("initial_stress", Some(InitialStress::Ladder), &stresses);
     table.finish();
@@ -175,7 +178,7 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
     let mu_i = parameters::read(log, root.table("mu-i"));
     let elastic = parameters::read(log, root.table("elastic"));
     let material = match kind {
-        Kind::Rve => Material::Rve(Rve { parameters: rve, packings, precision }),
+        Kind::Rve => Material::Rve(Rve { parameters: rve, packings, precision, neighbours }),
         Kind::MuI => Material::MuI(mu_i),
         Kind::Elastic => Material::Elastic(elastic),
     };

@@ -142,11 +142,12 @@ fn every_key_is_read() {
 #[test]
 fn rve_keys_are_those_of_the_dem() {
     let scene = parse(&format!(
-        "{SHORT}[material]\npackings = 3\nprecision = \"f64\"\n[rve]\ndiscs = 200\nradius_min = 3e-3\n\
+        "{SHORT}[material]\npackings = 3\nprecision = \"f64\"\nneighbours = \"ample\"\n[rve]\ndiscs = 200\nradius_min = 3e-3\n\
          kinetic_stress = false\nfriction = 1\npreparation = {{ pressure = 1000 }}"
     ));
     let Material::Rve(rve) = scene.material else { panic!() };
     assert_eq!((rve.packings, rve.precision), (3, Precision::F64));
+    assert_eq!(rve.neighbours, dem::cuda::Room::Ample);
     let mut expected = dem::RveParameters {
         discs: 200,
         radius_min: 3.0e-3,

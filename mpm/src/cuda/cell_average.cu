@@ -12,12 +12,12 @@ extern "C" __global__ void cell_push(const Mpm m) {
     if (p == NOBODY) return;
     const Vec x = m.position[p];
     const int row = cell_along(x.y, m.cell, m.cells_y), column = cell_along(x.x, m.cell, m.cells_x);
-    push(m.cells, m, p, row * m.cells_x + column);
+    push(m.cells, m.clock->step, p, row * m.cells_x + column);
 }
 
 extern "C" __global__ void cell_sort(const Mpm m) {
     const int p = point_of_thread(m);
-    if (p != NOBODY) link(m.cells, m, p);
+    if (p != NOBODY) link(m.cells, m.clock->step, p);
 }
 
 // The first point of a cell sums for all.

@@ -55,7 +55,7 @@ impl Memory {
         let cells = averaged * shape.cells[0] * shape.cells[1];
         let ledger = flat_ledger(solver.ledger());
         Ok(Self {
-            clock: device.upload(&[0, NO_FAILURE, 0])?,
+            clock: device.upload(&[0, NO_FAILURE, 1])?,
             obstacle: upload(device, &flat_obstacles(&solver.obstacles))?,
             placed: zeros(device, 2 * PLACED * solver.obstacles.len())?,
             position: upload(device, &flat_vectors(&points.position))?,

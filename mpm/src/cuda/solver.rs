@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaSlice, CudaStream, LaunchConfig, PushKernelArg};
-use gpu::{Argument, Device, argument};
+use cudarc::driver::{CudaEvent, CudaFunction, CudaSlice, CudaStream, LaunchConfig, PushKernelArg};
+use gpu::{Argument, Device, Launch, argument};
 
 use super::error::CudaError;
 use super::frame::FrameCopy;
@@ -20,11 +20,20 @@ const LANES: usize = 16;
 /// Threads of a sum over a ledger: a power of two.
 pub(super) const SUM_THREADS: usize = 256;
 
+/// All kernels are small, and the packings of the scene wait for them: they go before those of others.
+const IN_A_ROW: Launch = Launch { early: true, urgent: true };
+/// For a kernel that follows several others.
+const AFTER_SEVERAL: Launch = Launch { early: false, urgent: true };
+
 /// Points, background grid and time on a GPU: the twin of [`Solver`].
 pub struct CudaSolver {
     device: Arc<Device>,
     kernels: Kernels,
     memory: Memory,
+    /// Work beside that of the device's stream, from when until when.
+    beside: Arc<CudaStream>,
+    from: CudaEvent,
+    until: CudaEvent,
     frame: FrameCopy,
     view: DeviceView,
     scheme: Scheme,
@@ -57,7 +66,7 @@ impl Queue<'_> {
     /// The launch was refused.
     ///
     /// # Safety
-    /// As [`Device::launch_early`].
+    /// As [`Device::launch`].
     pub unsafe fn over_points(
         &self,
         kernel: &CudaFunction,
@@ -65,7 +74,7 @@ impl Queue<'_> {
     ) -> Result<(), CudaError> {
         let config = threads(self.points);
         // SAFETY: the caller's.
-        Ok(unsafe { self.device.launch_early(self.stream, kernel, config, arguments) }?)
+        Ok(unsafe { self.device.launch(IN_A_ROW, self.stream, kernel, config, arguments) }?)
     }
 }
 
@@ -130,8 +139,12 @@ impl CudaSolver {
         let numerics = solver.numerics();
         let memory = Memory::new(device, solver, points)?;
         let view = memory.view(device.stream(), solver, (points.len(), mass), dt, step);
-        Ok(Self {
+        let event = || device.context().new_event(None);
+        let queued = Self {
             kernels: Kernels::load(device, numerics.basis)?,
+            beside: device.context().new_stream()?,
+            from: event()?,
+            until: event()?,
             frame: FrameCopy::new(device, &memory)?,
             memory,
             view,
@@ -142,7 +155,9 @@ impl CudaSolver {
             first_step: step,
             size: solver.shape.size,
             device: device.clone(),
-        })
+        };
+        queued.queue_bins(device.stream())?;
+        Ok(queued)
     }
 
     /// Queues one step on the stream of the [`Device`]. Does not wait; may be captured in a graph.
@@ -154,27 +169,38 @@ impl CudaSolver {
     /// A launch was refused.
     pub fn queue_step(&self, material: &mut dyn CudaMaterial) -> Result<(), CudaError> {
         let kernels = &self.kernels;
-        self.launch(&kernels.begin_step, one_warp())?;
-        self.over_points(&kernels.evaluate_basis)?;
-        self.over_points(&kernels.sort_bins)?;
+        self.launch(AFTER_SEVERAL, self.device.stream(), &kernels.begin_step, one_warp())?;
         if self.scheme == Scheme::Usf {
             self.over_nodes(&kernels.p2g_mass_and_momentum)?;
-            self.update_stress(material)?;
+            self.queue_velocity_gradient()?;
+            self.queue_material(material)?;
             self.over_nodes(&kernels.p2g_internal_force)?;
-        } else {
-            self.over_nodes(&kernels.p2g)?;
+            self.over_points(&kernels.g2p)?;
+            return self.queue_bins(self.device.stream());
         }
+        self.over_nodes(&kernels.p2g)?;
         self.over_points(&kernels.g2p)?;
         if self.scheme == Scheme::Musl {
             self.over_nodes(&kernels.p2g_velocity)?;
         }
-        if self.scheme != Scheme::Usf {
-            self.update_stress(material)?;
-        }
-        Ok(())
+        self.queue_velocity_gradient()?;
+        // While the material is at work: points are where they will be in the next step.
+        self.from.record(self.device.stream())?;
+        self.beside.wait(&self.from)?;
+        self.queue_bins(&self.beside)?;
+        self.until.record(&self.beside)?;
+        self.queue_material(material)?;
+        Ok(self.device.stream().wait(&self.until)?)
     }
 
-    fn update_stress(&self, material: &mut dyn CudaMaterial) -> Result<(), CudaError> {
+    /// What the next step begins with: basis functions at the points, and the points in bins.
+    fn queue_bins(&self, stream: &CudaStream) -> Result<(), CudaError> {
+        let Kernels { evaluate_basis, sort_bins, .. } = &self.kernels;
+        self.launch(AFTER_SEVERAL, stream, evaluate_basis, threads(self.points))?;
+        self.launch(IN_A_ROW, stream, sort_bins, threads(self.points))
+    }
+
+    fn queue_velocity_gradient(&self) -> Result<(), CudaError> {
         let kernels = &self.kernels;
         self.over_points(&kernels.velocity_gradient)?;
         if self.cell_average {
@@ -183,6 +209,10 @@ impl CudaSolver {
             self.over_points(&kernels.cell_sums)?;
             self.over_points(&kernels.cell_average)?;
         }
+        Ok(())
+    }
+
+    fn queue_material(&self, material: &mut dyn CudaMaterial) -> Result<(), CudaError> {
         material.queue_update(&Queue {
             device: &self.device,
             stream: self.device.stream(),
@@ -274,17 +304,23 @@ impl CudaSolver {
     }
 
     fn over_points(&self, kernel: &CudaFunction) -> Result<(), CudaError> {
-        self.launch(kernel, threads(self.points))
+        self.launch(IN_A_ROW, self.device.stream(), kernel, threads(self.points))
     }
 
     fn over_nodes(&self, kernel: &CudaFunction) -> Result<(), CudaError> {
-        self.launch(kernel, threads(LANES * self.nodes))
+        self.launch(IN_A_ROW, self.device.stream(), kernel, threads(LANES * self.nodes))
     }
 
-    fn launch(&self, kernel: &CudaFunction, config: LaunchConfig) -> Result<(), CudaError> {
-        let (stream, arguments) = (self.device.stream(), [argument(&self.view)]);
+    fn launch(
+        &self,
+        how: Launch,
+        stream: &CudaStream,
+        kernel: &CudaFunction,
+        config: LaunchConfig,
+    ) -> Result<(), CudaError> {
+        let arguments = [argument(&self.view)];
         // SAFETY: the kernels of the solver take its view, whose arrays live as long as it does.
-        Ok(unsafe { self.device.launch_early(stream, kernel, config, &arguments) }?)
+        Ok(unsafe { self.device.launch(how, stream, kernel, config, &arguments) }?)
     }
 
     fn sum_ledger(&self, entries: &CudaSlice<f64>, slots: usize) -> Result<(), CudaError> {

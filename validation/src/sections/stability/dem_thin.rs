@@ -1,6 +1,7 @@
 //! Thin cells: packings stretched until a cell has no room for them.
 
 use dem::RveParameters;
+use dem::cuda::Room;
 use dem::element::{Element, sin_phi};
 use dempm::scene::{self, Precision};
 use nalgebra::Matrix2;
@@ -131,8 +132,13 @@ fn add(study: &mut Study, thin_width: f64, cases: &[Stretched]) {
     let mut curves = Vec::new();
     for Stretched { p, looks, .. } in cases {
         let row: Vec<Outcome> = looks.iter().map(|look| judge(look, p)).collect();
-        let side =
-            scene::Rve { parameters: p.clone(), packings: 1, precision: Precision::F64 }.side();
+        let side = scene::Rve {
+            parameters: p.clone(),
+            packings: 1,
+            precision: Precision::F64,
+            neighbours: Room::Usual,
+        }
+        .side();
         if thin_width > 0.0 {
             let first = looks.iter().map(|look| (look.strain, !look.thin));
             study.findings.push(Finding {
