@@ -159,7 +159,8 @@ impl Start {
             let points = self.positions[0].iter().zip(&self.velocities[0]);
             points.map(|(x, v)| moved(*x, *v, time)).collect()
         });
-        before.chain(self.positions.iter().cloned()).collect()
+        let known = self.positions.iter().skip(self.positions.len().saturating_sub(frames));
+        before.chain(known.cloned()).collect()
     }
 }
 
