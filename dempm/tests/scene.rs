@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use dem::cuda::Room;
 use dempm::check::Needs;
-use dempm::scene::{Material, Scene};
+use dempm::scene::{Material, Rve, Scene};
 
 fn scenes() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes")
@@ -110,10 +111,14 @@ fn all_runs_of_the_paper_have_one_material_and_one_packing() {
         .iter()
         .flat_map(|folder| all_in(&format!("paper/{folder}")))
         .collect();
+    // All but the room that a GPU gives to neighbours, which changes no result.
+    let material = |scene: &Scene| match &scene.material {
+        Material::Rve(rve) => Rve { neighbours: Room::Usual, ..rve.clone() },
+        Material::MuI(_) | Material::Elastic(_) => panic!("a law"),
+    };
     let first = &all[0].1;
-    assert!(matches!(first.material, Material::Rve(_)));
     for (name, scene) in &all {
-        assert_eq!(scene.material, first.material, "{name}");
+        assert_eq!(material(scene), material(first), "{name}");
         assert_eq!(scene.seed, first.seed, "{name}");
         assert_eq!(scene.numerics, first.numerics, "{name}");
         assert_eq!(scene.domain.walls, first.domain.walls, "{name}");
