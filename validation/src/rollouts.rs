@@ -13,7 +13,7 @@ use crate::compare::difference;
 use crate::context::{Context, Model, Start};
 use crate::picture::{RANGE, View, in_rows};
 use crate::table::number;
-use crate::wall_time::computing;
+use crate::work::Run;
 
 /// A rollout and how far it is from the truth.
 pub struct Rollout {
@@ -24,9 +24,6 @@ pub struct Rollout {
     pub truth: PathBuf,
     /// As far as the rollout came.
     pub errors: Errors,
-    /// Wall time of the prediction, s, and what it ran on.
-    pub seconds: f64,
-    pub device: String,
     /// What the program said if it broke down.
     pub message: String,
 }
@@ -47,31 +44,29 @@ pub fn roll_out(
     models: &[Model],
     truths: &[(String, PathBuf)],
 ) -> miette::Result<Vec<Rollout>> {
-    let mut rollouts = Vec::new();
-    for (case, truth) in truths {
-        for model in models {
-            let run = context.rollout(model, &Start::Trajectory(truth))?;
-            let mut rollout = Rollout {
-                model: model.name.clone(),
-                case: case.clone(),
-                output: run.output.clone(),
-                truth: truth.clone(),
-                errors: Errors::default(),
-                seconds: f64::NAN,
-                device: String::new(),
-                message: if run.succeeded { String::new() } else { run.message },
-            };
-            // A rollout that broke down leaves the frames before; one that was refused, nothing.
-            if run.output.exists() {
-                let trajectory = Trajectory::open(&run.output)?;
-                rollout.errors = predicted(difference(&run.output, truth)?);
-                rollout.seconds = computing(&trajectory);
-                rollout.device.clone_from(&trajectory.header().device);
-            }
-            rollouts.push(rollout);
-        }
-    }
-    Ok(rollouts)
+    let pairs = || truths.iter().flat_map(|truth| models.iter().map(move |model| (truth, model)));
+    let wanted: Vec<_> =
+        pairs().map(|((_, truth), model)| (model, Start::Trajectory(truth))).collect();
+    let runs = context.rollouts(&wanted)?;
+    let all = pairs().zip(runs);
+    all.map(|(((case, truth), model), run)| compare(model, case, truth, run)).collect()
+}
+
+fn compare(model: &Model, case: &str, truth: &Path, run: Run) -> miette::Result<Rollout> {
+    // A rollout that broke down leaves the frames before; one that was refused, nothing.
+    let errors = if run.output.exists() {
+        predicted(difference(&run.output, truth)?)
+    } else {
+        Errors::default()
+    };
+    Ok(Rollout {
+        model: model.name.clone(),
+        case: case.to_owned(),
+        output: run.output,
+        truth: truth.to_owned(),
+        errors,
+        message: if run.succeeded { String::new() } else { run.message },
+    })
 }
 
 /// Errors without those of the frames that were given, which agree exactly.
@@ -94,18 +89,17 @@ pub fn table(rollouts: &[Rollout]) -> Table {
         "last MSE",
         "front [m]",
         "height [m]",
-        "time [s]",
         "ended",
     ];
     let mut table = Table::new("Errors of rollouts", columns).note(
         "From frame: the first of the truth's frames that is predicted; those before are given. MSE in \
          units of the box, over all points and predicted frames; front and root mean square height at \
-         the end. Time of all predictions, the frames at the start not counted.",
+         the end.",
     );
     for rollout in rollouts {
         let Errors { errors, failure, .. } = &rollout.errors;
         if errors.is_empty() {
-            let nothing = [""; 8];
+            let nothing = [""; 7];
             let named = [rollout.case.as_str(), &rollout.model].into_iter();
             table.row(named.chain(nothing).chain(["refused"]));
             continue;
@@ -123,7 +117,6 @@ pub fn table(rollouts: &[Rollout]) -> Table {
             number(last.mse),
             number(last.front),
             number(last.height),
-            number(rollout.seconds),
             failure.as_ref().map_or("well", |_| "early").to_owned(),
         ]);
     }

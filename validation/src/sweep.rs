@@ -3,6 +3,7 @@
 mod cases;
 
 use std::path::Path;
+use std::rc::Rc;
 
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
@@ -173,7 +174,16 @@ impl Case {
     ///
     /// # Errors
     /// If the reference fails, a file cannot be read or the user interrupts.
-    pub fn measure(&self, context: &mut Context) -> miette::Result<Sweep> {
+    pub fn measure(&self, context: &mut Context) -> miette::Result<Rc<Sweep>> {
+        if let Some(known) = context.sweeps.get(self.name) {
+            return Ok(Rc::clone(known));
+        }
+        let sweep = Rc::new(self.compare_all(context)?);
+        context.sweeps.insert(self.name, Rc::clone(&sweep));
+        Ok(sweep)
+    }
+
+    fn compare_all(&self, context: &mut Context) -> miette::Result<Sweep> {
         let references = self.run_references(context)?;
         let paths: Vec<&Path> = references.iter().map(|run| run.output.as_path()).collect();
         let compare = |k: usize| {

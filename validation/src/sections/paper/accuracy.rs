@@ -135,10 +135,9 @@ pub(super) fn ranking(
     models: &[Model],
     rollouts: &[Rollout],
 ) -> miette::Result<Vec<Block>> {
-    let columns = ["model", "parameters", "steps", "mean MSE", "times the best", "time [s]"];
+    let columns = ["model", "parameters", "steps", "mean MSE", "times the best"];
     let mut table = Table::new(format!("{title} by mean error"), columns).note(
-        "MSE in units of the box, mean over all cases and frames; none where a rollout ended early. \
-         Time of the predictions of all cases together.",
+        "MSE in units of the box, mean over all cases and frames; none where a rollout ended early.",
     );
     let mut ranked: Vec<(&Model, f64)> =
         models.iter().map(|model| (model, mean_error(rollouts, &model.name))).collect();
@@ -146,14 +145,12 @@ pub(super) fn ranking(
     let mut steps = Vec::new();
     for (model, error) in &ranked {
         let Simulator { config, training, .. } = Simulator::load(&model.path)?;
-        let of_model = rollouts.iter().filter(|rollout| rollout.model == model.name);
         table.row([
             model.name.clone(),
             config.parameter_count().to_string(),
             training.steps.to_string(),
             number(*error),
             number(error / ranked[0].1),
-            number(of_model.map(|rollout| rollout.seconds).sum()),
         ]);
         steps.push(training.steps);
     }
