@@ -60,8 +60,8 @@ impl Accuracy {
             if *broken > 0 { format!(", and broke down in {broken}") } else { String::new() };
         (*mean > ROUGH || *broken > 0).then(|| {
             format!(
-                "on {runs} runs that it had not learnt from, the network was wrong by {:.0} % of the \
-                 motion at the end, {:.0} % in the worst{lost}: a rough guide",
+                "where it was tried on what it had not learnt (runs: {runs}), the network was wrong by \
+                 {:.0} % of the motion at the end, {:.0} % in the worst{lost}: a rough guide",
                 100.0 * mean,
                 100.0 * most
             )
@@ -92,7 +92,7 @@ mod tests {
         let rough = Accuracy { mean: 0.117, most: 0.3, ..good };
         let said = Accuracy::doubt(Some(&rough)).unwrap();
         assert!(
-            said.contains("5 runs") && said.contains("12 %") && said.contains("30 %"),
+            said.contains("runs: 5") && said.contains("12 %") && said.contains("30 %"),
             "{said}"
         );
         let lost = Accuracy { broken: 2, ..good };

@@ -142,25 +142,30 @@ impl Context {
         self.job(&format!("rollout of {}", model.name), ROLLOUT, &job)
     }
 
-    /// Predicts from several starts: on a GPU several at a time, so that the times say nothing.
+    /// Predicts from several starts: on a GPU several at a time, so that the times say nothing. `done`
+    /// is called after each, with its place.
     ///
     /// # Errors
     /// As [`rollout`](Self::rollout).
-    pub fn rollouts(&mut self, wanted: &[(&Model, Start)]) -> miette::Result<Vec<Run>> {
+    pub fn rollouts(
+        &mut self,
+        wanted: &[(&Model, Start)],
+        done: impl Fn(usize, &Run) + Sync,
+    ) -> miette::Result<Vec<Run>> {
         let jobs = wanted
             .iter()
             .map(|(model, start)| self.rollout_job(model, start, 0))
             .collect::<miette::Result<Vec<Job>>>()?;
         let missing = jobs.iter().filter(|job| !self.work.has(job)).count();
+        let half = (rayon::current_num_threads() / 2).clamp(1, BESIDE);
         // On processors, one rollout has them all.
-        let beside = if self.device == "cpu" {
-            1
-        } else {
-            (rayon::current_num_threads() / 2).clamp(1, BESIDE)
-        };
+        let beside = if self.device == "cpu" { 1 } else { half };
         self.progress.begin("rollouts", ROLLOUT * missing as f64 / beside as f64);
         let (began, progress) = (Instant::now(), &self.progress);
-        let runs = self.work.run_beside(&jobs, beside, || progress.tick(began.elapsed()));
+        let runs = self.work.run_beside(&jobs, beside, |place, run| {
+            done(place, run);
+            progress.tick(began.elapsed());
+        });
         self.progress.end();
         runs
     }
@@ -204,7 +209,7 @@ impl Context {
     }
 
     /// Hash of a file's contents, which stay as they are while the report is made.
-    fn hash(&self, path: &Path) -> miette::Result<String> {
+    pub fn hash(&self, path: &Path) -> miette::Result<String> {
         if let Some(known) = self.hashes.borrow().get(path) {
             return Ok(known.clone());
         }

@@ -9,7 +9,7 @@ use surrogate::metrics::Errors;
 use crate::animation::animated;
 use crate::block::{Block, Figure, Table};
 use crate::chart::{Axis, Chart, Mark, Series};
-use crate::compare::difference;
+use crate::compare::kept_difference;
 use crate::context::{Context, Model, Start};
 use crate::picture::{RANGE, View, in_rows};
 use crate::table::number;
@@ -45,20 +45,35 @@ pub fn roll_out(
     truths: &[(String, PathBuf)],
 ) -> miette::Result<Vec<Rollout>> {
     let pairs = || truths.iter().flat_map(|truth| models.iter().map(move |model| (truth, model)));
+    let keys: Vec<String> =
+        pairs().map(|((_, truth), _)| context.hash(truth)).collect::<Result<_, _>>()?;
+    let truths: Vec<&Path> = pairs().map(|((_, truth), _)| truth.as_path()).collect();
     let wanted: Vec<_> =
         pairs().map(|((_, truth), model)| (model, Start::Trajectory(truth))).collect();
-    let runs = context.rollouts(&wanted)?;
-    let all = pairs().zip(runs);
-    all.map(|(((case, truth), model), run)| compare(model, case, truth, run)).collect()
+    let runs = context.rollouts(&wanted, |place, run| {
+        // Others are still under way. What goes wrong here does so again below.
+        let _ = errors(run, truths[place], &keys[place]);
+    })?;
+    let all = pairs().zip(runs).zip(&keys);
+    all.map(|((((case, truth), model), run), key)| compare(model, case, truth, run, key)).collect()
 }
 
-fn compare(model: &Model, case: &str, truth: &Path, run: Run) -> miette::Result<Rollout> {
-    // A rollout that broke down leaves the frames before; one that was refused, nothing.
-    let errors = if run.output.exists() {
-        predicted(difference(&run.output, truth)?)
-    } else {
-        Errors::default()
-    };
+/// Errors of a rollout. One that broke down leaves the frames before; one that was refused, nothing.
+fn errors(run: &Run, truth: &Path, key: &str) -> miette::Result<Errors> {
+    if !run.output.exists() {
+        return Ok(Errors::default());
+    }
+    Ok(predicted(kept_difference(run, truth, key)?))
+}
+
+fn compare(
+    model: &Model,
+    case: &str,
+    truth: &Path,
+    run: Run,
+    key: &str,
+) -> miette::Result<Rollout> {
+    let errors = errors(&run, truth, key)?;
     Ok(Rollout {
         model: model.name.clone(),
         case: case.to_owned(),

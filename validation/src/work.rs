@@ -199,7 +199,7 @@ impl Work {
     }
 
     /// The results of several jobs, up to `beside` of them made at a time: for runs whose times say
-    /// nothing. `done` is called after each.
+    /// nothing. `done` is called after each, with its place.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -207,12 +207,13 @@ impl Work {
         &mut self,
         jobs: &[Job],
         beside: usize,
-        done: impl Fn() + Sync,
+        done: impl Fn(usize, &Run) + Sync,
     ) -> miette::Result<Vec<Run>> {
         let pool = ThreadPoolBuilder::new().num_threads(beside).build().into_diagnostic()?;
-        let obtain = |job: &Job| self.obtain(job, |_| ()).inspect(|_| done());
-        let runs: Vec<Run> =
-            pool.install(|| jobs.par_iter().map(obtain).collect::<Result<_, _>>())?;
+        let obtain =
+            |(place, job): (usize, &Job)| self.obtain(job, |_| ()).inspect(|run| done(place, run));
+        let all = || jobs.par_iter().enumerate().map(obtain).collect::<Result<_, _>>();
+        let runs: Vec<Run> = pool.install(all)?;
         runs.iter().for_each(|run| self.note(run));
         Ok(runs)
     }

@@ -1,12 +1,11 @@
 //! Columns taller, wider and faster than in training.
 
-use rayon::prelude::*;
 use surrogate::simulator::Simulator;
 
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::Threshold;
-use super::roll::{Direct, WRONG, column, roll, text};
+use super::roll::{Direct, WRONG, beside, column, roll, text};
 use crate::context::Suite;
 use crate::sections::paper::networks::trained_on;
 
@@ -46,13 +45,10 @@ impl Throw {
     }
 }
 
-/// Predicts what the direct solver did, which has a core for each throw.
+/// Predicts what the direct solver did.
 fn cases(simulator: &Simulator, throws: &[Throw], frames: usize) -> Result<Vec<Case>, StudyError> {
     let interval = simulator.training.frame_interval;
-    let directs: Vec<Direct> = throws
-        .par_iter()
-        .map(|throw| throw.simulate(interval, frames))
-        .collect::<Result<_, _>>()?;
+    let directs = beside(throws, |throw| throw.simulate(interval, frames))?;
     throws.iter().zip(&directs).map(|(throw, direct)| throw.predict(simulator, direct)).collect()
 }
 

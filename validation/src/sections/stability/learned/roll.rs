@@ -4,8 +4,10 @@ use std::path::Path;
 
 use dempm::device::Device;
 use dempm::scene::Scene;
-use dempm::simulation::Simulation;
+use dempm::simulation::{Simulation, SimulationError};
 use dempm::trajectory::{Frame, Header, Points, utc_now};
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
 use surrogate::doubts::doubts;
 use surrogate::rollout::Rollout;
 use surrogate::simulator::Simulator;
@@ -55,21 +57,27 @@ pub struct Direct {
 }
 
 impl Direct {
-    /// So many frames, `interval` (s) apart.
+    /// So many frames, `interval` (s) apart, on one thread: a small scene gains nothing from more.
     pub fn run(name: &str, text: &str, interval: f64, frames: usize) -> Result<Self, StudyError> {
         let error = |reason: String| StudyError::Scene { name: name.into(), reason };
         let mut scene = scene::parse(name, text)?;
         // The longest step that fits into the model's frames.
         scene.step = interval / (interval / scene.step).ceil();
-        let steps = (interval / scene.step).round() as usize;
         scene.frame_interval = interval;
-        let mut simulation = Simulation::new(scene.clone()).map_err(|e| error(e.to_string()))?;
+        let one = ThreadPoolBuilder::new().num_threads(1).build();
+        let one = one.map_err(|e| error(e.to_string()))?;
+        one.install(|| Self::simulate(scene, interval, frames)).map_err(|e| error(e.to_string()))
+    }
+
+    fn simulate(scene: Scene, interval: f64, frames: usize) -> Result<Self, SimulationError> {
+        let steps = (interval / scene.step).round() as usize;
+        let mut simulation = Simulation::new(scene.clone())?;
         let (header, points) = (simulation.header(utc_now()), simulation.static_points());
         let first = simulation.frame();
         let (mut positions, mut velocities) = (Frames::new(), Frames::new());
         for frame in 0..frames {
             for _ in 0..if frame == 0 { 0 } else { steps } {
-                simulation.advance().map_err(|e| error(e.to_string()))?;
+                simulation.advance()?;
             }
             let points = &simulation.state.points;
             positions.push(points.position.iter().map(|&x| x.into()).collect());
@@ -105,6 +113,14 @@ pub struct Rolled {
     pub positions: Frames,
     pub said: Vec<String>,
     pub error: Option<String>,
+}
+
+/// What the direct solver does with several scenes at a time.
+pub fn beside<T: Sync>(
+    of: &[T],
+    run: impl Fn(&T) -> Result<Direct, StudyError> + Sync,
+) -> Result<Vec<Direct>, StudyError> {
+    of.par_iter().map(&run).collect()
 }
 
 /// Predicts up to so many frames, those of the start included.
