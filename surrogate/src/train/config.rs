@@ -54,6 +54,9 @@ pub struct Data {
     pub noise: f64,
     /// Add mirror images.
     pub mirror: bool,
+    /// Give the windows of a step about the same number of points: processes that have one each then
+    /// do not wait for the one with the most.
+    pub alike: bool,
     /// Learn accelerations relative to free fall.
     pub subtract_gravity: bool,
     /// Frames of a window that may be from before the first of a run, at most: rollouts then start
@@ -129,6 +132,7 @@ impl Default for Data {
             stride: 1,
             noise: 3e-4,
             mirror: false,
+            alike: false,
             subtract_gravity: false,
             before_start: 0,
             memory: 1024,

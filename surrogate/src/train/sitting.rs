@@ -29,6 +29,9 @@ const INTERRUPTED: u8 = 130;
 /// Steps after which GPUs agree on whether to stop, since they wait for one another then.
 const AGREE_EVERY: u64 = 16;
 
+/// Steps during which kernels are compiled and room is made, so that they say nothing of the others.
+const FIRST: u64 = 50;
+
 /// The checkpoint of a training in `folder`.
 pub fn checkpoint_in(folder: &Path) -> PathBuf {
     folder.join("checkpoint.bin")
@@ -112,6 +115,7 @@ impl Sitting {
             seed: config.seed,
             batch: config.batch,
             shard: Shard { rank, ranks: size },
+            alike: config.data.alike,
             frames: model.window(),
             unroll: config.pushforward.steps,
             unroll_from: config.pushforward.start,
@@ -168,6 +172,7 @@ impl Sitting {
         let steps = self.config.steps;
         let began = (Instant::now(), self.engine.step_number());
         let mut saved = Instant::now();
+        let mut warm = None;
         while self.engine.step_number() < steps {
             if self.asked_to_stop(interrupted)? {
                 self.save()?;
@@ -180,11 +185,15 @@ impl Sitting {
                 return Ok(ExitCode::from(INTERRUPTED));
             }
             self.step()?;
+            if self.engine.step_number() == began.1 + FIRST {
+                warm = Some(Instant::now());
+            }
             if saved.elapsed() >= interval {
                 self.save()?;
                 saved = Instant::now();
             }
         }
+        let each = warm.map(|warm| warm.elapsed().as_secs_f64());
         self.save()?;
         self.part()?;
         self.bar.finish_and_clear();
@@ -194,6 +203,10 @@ impl Sitting {
         let made = steps - began.1.min(steps);
         let seconds = began.0.elapsed().as_secs_f64();
         println!("{steps} steps, {made} of them now in {seconds:.1} s");
+        if let Some(each) = each.filter(|_| made > FIRST) {
+            let each = 1e3 * each / (made - FIRST) as f64;
+            println!("{each:.3} ms each after the first {FIRST}");
+        }
         if let Some(loss) = self.log.losses().last() {
             println!("loss {loss:.3e}");
         }
