@@ -36,6 +36,8 @@ pub struct Recipe {
     /// Windows in a batch.
     pub batch: usize,
     pub shard: Shard,
+    /// Whether the windows of a step have about as many points each.
+    pub alike: bool,
     /// Frames of a window. The examples of the data set are longer by as many frames as
     /// `unroll` may have.
     pub frames: usize,
@@ -54,7 +56,13 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// The windows of a step, in an order that has to be that of `self.seed`. Those of all ranks of a
+    /// The order of all windows.
+    pub fn order(&self, data: &DataSet) -> Order {
+        let order = Order::new(self.seed, data.len());
+        if self.alike { order.alike(data.points(), self.shard.ranks * self.batch) } else { order }
+    }
+
+    /// The windows of a step, in an order that has to be that of [`order`](Self::order). Those of all ranks of a
     /// step follow one another, so n ranks learn what one with n times the batch would.
     pub fn windows(&self, order: &mut Order, step: u64) -> Vec<usize> {
         self.places(step).map(|place| order.window(place)).collect()
@@ -174,6 +182,7 @@ mod tests {
                 seed: 1,
                 batch: 2,
                 shard: Shard { rank: 0, ranks: 1 },
+                alike: false,
                 frames: 3,
                 unroll: 0,
                 unroll_from: 0,

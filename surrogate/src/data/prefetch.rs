@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel, sync_channel};
 use std::thread;
 
-use super::{DataError, DataSet, Draft, Order, Recipe};
+use super::{DataError, DataSet, Draft, Recipe};
 
 /// Batches that wait or are being made, at least; as many as there are threads to make them.
 const AHEAD: usize = 3;
@@ -24,7 +24,7 @@ impl<T: Send + 'static> Prefetch<T> {
         prepare: impl Fn(Draft) -> T + Send + Sync + 'static,
     ) -> Self {
         let (send, batches) = sync_channel(rayon::current_num_threads().max(AHEAD));
-        let mut order = Order::new(recipe.seed, data.len());
+        let mut order = recipe.order(&data);
         let maker = Arc::new((data, recipe, prepare));
         thread::spawn(move || {
             for step in step.. {

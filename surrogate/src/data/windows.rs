@@ -175,6 +175,12 @@ impl DataSet {
         self.recordings.iter().map(|recording| self.windows(recording)).sum()
     }
 
+    /// Points of each window.
+    pub fn points(&self) -> Vec<usize> {
+        let windows = |file: &Recording| std::iter::repeat_n(file.points(), self.windows(file));
+        self.recordings.iter().flat_map(windows).collect()
+    }
+
     /// Whether there is no window; a data set of at least one file has some.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

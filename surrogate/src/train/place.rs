@@ -203,6 +203,7 @@ mod tests {
             seed: 1,
             batch: 2,
             shard: Shard { rank: 0, ranks: 1 },
+            alike: false,
             frames: 3,
             unroll: 3,
             unroll_from: 0,
