@@ -77,6 +77,7 @@ pub fn defines(precision: Precision) -> Vec<String> {
         format!("THREADS={}", precision.threads()),
         format!("FORWARD_BATCH={FORWARD_BATCH}"),
         format!("RECEIVE_BATCH={RECEIVE_BATCH}"),
+        format!("REDUCE_ROWS={REDUCE_ROWS}"),
         format!("EDGES_SHARED={EDGES_SHARED}"),
     ]
 }
@@ -236,6 +237,8 @@ pub struct Rows {
 pub const FORWARD_BATCH: usize = 16;
 pub const BACKWARD_BATCH: usize = 8;
 pub const RECEIVE_BATCH: usize = 8;
+/// Rows of weights that a block adds up.
+const REDUCE_ROWS: usize = 4;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
@@ -552,7 +555,8 @@ impl Kernels {
         gradient: Address,
     ) -> Result<(), CudaError> {
         let arguments = arguments![targets, parameters, gradient];
-        let config = config([WIDTH as u32, count as u32], 512, 0);
+        let rows = (WIDTH / REDUCE_ROWS) as u32;
+        let config = config([rows, count as u32], (REDUCE_ROWS * WIDTH) as u32, 0);
         // SAFETY: the addresses in the targets are those of live buffers.
         unsafe { self.launch("reduce", &self.reduce, arguments, config, true) }
     }
