@@ -44,7 +44,7 @@ extern "C" __global__ void __launch_bounds__(REDUCE_ROWS * WIDTH, 2)
     const Target a = targets[blockIdx.y];
     const int row = blockIdx.x * REDUCE_ROWS + threadIdx.x / WIDTH, column = threadIdx.x % WIDTH;
     if (blockIdx.x * REDUCE_ROWS >= a.rows) return;
-    __shared__ float all[REDUCE_WARPS][REDUCE_ROWS * WIDTH];
+    __shared__ __align__(16) float all[REDUCE_WARPS][REDUCE_ROWS * WIDTH];
     if (row < a.rows) {
         float4 sum = sum_slices(a.sums + a.first + row * WIDTH, a.count, a.size);
         if (a.norm >= 0) {
