@@ -359,7 +359,7 @@ impl Kernels {
         packed: Address,
     ) -> Result<(), CudaError> {
         let arguments = arguments![packs, parameters, packed];
-        let config = config([count as u32, 1], 512, 0);
+        let config = config([count as u32, 4], 512, 0);
         // SAFETY: the addresses are those of `count` packs, of the weights and of the room that
         // the packs were laid out for.
         unsafe { self.launch("pack", &self.pack, arguments, config, false) }

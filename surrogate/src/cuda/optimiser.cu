@@ -84,6 +84,7 @@ extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
     const int count = read_early(nodes) * columns;
     wait_for_kernel_before();
     float error = 0.f, scale = 0.f;
+#pragma unroll 4
     for (int n = threadIdx.x; n < count; n += LOSS_THREADS) {
         float e = output[n] - target[n];
         gradient[n / columns * WIDTH + n % columns] = 2.f * e;
