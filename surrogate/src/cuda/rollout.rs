@@ -32,12 +32,28 @@ impl CudaNetwork {
         let encoded = if self.layout.edge_fusion.is_some() { frames } else { frames.min(2) };
         let views = (0..encoded).map(|k| (k, if k == 0 { &first } else { &view }));
         self.encode(&views.collect::<Vec<_>>())?;
-        self.fuse(1..frames, &before, &view)?;
-        self.message_layers(0..frames, &view)?;
-        for layer in frames..self.layout.layers.len() {
-            self.message_layers(layer..layer + 1, &view)?;
+        let start = |layer: usize| {
+            let fusion = (layer > 0).then(|| self.fusion(layer, &view));
+            fusion.into_iter().chain(self.message_parts(layer, &view)).collect()
+        };
+        self.kernels.forward_chains((0..frames).map(start).collect(), self.nodes())?;
+        if frames > 1 {
+            self.fuse_edges(1..frames, &before, &view)?;
         }
-        self.decode(&view)?;
+        self.messages_of(0..frames, &view)?;
+        // After the last of the layers that work on the frame for different windows come the others.
+        let end = |layer: usize| {
+            let mut nodes = vec![self.update(layer, &view)];
+            if layer + 1 >= frames {
+                nodes.extend(self.after(layer, &view));
+            }
+            nodes
+        };
+        self.kernels.forward_chains((0..frames).map(end).collect(), self.nodes())?;
+        for layer in frames..self.layout.layers.len() {
+            self.messages_of(layer..layer + 1, &view)?;
+            self.kernels.forward_chains(vec![end(layer)], self.nodes())?;
+        }
         Ok(&self.output)
     }
 
