@@ -1,6 +1,8 @@
 //! The architecture of a network: its kind, sizes and connection radius, and the ten networks of
 //! the paper (Zhao, Chen, Zhao, CMAME 433, 2025, 117536, Table 6).
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use crate::model::MlpShape;
@@ -170,6 +172,23 @@ impl ModelConfig {
         let (slope, radius) = (self.leaky_slope, self.connection_radius);
         real("leaky_slope", slope, (0.0..=1.0).contains(&slope), "from 0 to 1")?;
         real("connection_radius", radius, radius > 0.0 && radius.is_finite(), "positive (metres)")
+    }
+
+    /// What is not the same in another network, each as "width is 128, not 32".
+    pub fn differences(&self, other: &Self) -> Vec<String> {
+        let values = |config: &Self| serde_json::to_value(config).expect("plain data");
+        let (mine, theirs) = (values(self), values(other));
+        let keys = |of: &serde_json::Value| {
+            of.as_object().into_iter().flat_map(|o| o.keys().cloned()).collect::<BTreeSet<_>>()
+        };
+        let all = &keys(&mine) | &keys(&theirs);
+        let said = |value: &serde_json::Value| {
+            if value.is_null() { "not set".to_owned() } else { value.to_string() }
+        };
+        all.into_iter()
+            .filter(|key| mine[key] != theirs[key])
+            .map(|key| format!("`{key}` is {}, not {}", said(&mine[&key]), said(&theirs[&key])))
+            .collect()
     }
 
     /// Frames of positions that a prediction needs: those of the network, and those before them that

@@ -129,14 +129,20 @@ impl Range {
                 let [a, b, c] = [frame(0)?, frame(1)?, frame(2)?];
                 let frames = [&a, &b, &c].map(|frame| frame.as_chunks::<2>().0);
                 let look = Look::at(frames, interval, radius);
-                let Self { least, most } = range.unwrap_or(Self { least: look, most: look });
-                range = Some(Self {
-                    least: least.with(&look, f64::min),
-                    most: most.with(&look, f64::max),
-                });
+                let look = Self { least: look, most: look };
+                range = Some(range.map_or(look, |range| range.and(look)));
             }
         }
         Ok(range)
+    }
+
+    /// What one of two holds.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            least: self.least.with(&other.least, f64::min),
+            most: self.most.with(&other.most, f64::max),
+        }
     }
 
     /// What of a start is outside of the training data; nothing if all is within.

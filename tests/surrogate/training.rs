@@ -6,9 +6,11 @@ use std::time::{Duration, Instant};
 
 use dempm::trajectory::Trajectory;
 use surrogate::data::{DataSet, Shape};
+use surrogate::simulator::Simulator;
+use surrogate::train::weights;
 use tempfile::TempDir;
 
-use crate::helpers::{column, config, data, scene, succeeds, surrogate, train, warns};
+use crate::helpers::{column, config, data, fails, scene, succeeds, surrogate, train, warns};
 
 #[test]
 fn trajectories_become_a_model_that_continues_them() {
@@ -157,6 +159,64 @@ fn an_interrupted_training_on_a_gpu_resumes_bitwise() {
 }
 
 /// Frames from before a run follow from the velocities in its first frame.
+/// What was learnt stays: a training that starts from a model has its network and normalisation, goes
+/// on from its loss, and says what the model was before.
+#[test]
+fn a_training_starts_from_a_model() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let data = data(here);
+    let first = config(here, 600, "ema = 0.9");
+    succeeds(&mut train(here, &first, "first"));
+    let load = |file: &str| Simulator::load(&here.join(file)).unwrap();
+    let before = load("first/last.safetensors");
+
+    let file = here.join("more.toml");
+    let more = |text: &str| {
+        let text = format!("start = \"first/last.safetensors\"\nlog_every = 10\n{text}");
+        std::fs::write(&file, text).unwrap();
+    };
+    more("steps = 1\n[schedule]\nrate = 1.0e-12\nfinal_rate = 0.0\n[data]\nnoise = 1.0e-3");
+    succeeds(&mut train(here, &file, "still"));
+    let still = load("still/last.safetensors");
+    assert_eq!(still.config, before.config, "the network of the model, though none was asked for");
+    assert_eq!(still.normalisation, before.normalisation, "in spite of other noise");
+    assert_eq!(still.training.steps, 601);
+    let ranges = [&still, &before].map(|simulator| simulator.training.range);
+    assert_eq!(ranges[0], ranges[1], "the same data");
+    for (a, b) in weights(&still.model).iter().zip(weights(&before.model)) {
+        assert!((a - b).abs() <= 1e-7 * b.abs() + 1e-11, "{a} {b}");
+    }
+
+    more("steps = 50\n[schedule]\nrate = 1.0e-3");
+    succeeds(&mut train(here, &file, "more"));
+    let losses = |run: &str| column(&here.join(run).join("log.csv"), "loss");
+    let (old, new) = (losses("first"), losses("more"));
+    assert!(new[0] < 0.9 * old[0], "{} {}", new[0], old[0]);
+
+    // Once begun, it is the training of that model and of no other.
+    succeeds(train(here, &file, "more").arg("--resume"));
+    std::fs::copy(here.join("still/last.safetensors"), here.join("first/last.safetensors"))
+        .unwrap();
+    let error = fails(train(here, &file, "more").arg("--resume"));
+    assert!(error.contains("checkpoint.bin") && error.contains("weights of `start`"), "{error}");
+
+    let refused = |text: &str, parts: &[&str]| {
+        more(text);
+        let error = fails(&mut train(here, &file, "bad"));
+        for part in parts {
+            assert!(error.contains(part), "`{part}` is not in: {error}");
+        }
+    };
+    let weights = "first/last.safetensors";
+    refused("network = \"msg0\"", &["more.toml", weights, "`width` is 128, not 16"]);
+    refused("[data]\nstride = 2", &[weights, "0.01 s", "0.02 s", "data.stride"]);
+    refused("[data]\nsubtract_gravity = true", &[weights, "data.subtract_gravity", "false"]);
+    std::fs::remove_file(here.join(weights)).unwrap();
+    refused("", &["more.toml", "`start`", weights]);
+    assert!(data.exists() && !here.join("bad").exists(), "nothing is written for a wrong file");
+}
+
 #[test]
 fn windows_can_begin_before_the_run() {
     let directory = TempDir::new().unwrap();

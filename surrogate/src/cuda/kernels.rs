@@ -648,17 +648,18 @@ impl Kernels {
 
     /// Sums of squared errors and of squared targets, each with `floor`² more, over nodes x columns
     /// numbers, and the gradient of the first in rows of 128; `nodes` is their number on the device.
+    /// `relative`: the loss instead, its gradient, and 1.
     pub fn loss(
         &self,
         [output, target]: [Address; 2],
         nodes: Address,
         columns: usize,
-        gradient: Address,
-        sums: Address,
+        [gradient, sums]: [Address; 2],
         floor: f32,
+        relative: bool,
     ) -> Result<(), CudaError> {
-        let columns = columns as i32;
-        let arguments = arguments![output, target, nodes, columns, gradient, sums, floor];
+        let (columns, relative) = (columns as i32, i32::from(relative));
+        let arguments = arguments![output, target, nodes, columns, gradient, sums, floor, relative];
         // SAFETY: live buffers of these sizes.
         unsafe { self.launch("loss", &self.loss, arguments, config([1, 1], 1024, 0), true) }
     }

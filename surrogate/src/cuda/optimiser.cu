@@ -76,26 +76,31 @@ __device__ float block_sum(float x) {
     return sum;
 }
 
+// Finite when nothing accelerates.
+__device__ float not_zero(float scale) { return fmaxf(scale, 1e-12f); }
+
 // sums = { sum (a - a*)^2, sum (a*^2 + floor^2) } over nodes x columns, and the gradient of the first
-// in rows of 128.
+// in rows of 128. `relative`: both divided by the second, so that GPUs add up losses and ones.
 extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
     loss_gradient(const float* output, const float* target, const u32* nodes, int columns,
-                  float* gradient, float* sums, float floor) {
+                  float* gradient, float* sums, float floor, int relative) {
     const int count = read_early(nodes) * columns;
     wait_for_kernel_before();
     float error = 0.f, scale = 0.f;
 #pragma unroll 4
     for (int n = threadIdx.x; n < count; n += LOSS_THREADS) {
         float e = output[n] - target[n];
-        gradient[n / columns * WIDTH + n % columns] = 2.f * e;
         error += e * e;
         scale += target[n] * target[n] + floor * floor;
     }
     error = block_sum(error);
     scale = block_sum(scale);
+    const float unit = relative ? not_zero(scale) : 1.f;
+    for (int n = threadIdx.x; n < count; n += LOSS_THREADS)
+        gradient[n / columns * WIDTH + n % columns] = 2.f * (output[n] - target[n]) / unit;
     if (threadIdx.x == 0) {
-        sums[0] = error;
-        sums[1] = scale;
+        sums[0] = error / unit;
+        sums[1] = relative ? 1.f : scale;
     }
 }
 
@@ -106,8 +111,7 @@ extern "C" __global__ void adam(float* weights, float* mean, float* square, floa
                                 const float* gradient, const float* rates, int count,
                                 float* losses, u32* counter, u32 room) {
     const int k = blockIdx.x * blockDim.x + threadIdx.x;
-    // Finite when nothing accelerates.
-    const float scale = fmaxf(gradient[count + 1], 1e-12f);
+    const float scale = not_zero(gradient[count + 1]);
     if (k == 0) losses[atomicAdd(counter, 1) % room] = gradient[count] / scale;
     if (k >= count) return;
     const float beta_1 = 0.9f, beta_2 = 0.999f, g = gradient[k] / scale;

@@ -18,8 +18,8 @@ use crate::config::ModelConfig;
 
 /// Losses that can wait on the device to be read.
 pub const LOSSES: usize = 4096;
-/// Numbers behind the gradient: the sums of squared errors and of squared targets, whose ratio is the
-/// loss.
+/// Numbers behind the gradient: the sums of squared errors and of squared targets, or of the losses of
+/// GPUs and of ones; their ratio is the loss.
 pub const SUMS: usize = 2;
 /// Keeps the loss finite when nothing accelerates.
 const SMALLEST_TARGET: f32 = 1e-12;
@@ -30,6 +30,8 @@ pub struct CudaTrainer {
     products: Products,
     /// Added in squares to the squared targets of the loss.
     floor: f32,
+    /// Makes the loss of several GPUs the mean of theirs.
+    each_relative: bool,
     /// Other GPUs, whose gradients are added to that of this one.
     ranks: Option<Arc<Ranks>>,
     /// Moving averages of the gradient and of its square.
@@ -84,6 +86,7 @@ impl CudaTrainer {
         Ok(Self {
             products: Products::new(&network, device)?,
             floor: 0.0,
+            each_relative: false,
             ranks,
             mean: device.zeros(count)?,
             square: device.zeros(count)?,
@@ -96,10 +99,11 @@ impl CudaTrainer {
         })
     }
 
-    /// The loss from here on: sum (a - a*)² / sum (a*² + `floor`²).
+    /// The loss from here on: sum (a - a*)² / sum (a*² + `floor`²) over the windows of all GPUs, or the
+    /// mean of what `each` has over its own.
     #[must_use]
-    pub fn with_loss_floor(self, floor: f32) -> Self {
-        Self { floor, ..self }
+    pub fn with_loss(self, floor: f32, each: bool) -> Self {
+        Self { floor, each_relative: each, ..self }
     }
 
     pub fn network(&mut self) -> &mut CudaNetwork {
@@ -225,9 +229,12 @@ impl CudaTrainer {
             [network.address(&network.output), target],
             views[0].nodes,
             network.layout.dimensions,
-            passed.output,
-            network.address(&self.products.gradient) + 4 * network.layout.parameters as u64,
+            [
+                passed.output,
+                network.address(&self.products.gradient) + 4 * network.layout.parameters as u64,
+            ],
             self.floor,
+            self.each_relative,
         )?;
         network.propagate(views, passed, list)?;
         self.products.launch(network, list)

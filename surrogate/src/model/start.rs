@@ -1,5 +1,7 @@
 //! Weights to start a training from.
 
+use std::path::PathBuf;
+
 use burn::module::Param;
 use burn::tensor::Tensor;
 use burn::tensor::backend::Backend;
@@ -8,14 +10,42 @@ use serde::{Deserialize, Serialize};
 use super::{MessageLayer, Mlp, Model};
 
 /// Where a training begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub enum Start {
     /// Random weights, as PyTorch draws them.
     #[default]
     Random,
     /// Random weights, with which the layers of a TGNNS hand node states on.
     Identity,
+    /// The weights of a model that was trained before, a file.
+    Weights(PathBuf),
+}
+
+impl TryFrom<String> for Start {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        match text.as_str() {
+            "random" => Ok(Self::Random),
+            "identity" => Ok(Self::Identity),
+            file if file.ends_with(".safetensors") => Ok(Self::Weights(file.into())),
+            _ => Err(format!(
+                "`start` is {text:?}, but it must be \"random\", \"identity\" or a file of weights \
+                 (*.safetensors)"
+            )),
+        }
+    }
+}
+
+impl From<Start> for String {
+    fn from(start: Start) -> Self {
+        match start {
+            Start::Random => "random".to_owned(),
+            Start::Identity => "identity".to_owned(),
+            Start::Weights(path) => path.to_string_lossy().into_owned(),
+        }
+    }
 }
 
 /// What is left of random weights beside the identity.

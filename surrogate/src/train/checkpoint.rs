@@ -13,7 +13,7 @@ use crate::data::{DataError, DataSet, Statistics, further_features};
 use crate::features::Normalisation;
 
 const MAGIC: &str = "DEMPM surrogate training";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// The state of a training and what it belongs to. Batches are a function of seed and step, so
 /// they need no state.
@@ -37,14 +37,21 @@ pub struct Identity {
     pub files: Vec<(String, u64, u64)>,
     /// Their statistics: other contents have others.
     pub normalisation: Normalisation,
+    /// A hash of the file of weights that it started from, if there is one.
+    pub start: Option<[u8; 32]>,
 }
 
 impl Identity {
-    /// What a configuration makes of data on `ranks` processes.
+    /// What a configuration makes of data on `ranks` processes, from the `start` of that hash.
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn of(config: &TrainConfig, data: &DataSet, ranks: usize) -> Result<Self, DataError> {
+    pub fn of(
+        config: &TrainConfig,
+        data: &DataSet,
+        ranks: usize,
+        start: Option<[u8; 32]>,
+    ) -> Result<Self, DataError> {
         let mut statistics = Statistics::measure(data, config.data.subtract_gravity)?;
         if config.data.mirror {
             statistics = statistics.mirrored();
@@ -59,6 +66,7 @@ impl Identity {
             config: format!("{} on {ranks}", config.identity()),
             files: files.collect(),
             normalisation: Normalisation { features_mean, features_std, ..normalisation },
+            start,
         })
     }
 
@@ -122,6 +130,9 @@ impl Checkpoint {
         let changed = |what| CheckpointError::Changed { path: path.to_owned(), what };
         if read.identity.config != identity.config {
             return Err(changed("the configuration has"));
+        }
+        if read.identity.start != identity.start {
+            return Err(changed("the weights of `start` have"));
         }
         if read.identity != *identity {
             return Err(changed("the training data have"));

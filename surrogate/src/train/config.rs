@@ -8,9 +8,11 @@ use miette::{NamedSource, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::schedule::Schedule;
+use crate::backend::{Cpu, device};
 use crate::config::{ModelConfig, PAPER_NETWORKS};
 use crate::cuda;
 use crate::model::{Model, Start};
+use crate::weights::{self, WeightsError};
 
 /// A training. The defaults are those of the paper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +36,8 @@ pub struct TrainConfig {
     /// Smallest root mean square of normalised accelerations that the loss of a batch is relative
     /// to: their squares are added to those of the targets.
     pub loss_floor: f64,
+    /// Whose targets the loss of a step of several processes is relative to.
+    pub loss_over: LossOver,
     /// Precision of the network's arithmetic.
     pub precision: Precision,
     pub data: Data,
@@ -64,6 +68,17 @@ pub struct Data {
     pub before_start: usize,
     /// Memory for positions, MB; what does not fit is read from the files again and again.
     pub memory: usize,
+}
+
+/// What becomes of the loss where several processes make a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LossOver {
+    /// Errors of all windows relative to the targets of all, as one process with all windows has it.
+    #[default]
+    Step,
+    /// The mean of the losses of all processes, each relative to its own targets.
+    Process,
 }
 
 /// Precision of products; weights and sums are single precision in any case.
@@ -116,6 +131,7 @@ impl Default for TrainConfig {
             start: Start::default(),
             ema: 0.0,
             loss_floor: 0.0,
+            loss_over: LossOver::default(),
             precision: Precision::default(),
             data: Data::default(),
             schedule: Schedule::default(),
@@ -167,32 +183,69 @@ pub enum ConfigError {
     Both { file: String },
     #[error("{file}")]
     Model { file: String, source: crate::config::ConfigError },
+    #[error("{file}: `start`")]
+    Start { file: String, source: Box<WeightsError> },
+    #[error("{file}: the network is not that of `start` = {}: {differences}", weights.display())]
+    #[diagnostic(help("without `network` and [model] it is"))]
+    OtherNetwork { file: String, weights: PathBuf, differences: String },
 }
 
 impl TrainConfig {
-    /// Reads and validates a training file.
+    /// Reads and validates a training file. Weights to start from are found from its folder; unless
+    /// it says otherwise, the network is theirs.
     ///
     /// # Errors
-    /// If it cannot be read or is wrong; the error names the key.
+    /// If it cannot be read or is wrong, which the error says with the key, or if the weights are
+    /// those of another network.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        Self::parse(&text, &path.display().to_string())
+        let file = path.display().to_string();
+        let mut config = Self::read(&text, &file)?;
+        if let Start::Weights(weights) = &config.start {
+            let weights = path.parent().unwrap_or(Path::new("")).join(weights);
+            config.take_network(&weights, &file)?;
+            config.start = Start::Weights(weights);
+        }
+        config.check(&file)?;
+        Ok(config)
     }
 
-    /// Validates the text of a training file; `file` stands for it in messages.
+    /// Validates the text of a training file, but for weights to start from; `file` stands for it in
+    /// messages.
     ///
     /// # Errors
     /// If it is wrong; the error names the key.
     pub fn parse(text: &str, file: &str) -> Result<Self, ConfigError> {
-        let config: Self = toml::from_str(text).map_err(|error| ConfigError::Syntax {
+        let config = Self::read(text, file)?;
+        config.check(file)?;
+        Ok(config)
+    }
+
+    fn read(text: &str, file: &str) -> Result<Self, ConfigError> {
+        toml::from_str(text).map_err(|error| ConfigError::Syntax {
             file: file.to_owned(),
             message: error.message().to_owned(),
             text: Arc::new(NamedSource::new(file, text.to_owned()).with_language("TOML")),
             place: error.span().map(Into::into),
+        })
+    }
+
+    /// Makes the network that of a file of weights, if there is nothing else asked for.
+    fn take_network(&mut self, weights: &Path, file: &str) -> Result<(), ConfigError> {
+        let (_, found, ..) = weights::load::<Cpu>(weights, &device()).map_err(|source| {
+            ConfigError::Start { file: file.to_owned(), source: source.into() }
         })?;
-        config.check(file)?;
-        Ok(config)
+        if self.network.is_none() && self.model.is_none() {
+            self.model = Some(found);
+            return Ok(());
+        }
+        let differences = self.network(file)?.differences(&found);
+        if differences.is_empty() {
+            return Ok(());
+        }
+        let (file, weights) = (file.to_owned(), weights.to_owned());
+        Err(ConfigError::OtherNetwork { file, weights, differences: differences.join(", ") })
     }
 
     /// The network to train.
@@ -212,11 +265,12 @@ impl TrainConfig {
         }
     }
 
-    /// The weights that the training of a network starts from, the same on every device.
+    /// The weights that the training of a network starts from, the same on every device. Those of a
+    /// file are put in their place as those of a checkpoint are.
     pub fn start<B: Backend>(&self, model: &ModelConfig, device: &B::Device) -> Model<B> {
         let random = Model::new(model, self.seed, device);
         match self.start {
-            Start::Random => random,
+            Start::Random | Start::Weights(_) => random,
             Start::Identity => random.near_identity(),
         }
     }
@@ -262,9 +316,13 @@ impl TrainConfig {
     }
 
     /// What a checkpoint compares: all that changes the steps made so far. More steps may be asked
-    /// for where the rate does not depend on their number.
+    /// for where the rate does not depend on their number. Where the weights of the start are does not
+    /// matter; what they are, the checkpoint knows by itself.
     pub(super) fn identity(&self) -> String {
         let mut same = self.clone();
+        if let Start::Weights(path) = &mut same.start {
+            path.clear();
+        }
         if !same.schedule.depends_on_steps() {
             same.steps = 0;
         }
@@ -303,6 +361,7 @@ mod tests {
             ("[schedule]\nkind = \"linear\"", "linear"),
             ("[pushforward]\nsteps = 100", "pushforward.steps"),
             ("precision = \"f16\"", "f16"),
+            ("start = \"identify\"", "safetensors"),
             ("[validation]\neach = 3", "each"),
         ] {
             let message = message(text);

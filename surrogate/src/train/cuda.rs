@@ -6,7 +6,7 @@ use gpu::Device;
 use gpu::ranks::Ranks;
 
 use super::adam::Adam;
-use super::config::TrainConfig;
+use super::config::{LossOver, TrainConfig};
 use super::engine::{Preparation, State, average_decay};
 use super::parameters::{weights, with_weights};
 use crate::backend::{Cpu, device as cpu};
@@ -68,7 +68,7 @@ impl CudaEngine {
         let room = Capacity { points, edges: EDGES_PER_POINT * points };
         let averaging = config.ema > 0.0;
         let mut trainer = CudaTrainer::new(device, model, precision, room, averaging, ranks)?
-            .with_loss_floor(config.loss_floor as f32);
+            .with_loss(config.loss_floor as f32, config.loss_over == LossOver::Process);
         let model = config.start(model, &cpu());
         let start = weights(&model);
         let zeros = vec![0.0; start.len()];

@@ -6,7 +6,7 @@ use gpu::ranks::RanksError;
 use serde::{Deserialize, Serialize};
 
 use super::adam::Adam;
-use super::config::TrainConfig;
+use super::config::{LossOver, TrainConfig};
 use super::parameters::{gradients, weights, with_weights};
 use super::ranks::AllReduce;
 use crate::backend::{Cpu, CpuAutodiff, Device, device};
@@ -29,6 +29,15 @@ pub struct State {
     pub step: u64,
 }
 
+impl State {
+    /// That of a training that starts from these weights.
+    pub fn new(weights: Vec<f32>, averaging: bool) -> Self {
+        let adam = Adam::new(weights.len());
+        let average = averaging.then(|| weights.clone());
+        Self { weights, adam, average, step: 0 }
+    }
+}
+
 /// Network and optimiser in training.
 pub struct CpuEngine {
     model: Model<CpuAutodiff>,
@@ -36,6 +45,7 @@ pub struct CpuEngine {
     decay: f64,
     /// Added in squares to the squared targets of the loss.
     floor: f32,
+    over: LossOver,
     /// Losses that nobody has read yet.
     losses: Vec<f64>,
 }
@@ -88,12 +98,10 @@ impl CpuEngine {
     /// The network that a training starts from.
     pub fn new(model: &ModelConfig, config: &TrainConfig) -> Self {
         let model = config.start(model, &device());
-        let weights = weights(&model);
-        let adam = Adam::new(weights.len());
-        let average = (config.ema > 0.0).then(|| weights.clone());
-        let state = State { weights, adam, average, step: 0 };
+        let state = State::new(weights(&model), config.ema > 0.0);
         let floor = config.loss_floor as f32;
-        Self { model, state, decay: config.ema, floor, losses: Vec::new() }
+        let over = config.loss_over;
+        Self { model, state, decay: config.ema, floor, over, losses: Vec::new() }
     }
 
     /// Continues from a state; `false` if it is that of another network.
@@ -117,8 +125,8 @@ impl CpuEngine {
         &self.state
     }
 
-    /// One step: loss sum (a - a*)² / sum (a*² + floor²) over the windows of all ranks, its gradients,
-    /// Adam.
+    /// One step: loss sum (a - a*)² / sum (a*² + floor²) over the windows of all ranks, or the mean of
+    /// those of each, its gradients, Adam.
     ///
     /// # Errors
     /// If another rank is gone.
@@ -135,6 +143,12 @@ impl CpuEngine {
         let mut gradients = gradients(&self.model, &errors.backward());
         // Both sums go along with the gradients of one of them.
         gradients.extend([errors.into_scalar(), targets]);
+        if self.over == LossOver::Process {
+            // So the sums are those of losses and of ones.
+            let scale = targets.max(SMALLEST_TARGET);
+            gradients.iter_mut().for_each(|sum| *sum /= scale);
+            gradients.last_mut().into_iter().for_each(|own| *own = 1.0);
+        }
         ranks.sum(&mut gradients)?;
         let scale = gradients.pop().unwrap_or_default().max(SMALLEST_TARGET);
         gradients.iter_mut().for_each(|sum| *sum /= scale);

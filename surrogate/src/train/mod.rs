@@ -5,6 +5,7 @@ mod checkpoint;
 mod config;
 mod cuda;
 mod engine;
+mod given;
 mod log;
 mod parameters;
 mod place;

@@ -1,4 +1,5 @@
-//! Ranks hold equal weights, and learn what one process with all windows would.
+//! Ranks hold equal weights, and learn what one process with all windows would, or from the mean of
+//! their losses.
 
 use std::net::TcpListener;
 use std::ops::Range;
@@ -8,7 +9,7 @@ use std::thread;
 use gpu::Device;
 use gpu::ranks::{Launch, Ranks, RanksError};
 
-use super::config::TrainConfig;
+use super::config::{LossOver, TrainConfig};
 use super::cuda::{CudaEngine, HostBatch};
 use super::engine::{CpuEngine, Preparation, State};
 use super::ranks::{AllReduce, Alone};
@@ -27,7 +28,12 @@ fn preparation() -> Preparation {
 }
 
 fn config() -> TrainConfig {
-    TrainConfig { seed: 3, ema: 0.9, ..TrainConfig::default() }
+    TrainConfig { seed: 3, ema: 0.9, steps: STEPS, ..TrainConfig::default() }
+}
+
+/// Each rank relative to its own targets.
+fn own_losses() -> TrainConfig {
+    TrainConfig { loss_over: LossOver::Process, steps: 1, ..config() }
 }
 
 /// Windows of different sizes, so that they weigh differently in the loss.
@@ -49,10 +55,14 @@ fn batch(step: u64, windows: Range<u64>) -> Batch {
 }
 
 /// Trains on some of the four windows of each step.
-fn train(windows: Range<u64>, ranks: &mut dyn AllReduce) -> (State, Vec<f64>) {
+fn train(
+    config: &TrainConfig,
+    windows: Range<u64>,
+    ranks: &mut dyn AllReduce,
+) -> (State, Vec<f64>) {
     let preparation = preparation();
-    let mut engine = CpuEngine::new(&preparation.config, &config());
-    for step in 0..STEPS {
+    let mut engine = CpuEngine::new(&preparation.config, config);
+    for step in 0..config.steps {
         let graph = preparation.prepare(&batch(step, windows.clone()));
         engine.step(graph, 1e-3, ranks).unwrap();
     }
@@ -62,12 +72,13 @@ fn train(windows: Range<u64>, ranks: &mut dyn AllReduce) -> (State, Vec<f64>) {
 /// The same on a GPU, alone or with others.
 fn train_on(
     device: &Arc<Device>,
+    config: &TrainConfig,
     windows: Range<u64>,
     ranks: Option<Arc<Ranks>>,
 ) -> (State, Vec<f64>) {
     let preparation = Arc::new(preparation());
-    let mut engine = CudaEngine::new(device, &preparation.config, &config(), 42, ranks).unwrap();
-    for step in 0..STEPS {
+    let mut engine = CudaEngine::new(device, &preparation.config, config, 42, ranks).unwrap();
+    for step in 0..config.steps {
         let windows = HostWindows::new(batch(step, windows.clone()), None);
         let batch = HostBatch { windows, preparation: preparation.clone() };
         engine.step(&batch, 1e-3).unwrap();
@@ -115,11 +126,42 @@ fn compare([first, second]: [(State, Vec<f64>); 2], (one, losses): (State, Vec<f
     }
 }
 
+/// What both ranks learn from in their first step is the mean of the two losses that each has alone,
+/// and the gradient that of the two gradients, a tenth of which Adam's average is then.
+fn compare_means([first, second]: [(State, Vec<f64>); 2], alone: [(State, Vec<f64>); 2]) {
+    assert_eq!(first, second);
+    let [a, b] = &alone;
+    let mean = (a.1[0] + b.1[0]) / 2.0;
+    assert!((first.1[0] / mean - 1.0).abs() < 1e-5, "{} {mean}", first.1[0]);
+    let apart = (a.1[0] / b.1[0] - 1.0).abs();
+    assert!(apart > 0.01, "the two losses are too much alike to tell: {apart}");
+    let gradient = |(state, _): &(State, Vec<f64>)| state.adam.parts().1.to_vec();
+    let (both, parts) = (gradient(&first), [a, b].map(gradient));
+    let size = both.iter().fold(0.0, |most: f32, g| most.max(g.abs()));
+    for (k, g) in both.iter().enumerate() {
+        let mean = (parts[0][k] + parts[1][k]) / 2.0;
+        assert!((g - mean).abs() < 1e-4 * size, "{k}: {g} {mean}");
+    }
+}
+
 #[test]
 fn ranks_hold_equal_weights_and_learn_like_one() {
-    let two =
-        two_ranks(|launch, windows| train(windows, &mut Tcp::join(launch, &[0; 32]).unwrap()));
-    compare(two, train(0..4, &mut Alone));
+    let join = |launch| Tcp::join(launch, &[0; 32]).unwrap();
+    let two = two_ranks(|launch, windows| train(&config(), windows, &mut join(launch)));
+    compare(two, train(&config(), 0..4, &mut Alone));
+    let two = two_ranks(|launch, windows| train(&own_losses(), windows, &mut join(launch)));
+    compare_means(two, [0..2, 2..4].map(|windows| train(&own_losses(), windows, &mut Alone)));
+}
+
+/// One process has the same loss either way, but for rounding.
+#[test]
+fn a_loss_of_its_own_changes_nothing_for_one() {
+    let own = TrainConfig { loss_over: LossOver::Process, ..config() };
+    let (once, whole) = (train(&own, 0..4, &mut Alone), train(&config(), 0..4, &mut Alone));
+    compare([once.clone(), once], whole.clone());
+    let Some(device) = gpu::for_tests() else { return };
+    let once = train_on(&device, &own, 0..4, None);
+    compare([once.clone(), once], whole);
 }
 
 /// The way through NCCL changes nothing for one rank, which needs no second GPU.
@@ -133,7 +175,8 @@ fn one_rank_on_a_gpu_is_alone() {
         }
         ranks => Arc::new(ranks.unwrap()),
     };
-    assert_eq!(train_on(&device, 0..4, Some(ranks)), train_on(&device, 0..4, None));
+    let train = |ranks| train_on(&device, &config(), 0..4, ranks);
+    assert_eq!(train(Some(ranks)), train(None));
 }
 
 #[test]
@@ -143,12 +186,16 @@ fn gpus_hold_equal_weights_and_learn_like_one() {
         eprintln!("skipped: one GPU, two are needed");
         return;
     }
-    let two = two_ranks(|launch, windows| {
-        let device = Device::new(launch.rank).unwrap();
-        let ranks = Arc::new(Ranks::join(&launch, &device, &[0; 32]).unwrap());
-        let learnt = train_on(&device, windows, Some(ranks.clone()));
-        ranks.all_done();
-        learnt
-    });
-    compare(two, train_on(&device, 0..4, None));
+    let two = |config: &TrainConfig| {
+        two_ranks(|launch, windows| {
+            let device = Device::new(launch.rank).unwrap();
+            let ranks = Arc::new(Ranks::join(&launch, &device, &[0; 32]).unwrap());
+            let learnt = train_on(&device, config, windows, Some(ranks.clone()));
+            ranks.all_done();
+            learnt
+        })
+    };
+    compare(two(&config()), train_on(&device, &config(), 0..4, None));
+    let alone = [0..2, 2..4].map(|windows| train_on(&device, &own_losses(), windows, None));
+    compare_means(two(&own_losses()), alone);
 }

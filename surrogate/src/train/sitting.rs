@@ -11,11 +11,12 @@ use miette::{IntoDiagnostic, bail};
 
 use super::checkpoint::{Checkpoint, Identity};
 use super::config::{Precision, TrainConfig};
-use super::engine::Preparation;
+use super::engine::{Preparation, State};
+use super::given::Given;
 use super::log::Log;
 use super::place::{Engine, EngineBatch, open};
 use super::ranks::{self, AllReduce};
-use super::{TrainArgs, progress};
+use super::{TrainArgs, progress, weights};
 use crate::backend::{Cpu, device};
 use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
@@ -49,8 +50,10 @@ pub struct Sitting {
     config: TrainConfig,
     identity: Identity,
     frame_interval: f64,
-    /// What the training data hold.
+    /// What the training data hold, those of the model that it started from included.
     range: Option<Range>,
+    /// Steps that this model had made.
+    steps_before: u64,
     engine: Engine,
     ranks: Box<dyn AllReduce>,
     recipe: Recipe,
@@ -78,8 +81,17 @@ impl Sitting {
             .with_statics(&model.node_features)?
             .with_obstacles(model.obstacles)?;
         let frame_interval = data.frame_interval();
-        let range = Range::of(&data, model.connection_radius)?;
-        let identity = Identity::of(&config, &data, size)?;
+        let mut range = Range::of(&data, model.connection_radius)?;
+        let given = Given::load(&config)?;
+        let hash = given.as_ref().map(|given| given.hash);
+        let identity = Identity::of(&config, &data, size, hash)?;
+        let (mut normalisation, mut steps_before) = (identity.normalisation.clone(), 0);
+        if let Some(given) = &given {
+            given.check(&config, frame_interval)?;
+            normalisation = given.normalisation();
+            range = given.range(range);
+            steps_before = given.simulator.training.steps;
+        }
 
         let device = open(args.device, &launch)?;
         if device.is_none() && config.precision == Precision::Bf16 {
@@ -94,6 +106,9 @@ impl Sitting {
         if args.resume {
             let checkpoint = Checkpoint::read(&checkpoint_in(folder), &identity)?;
             (log, best, state) = (checkpoint.log, checkpoint.best, Some(checkpoint.state));
+        }
+        if let (None, Some(given)) = (&state, &given) {
+            state = Some(State::new(weights(&given.simulator.model), config.ema > 0.0));
         }
         let step = state.as_ref().map_or(0, |state| state.step);
         let fingerprint = identity.fingerprint(step, device.is_some());
@@ -122,9 +137,8 @@ impl Sitting {
             noise: config.data.noise,
             mirror: config.data.mirror,
             without_gravity: config.data.subtract_gravity,
-            normalisation: identity.normalisation.clone(),
+            normalisation: normalisation.clone(),
         };
-        let normalisation = identity.normalisation.clone();
         let preparation = Preparation { config: model, normalisation, bounds: data.bounds() };
         if rank == 0 {
             eprintln!(
@@ -150,6 +164,7 @@ impl Sitting {
             identity,
             frame_interval,
             range,
+            steps_before,
             engine,
             ranks,
             recipe,
@@ -334,12 +349,12 @@ impl Sitting {
         Simulator {
             model,
             config: self.preparation.config.clone(),
-            normalisation: self.identity.normalisation.clone(),
+            normalisation: self.preparation.normalisation.clone(),
             training: Training {
                 frame_interval: self.frame_interval,
                 without_gravity: self.config.data.subtract_gravity,
                 before_start: self.config.data.before_start,
-                steps: self.engine.step_number(),
+                steps: self.steps_before + self.engine.step_number(),
                 range: self.range,
             },
             mirror: false,
