@@ -48,8 +48,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         difference = pairs.map(|(a, b)| (a - b).abs()).fold(difference, f32::max);
         edges = input.frames[0].edges.dims()[0];
         if k > 0 {
-            let times = [(&mut features, prepared), (&mut plain, slow), (&mut fast, quick)];
-            times.map(|(list, time)| list.push(1e3 * time.as_secs_f64()));
+            for (list, time) in
+                [(&mut features, prepared), (&mut plain, slow), (&mut fast, quick)]
+            {
+                list.push(1e3 * time.as_secs_f64());
+            }
         }
     }
     let ratios: Vec<f64> = plain.iter().zip(&fast).map(|(plain, fast)| plain / fast).collect();
