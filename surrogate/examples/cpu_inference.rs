@@ -48,15 +48,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         difference = pairs.map(|(a, b)| (a - b).abs()).fold(difference, f32::max);
         edges = input.frames[0].edges.dims()[0];
         if k > 0 {
-            for (list, time) in
-                [(&mut features, prepared), (&mut plain, slow), (&mut fast, quick)]
+            for (list, time) in [(&mut features, prepared), (&mut plain, slow), (&mut fast, quick)]
             {
                 list.push(1e3 * time.as_secs_f64());
             }
         }
     }
     let ratios: Vec<f64> = plain.iter().zip(&fast).map(|(plain, fast)| plain / fast).collect();
-    let [features, plain, fast, [least, median, most]] = [features, plain, fast, ratios].map(sorted);
+    let [features, plain, fast, [least, median, most]] =
+        [features, plain, fast, ratios].map(sorted);
     println!("{name}, {points} points, {edges} edges, {} threads", rayon::current_num_threads());
     println!(
         "median of {FRAMES} frames, ms: features {:.1}, plain {:.1}, fast {:.1}",

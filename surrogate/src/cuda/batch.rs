@@ -215,7 +215,11 @@ impl BatchBuilder {
         Ok(builder.features(&mut frames)?)
     }
 
-    fn frames_of<'a>(&self, positions: &'a CudaSlice<f32>, values: usize) -> Vec<CudaView<'a, f32>> {
+    fn frames_of<'a>(
+        &self,
+        positions: &'a CudaSlice<f32>,
+        values: usize,
+    ) -> Vec<CudaView<'a, f32>> {
         (0..self.config.window()).map(|k| positions.slice(k * values..(k + 1) * values)).collect()
     }
 

@@ -337,8 +337,8 @@ impl Kernels {
         };
         let hopper = device.architecture() == "sm_90a";
         let product_shared = product_shared(precision, hopper);
-        let chain_shared = ring(precision, shared) * 16 * UNIT * precision.parts()
-            + CHAIN_VECTORS * WIDTH * 4;
+        let chain_shared =
+            ring(precision, shared) * 16 * UNIT * precision.parts() + CHAIN_VECTORS * WIDTH * 4;
         let with_shared = |module: &Arc<CudaModule>, name: &str, bytes: usize| {
             let kernel = module.load_function(name)?;
             kernel.set_attribute(
@@ -548,11 +548,7 @@ impl Kernels {
     }
 
     /// Chains of MLPs side by side, as in [`forward_chains`](Self::forward_chains).
-    pub fn backward_chains(
-        &self,
-        chains: Vec<Vec<Backward>>,
-        rows: Rows,
-    ) -> Result<(), CudaError> {
+    pub fn backward_chains(&self, chains: Vec<Vec<Backward>>, rows: Rows) -> Result<(), CudaError> {
         let name = if rows.edges { "backward, edges" } else { "backward, nodes" };
         let length = chains.iter().map(Vec::len).max().unwrap_or(0);
         for part in chains.chunks(BACKWARD_BATCH / length.max(1)) {

@@ -144,7 +144,9 @@ impl CudaTrainer {
             (Seen::Next { frame, .. }, None) => {
                 return Err(CudaError::Room { what: "frames", found: frame.graph.points, room: 0 });
             }
-            (Seen::Windows { frames, followed: true }, _) => self.predictor(frames)?.begin(frames)?,
+            (Seen::Windows { frames, followed: true }, _) => {
+                self.predictor(frames)?.begin(frames)?
+            }
             (Seen::Windows { frames, followed: false }, _) => self.predict(frames)?,
         };
         Ok(stream.memcpy_dtod(&output.slice(..said.len()), said)?)
