@@ -1,8 +1,9 @@
 //! What a network was trained on, in a few numbers: a start outside of them is an extrapolation.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::data::{DataError, DataSet};
+use crate::data::{DataError, DataSet, Recording};
 use crate::graph::radius_graph;
 
 /// Part of a value by which a start may exceed the training data before it is outside of them.
@@ -122,8 +123,8 @@ impl Range {
     /// If a file cannot be read.
     pub fn of(data: &DataSet, radius: f64) -> Result<Option<Self>, DataError> {
         let (stride, interval) = (data.shape().stride, data.frame_interval());
-        let mut range: Option<Self> = None;
-        for recording in data.recordings() {
+        let of_one = |recording: &Recording| {
+            let mut range: Option<Self> = None;
             for first in (0..recording.frames().saturating_sub(2 * stride)).step_by(STRIDE) {
                 let frame = |k: usize| recording.positions(first + k * stride);
                 let [a, b, c] = [frame(0)?, frame(1)?, frame(2)?];
@@ -132,8 +133,10 @@ impl Range {
                 let look = Self { least: look, most: look };
                 range = Some(range.map_or(look, |range| range.and(look)));
             }
-        }
-        Ok(range)
+            Ok::<_, DataError>(range)
+        };
+        let ranges: Result<Vec<_>, _> = data.recordings().par_iter().map(of_one).collect();
+        Ok(ranges?.into_iter().flatten().reduce(Self::and))
     }
 
     /// What one of two holds.
