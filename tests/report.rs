@@ -70,13 +70,18 @@ fn fixture(directory: &Path) {
         ..ModelConfig::default()
     };
     let normalisation = Normalisation::about_zero(2, 1e-3, 1e-6);
-    let training = r#"{ "frame_interval": 0.01, "without_gravity": false, "steps": 1000 }"#;
-    let extra = [("training".to_owned(), training.to_owned())].into();
-    let model: Model<Cpu> = Model::new(&config, 1, &device());
     let models = directory.join("models");
-    std::fs::create_dir(&models).unwrap();
-    let path = models.join("baseline.safetensors");
-    weights::save(&path, &model, &config, &normalisation, extra).unwrap();
+    std::fs::create_dir_all(models.join("baseline.stages")).unwrap();
+    for (path, steps, seed) in
+        [("baseline.safetensors", 1000, 1), ("baseline.stages/early.safetensors", 500, 2)]
+    {
+        let training = format!(
+            "{{ \"frame_interval\": 0.01, \"without_gravity\": false, \"steps\": {steps} }}"
+        );
+        let extra = [("training".to_owned(), training)].into();
+        let model: Model<Cpu> = Model::new(&config, seed, &device());
+        weights::save(&models.join(path), &model, &config, &normalisation, extra).unwrap();
+    }
     let cost = "data_seconds = 5.0\ntraining_seconds = 20.0\ndevice = \"a test\"\n";
     std::fs::write(models.join("baseline.cost.toml"), cost).unwrap();
     std::fs::write(models.join("baseline.log.csv"), "step,loss,rate\n1,1.0,1e-4\n9,0.5,1e-4\n")
@@ -100,9 +105,13 @@ fn a_report_has_a_page_tables_figures_and_numbers() {
     let page = read(&out.join("index.html"));
     assert!(!page.contains("not computed yet"));
     // What came out stands before everything else.
-    let first = &page[page.find("In short").unwrap()..page.find("<nav>").unwrap()];
-    assert!(first.contains("#accuracy-stated-in-the-paper-s-text"), "{first}");
-    assert!(out.join("figures/fig-8-training-curves--training-loss.svg").is_file());
+    let first = &page[..page.find("<nav>").unwrap()];
+    let lead = first.find("class=\"leads\"").unwrap();
+    assert!(first[lead..].contains("#accuracy-stated-in-the-paper-s-text"), "{first}");
+    for curve in ["loss", "validation-error"] {
+        let file = format!("figures/fig-8-training-curves--{curve}-over-training-steps.svg");
+        assert!(out.join(&file).is_file(), "{file}");
+    }
 
     // Every table and figure has a file, and every file a place in the page.
     let mut linked = HashSet::new();
@@ -132,8 +141,9 @@ fn a_report_has_a_page_tables_figures_and_numbers() {
     let results: Value = serde_json::from_str(&read(&out.join("results.json"))).unwrap();
     assert!(results["report"]["device"].is_string());
     let runs = results["runs"].as_array().unwrap();
-    // Two rollouts of each of the two cases that need them: as it is, and with mirror images averaged.
-    assert_eq!(runs.len(), 4);
+    // Two rollouts of each of the two cases that need them: as it is, and with mirror images averaged;
+    // one for its time, and one of the weights half way.
+    assert_eq!(runs.len(), 6);
     assert!(runs[0]["command"].as_str().unwrap().starts_with("surrogate rollout "));
     assert_eq!(runs[0]["about"]["seed"], 1);
     assert!(runs[0]["about"]["versions"]["surrogate"].is_string());
@@ -188,7 +198,7 @@ fn a_part_is_computed_anew_and_the_rest_stays() {
     // Commands of both, and the runs that the other sections rest on.
     let results: Value = serde_json::from_str(&read(&out.join("results.json"))).unwrap();
     assert_eq!(results["report"]["commands"].as_str().unwrap().lines().count(), 2);
-    assert_eq!(results["runs"].as_array().unwrap().len(), 4);
+    assert_eq!(results["runs"].as_array().unwrap().len(), 6);
 }
 
 #[test]

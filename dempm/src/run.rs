@@ -1,6 +1,6 @@
 //! `dempm run`: a scene into a trajectory file, with progress, checkpoints and a summary.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -52,7 +52,7 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
     }
     let output = match &args.output {
         Some(path) => path.clone(),
-        None => PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("h5"),
+        None => default_output(&args.scene),
     };
     let Place { device, ranks } = place(&scene, args.device, &launch)?;
     let bars = MultiProgress::new();
@@ -83,6 +83,14 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
             Ok(ExitCode::from(INTERRUPTED))
         }
     }
+}
+
+/// The scene's name with `.h5`, in the current directory. The name may have dots of its own:
+/// `cell-0.125.toml`.
+fn default_output(scene: &Path) -> PathBuf {
+    let mut name = scene.file_stem().unwrap_or_default().to_owned();
+    name.push(".h5");
+    PathBuf::from(name)
 }
 
 /// The GPU and the peers of this process.
@@ -122,4 +130,15 @@ pub(crate) fn interrupt_flag() -> miette::Result<Arc<AtomicBool>> {
 /// The value of `--checkpoint-interval`.
 pub(crate) fn checkpoint_interval(seconds: f64) -> miette::Result<Duration> {
     Duration::try_from_secs_f64(seconds).into_diagnostic().wrap_err("--checkpoint-interval")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_whose_names_differ_after_a_dot_have_files_of_their_own() {
+        assert_eq!(default_output(Path::new("a/column.toml")), Path::new("column.h5"));
+        assert_eq!(default_output(Path::new("cell-0.125.toml")), Path::new("cell-0.125.h5"));
+    }
 }

@@ -100,6 +100,7 @@ const TOLERANCE: f64 = 1.0e-6;
 
 #[rstest]
 #[case("rve", "")]
+#[case("rve", "wall_contact = \"points\"")]
 #[case("rve", "scheme = \"usf\"\nbasis = \"gimp\"\ncell_average = true")]
 #[case("mu-i", "")]
 #[case("mu-i", "scheme = \"usl\"\nbasis = \"cubic\"")]

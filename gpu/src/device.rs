@@ -68,6 +68,10 @@ impl Device {
             .map_err(|_| Error::NoDriver)?;
         let driver = (version / 1000, version % 1000 / 10);
         check_versions(driver, nvrtc_version()?)?;
+        let count = Self::count();
+        if 0 < count && count <= ordinal {
+            return Err(Error::NoSuchDevice { ordinal, count });
+        }
         let context = CudaContext::new(ordinal)?;
         // SAFETY: all work of this crate is ordered by streams; events between allocations would
         // keep launches from being captured in a graph.

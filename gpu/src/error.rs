@@ -9,6 +9,8 @@ pub enum Error {
     NoDriver,
     #[error("the NVIDIA driver finds no GPU it can use")]
     NoDevice,
+    #[error("there is no GPU number {ordinal}: {count} can be seen, counted from 0")]
+    NoSuchDevice { ordinal: usize, count: usize },
     #[error(
         "the NVIDIA driver supports CUDA {}.{} only, but NVRTC is of CUDA {}.{}; update the driver, or use an older NVRTC",
         driver.0, driver.1, nvrtc.0, nvrtc.1

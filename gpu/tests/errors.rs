@@ -17,7 +17,9 @@ fn without_a_driver_the_remedy_is_named() {
 #[test]
 fn a_gpu_that_is_not_there_is_an_error() {
     let Some(_) = gpu::for_tests() else { return };
-    assert!(Device::new(4096).is_err());
+    let count = Device::count();
+    let error = Device::new(4096).unwrap_err();
+    assert!(matches!(error, Error::NoSuchDevice { ordinal: 4096, count: c } if c == count), "{error}");
 }
 
 #[test]

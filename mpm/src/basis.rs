@@ -4,14 +4,15 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::grid::Shape;
-use crate::{PARALLEL_GRAIN, Vec2};
+use crate::{Numerics, PARALLEL_GRAIN, Vec2, WallContact};
 
 /// Most nodes a point can see along one axis.
 pub const SUPPORT: usize = 4;
 
 /// Basis functions, as products of one-dimensional ones.
 ///
-/// On a regular grid with ghost layers outside of the walls; splines are not modified at walls.
+/// On a regular grid with ghost layers outside of the walls; splines are not modified at walls
+/// (unless [`WallContact::Points`] asks for it).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Basis {
@@ -103,6 +104,32 @@ impl Basis {
     }
 }
 
+impl ShapeFunctions {
+    /// The functions of a grid that ends at the nodes 0 and `last`: nodes beyond continue the line
+    /// through the end and their mirror image, `v_-k = 2 v_0 - v_k`. At the end only its own node is
+    /// seen; sums to 1 and linear fields are kept (quadratic splines become hats in the last half
+    /// cell).
+    fn ending_at(mut self, last: i64) -> Self {
+        for k in 0..SUPPORT {
+            let node = self.first + k as i64;
+            let end = node.clamp(0, last);
+            if node == end {
+                continue;
+            }
+            let [end, mirror] = [end, 2 * end - node].map(|n| (n - self.first) as usize);
+            for weight in [&mut self.value, &mut self.gradient, &mut self.affine] {
+                let beyond = std::mem::take(&mut weight[k]);
+                // What sees a node beyond sees its image too.
+                if beyond != 0.0 {
+                    weight[end] += 2.0 * beyond;
+                    weight[mirror] -= beyond;
+                }
+            }
+        }
+        self
+    }
+}
+
 /// uGIMP function and derivative at distance `d` (cells) from the node.
 fn gimp(d: f64) -> (f64, f64) {
     const L: f64 = GIMP_HALF_SIZE;
@@ -133,9 +160,16 @@ pub(crate) struct Stencil {
 }
 
 impl Stencil {
-    fn new(basis: Basis, shape: &Shape, position: &Vec2) -> Self {
+    fn new(numerics: &Numerics, shape: &Shape, position: &Vec2) -> Self {
         let per_cell = 1.0 / shape.cell;
-        let axes = [position.x, position.y].map(|x| basis.evaluate(x * per_cell));
+        let axes = [0, 1].map(|axis| {
+            let functions = numerics.basis.evaluate(position[axis] * per_cell);
+            match (numerics.wall_contact, numerics.basis) {
+                // Hats end at walls as they are.
+                (WallContact::Nodes, _) | (_, Basis::Linear) => functions,
+                (WallContact::Points, _) => functions.ending_at(shape.cells[axis] as i64),
+            }
+        });
         let [x, y] = axes.map(|s| s.first);
         Self {
             node: shape.index(x, y),
@@ -173,7 +207,7 @@ impl Stencil {
 
 /// Evaluates the basis at every point. Positions must lie in the domain.
 pub(crate) fn evaluate(
-    basis: Basis,
+    numerics: &Numerics,
     shape: &Shape,
     position: &[Vec2],
     stencils: &mut Vec<Stencil>,
@@ -183,7 +217,49 @@ pub(crate) fn evaluate(
         .par_iter_mut()
         .zip(position)
         .with_min_len(PARALLEL_GRAIN)
-        .for_each(|(stencil, x)| *stencil = Stencil::new(basis, shape, x));
+        .for_each(|(stencil, x)| *stencil = Stencil::new(numerics, shape, x));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAST: i64 = 5;
+
+    /// Constants and linear fields stay exact, nothing is behind the ends, and on an end only its node is
+    /// seen.
+    #[test]
+    fn functions_end_at_the_walls() {
+        for basis in [Basis::Gimp, Basis::Quadratic, Basis::Cubic] {
+            for k in 0..=1000 {
+                let x = LAST as f64 * f64::from(k) / 1000.0;
+                let shape = basis.evaluate(x).ending_at(LAST);
+                let sum = |weight: &[f64; SUPPORT], power: i32| {
+                    let node = |k: usize| (shape.first + k as i64) as f64;
+                    (0..SUPPORT).map(|k| weight[k] * node(k).powi(power)).sum::<f64>()
+                };
+                let found = [
+                    [sum(&shape.value, 0), sum(&shape.value, 1)],
+                    [sum(&shape.gradient, 0), sum(&shape.gradient, 1)],
+                    [sum(&shape.affine, 0), sum(&shape.affine, 1)],
+                ];
+                for (found, expected) in found.iter().zip([[1.0, x], [0.0, 1.0], [0.0, 1.0]]) {
+                    assert!((found[0] - expected[0]).abs() < 1e-13, "{basis:?} at {x}");
+                    assert!((found[1] - expected[1]).abs() < 1e-13, "{basis:?} at {x}");
+                }
+                for (k, value) in shape.value.iter().enumerate() {
+                    let node = shape.first + k as i64;
+                    let behind = node < 0 || node > LAST;
+                    assert!(!behind || *value == 0.0, "{basis:?} at {x}: {value} on node {node}");
+                    // uGIMP averages over both sides of a node.
+                    if basis != Basis::Gimp && (x == 0.0 || x == LAST as f64) {
+                        let own = f64::from(u8::from(node as f64 == x));
+                        assert!((value - own).abs() < 1e-15, "{basis:?} at {x}: {value} on {node}");
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Calls a function generic over the width of the basis.

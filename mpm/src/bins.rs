@@ -85,6 +85,20 @@ impl Bins {
         (bin != EMPTY).then_some(bin as usize)
     }
 
+    /// Points whose `width` x `width` nodes include this one, in a fixed order.
+    pub fn seen_by(
+        &self,
+        row: usize,
+        column: usize,
+        columns: usize,
+        width: usize,
+    ) -> impl Iterator<Item = usize> + '_ {
+        let near = move |k: usize| k.saturating_sub(width - 1)..=k;
+        let nodes = near(row).flat_map(move |r| near(column).map(move |c| r * columns + c));
+        let bins = nodes.filter_map(|node| self.at(node));
+        bins.flat_map(|bin| self.points(bin)).map(|&p| p as usize)
+    }
+
     /// Columns of nodes in use, by row.
     pub fn spans(&self) -> &[Range<usize>] {
         &self.spans

@@ -5,9 +5,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::bins::Bins;
 use crate::grid::{Node, Shape};
 use crate::obstacle::Placed;
-use crate::{Error, Vec2};
+use crate::{Error, Points, Vec2};
 
 /// What a wall or face does to material that slides along it. None holds material back that
 /// moves away.
@@ -88,6 +89,42 @@ pub(crate) fn contact(velocity: Vec2, normal: Vec2, surface: Vec2, friction: Fri
         }
 }
 
+/// Sets how fast nodes on walls may approach them in a step of `dt` (s) by
+/// [`WallContact::Points`](crate::WallContact::Points): so that the nearest point that a node sees comes
+/// to touch the wall.
+pub(crate) fn set_approach(
+    nodes: &mut [Node],
+    shape: &Shape,
+    bins: &Bins,
+    width: usize,
+    points: &Points,
+    dt: f64,
+) {
+    let ends = shape.cells.map(|n| n as i64);
+    for (row, span) in bins.spans().iter().enumerate() {
+        for column in span.clone() {
+            let node = &mut nodes[row * shape.columns + column];
+            if node.mass == 0.0 {
+                continue;
+            }
+            let place = [column, row].map(|k| shape.coordinate(k));
+            for axis in 0..2 {
+                let at_low = place[axis] == 0;
+                if !at_low && place[axis] != ends[axis] {
+                    continue;
+                }
+                let gap = |p: usize| {
+                    let x = points.position[p][axis];
+                    let distance = if at_low { x } else { shape.size[axis] - x };
+                    distance - 0.5 * points.volume[p].sqrt()
+                };
+                let seen = bins.seen_by(row, column, shape.columns, width);
+                node.approach[axis] = seen.map(gap).fold(f64::INFINITY, f64::min).max(0.0) / dt;
+            }
+        }
+    }
+}
+
 /// Walls and obstacles as they stand in this step.
 pub(crate) struct Boundary<'a> {
     pub shape: &'a Shape,
@@ -134,27 +171,29 @@ impl Boundary<'_> {
             *impulse += (velocity - node.velocity) * node.mass;
             node.velocity = velocity;
         }
-        let velocity = self.wall_contact(i, j, node.velocity);
+        let velocity = self.wall_contact(i, j, node.velocity, node.approach);
         impulse[0] += (velocity - node.velocity) * node.mass;
         node.velocity = velocity;
     }
 
     /// All nodes on or behind a wall are clipped: ghost nodes carry material's momentum too. In a
     /// corner both walls act, one after the other; the second only slows what the first left.
-    fn wall_contact(&self, i: i64, j: i64, mut v: Vec2) -> Vec2 {
+    fn wall_contact(&self, i: i64, j: i64, mut v: Vec2, approach: Vec2) -> Vec2 {
         let [nx, ny] = self.shape.cells.map(|n| n as i64);
-        let still = Vec2::zeros();
+        let wall = |v, normal: Vec2, approach: f64, friction| {
+            contact(v, normal, normal * -approach, friction)
+        };
         if i <= 0 {
-            v = contact(v, Vec2::x(), still, self.walls.left);
+            v = wall(v, Vec2::x(), approach.x, self.walls.left);
         }
         if i >= nx {
-            v = contact(v, -Vec2::x(), still, self.walls.right);
+            v = wall(v, -Vec2::x(), approach.x, self.walls.right);
         }
         if j <= 0 {
-            v = contact(v, Vec2::y(), still, self.walls.bottom);
+            v = wall(v, Vec2::y(), approach.y, self.walls.bottom);
         }
         if j >= ny {
-            v = contact(v, -Vec2::y(), still, self.walls.top);
+            v = wall(v, -Vec2::y(), approach.y, self.walls.top);
         }
         v
     }

@@ -100,4 +100,6 @@ pub(crate) struct Node {
     pub old_velocity: Vec2,
     /// Velocity (m/s).
     pub velocity: Vec2,
+    /// Speeds along x and y (m/s) up to which it may approach the walls it lies on in this step.
+    pub approach: Vec2,
 }

@@ -52,7 +52,7 @@ pub use grid::Domain;
 pub use material::{
     DruckerPrager, DruckerPragerParameters, Elastic, ElasticParameters, Material, MaterialError,
 };
-pub use numerics::{Numerics, Scheme, Transfer};
+pub use numerics::{Numerics, Scheme, Transfer, WallContact};
 pub use obstacle::Obstacle;
 pub use points::Points;
 pub use solver::Solver;

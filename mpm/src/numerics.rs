@@ -64,6 +64,19 @@ impl Transfer {
     }
 }
 
+/// How the walls of the domain meet material. Obstacles are always as [`Nodes`](Self::Nodes).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WallContact {
+    /// Nodes on and behind a wall do not move into it. Points meet it as soon as they see such a
+    /// node, 1.5 cells away with quadratic splines, and splines reach behind it: `v = v_1 / 8` on it.
+    #[default]
+    Nodes,
+    /// Nodes on a wall approach it until the nearest point that they see touches it, and basis
+    /// functions end there. A point touches a wall at half the side of a square of its volume.
+    Points,
+}
+
 /// The numerical scheme. The default suits dense granular flow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -74,6 +87,8 @@ pub struct Numerics {
     pub scheme: Scheme,
     /// How velocities go from the grid to the points.
     pub transfer: Transfer,
+    /// How the walls of the domain meet material.
+    pub wall_contact: WallContact,
     /// Replaces `tr L` of every point by the volume-weighted mean over its cell, against
     /// volumetric locking (B-bar).
     pub cell_average_volumetric: bool,
@@ -87,6 +102,7 @@ impl Default for Numerics {
             basis: Basis::default(),
             scheme: Scheme::default(),
             transfer: Transfer::default(),
+            wall_contact: WallContact::default(),
             cell_average_volumetric: false,
             mass_cutoff: 1.0e-10,
         }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::basis::{self, Stencil, with_width};
 use crate::bins::Bins;
-use crate::boundary::Boundary;
+use crate::boundary::{Boundary, set_approach};
 use crate::budget::{self, Budget, Ledger};
 use crate::cell_average::CellAverage;
 use crate::confine::confine;
@@ -15,7 +15,7 @@ use crate::obstacle::{Obstacle, Placed};
 use crate::p2g::{self, Mapping};
 use crate::stable_step::{self, StableStep};
 use crate::velocity_gradient::velocity_gradient;
-use crate::{Error, Material, Numerics, PARALLEL_GRAIN, Points, Scheme, Vec2};
+use crate::{Error, Material, Numerics, PARALLEL_GRAIN, Points, Scheme, Vec2, WallContact};
 
 /// Background grid, walls, obstacles and time. Points and material belong to the caller.
 pub struct Solver {
@@ -100,6 +100,10 @@ impl Solver {
 
         self.evaluate_basis(points);
         self.map_mass_and_momentum(points);
+        if self.numerics.wall_contact == WallContact::Points {
+            let width = self.numerics.basis.width();
+            set_approach(&mut self.nodes, &self.shape, &self.bins, width, points, dt);
+        }
         if self.numerics.scheme == Scheme::Usf {
             self.old_velocity();
             self.update_stress(points, material, dt)?;
@@ -127,9 +131,8 @@ impl Solver {
     /// Basis functions at the points, and points sorted by the nodes they see.
     fn evaluate_basis(&mut self, points: &Points) {
         let Shape { columns, rows, .. } = self.shape;
-        let basis = self.numerics.basis;
-        basis::evaluate(basis, &self.shape, &points.position, &mut self.stencils);
-        self.bins.sort(&self.stencils, columns, rows, basis.width());
+        basis::evaluate(&self.numerics, &self.shape, &points.position, &mut self.stencils);
+        self.bins.sort(&self.stencils, columns, rows, self.numerics.basis.width());
     }
 
     fn map_mass_and_momentum(&mut self, points: &Points) {

@@ -72,7 +72,7 @@ fn gershgorin(
     material: &dyn Material,
 ) -> f64 {
     let mut stencils = Vec::new();
-    basis::evaluate(numerics.basis, shape, &points.position, &mut stencils);
+    basis::evaluate(numerics, shape, &points.position, &mut stencils);
     let (columns, width) = (shape.columns, numerics.basis.width());
     let support = || (0..width).flat_map(|b| (0..width).map(move |a| (a, b)));
     let node = |stencil: &Stencil, a: usize, b: usize| stencil.node + b * columns + a;

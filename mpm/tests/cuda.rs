@@ -11,7 +11,7 @@ use mpm::cuda::{
 use mpm::{
     Basis, Domain, DruckerPrager, DruckerPragerParameters, Elastic, ElasticParameters, Error,
     Friction, Ledger, Mat2, Material, Numerics, Obstacle, Points, Scheme, Solver, Transfer, Vec2,
-    Walls,
+    WallContact, Walls,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -175,6 +175,7 @@ fn random_points_with_mu_i(
                 // Random points leave nodes almost empty; under USL their velocity is noise that
                 // differs between the twins by much more than round-off.
                 mass_cutoff: 1.0e-3,
+                ..Numerics::default()
             };
             let points = random_points(700);
             let mut law =
@@ -185,6 +186,25 @@ fn random_points_with_mu_i(
             };
             compare(numerics, points, &mut law, twin, 6, round_off);
         }
+    }
+}
+
+/// Basis functions that end at walls, and walls that wait for points.
+#[rstest]
+fn random_points_that_meet_walls(#[values(Scheme::Musl, Scheme::Usl, Scheme::Usf)] scheme: Scheme) {
+    for basis in BASES {
+        let numerics = Numerics {
+            basis,
+            scheme,
+            wall_contact: WallContact::Points,
+            mass_cutoff: 1.0e-3,
+            ..Numerics::default()
+        };
+        let law = Elastic::new(ElasticParameters::default()).unwrap();
+        let twin = |device: &Arc<Device>| -> Box<dyn CudaMaterial> {
+            Box::new(CudaElastic::new(device, &law).unwrap())
+        };
+        compare(numerics, random_points(700), &mut law.clone(), twin, 6, round_off);
     }
 }
 
@@ -333,8 +353,11 @@ fn kernels_compile() {
     }
     for architecture in ["sm_80", "sm_90"] {
         for basis in BASES {
-            let cubin = compile("mpm.cu", SOURCE, architecture, &defines(basis)).unwrap();
-            assert!(!cubin.is_empty());
+            for wall_contact in [WallContact::Nodes, WallContact::Points] {
+                let numerics = Numerics { basis, wall_contact, ..Numerics::default() };
+                let cubin = compile("mpm.cu", SOURCE, architecture, &defines(&numerics)).unwrap();
+                assert!(!cubin.is_empty());
+            }
         }
     }
 }

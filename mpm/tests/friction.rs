@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use mpm::{Basis, Domain, Friction, Numerics, Points, Solver, Vec2, Walls};
+use mpm::{Basis, Domain, Friction, Numerics, Points, Solver, Vec2, WallContact, Walls};
 use rstest::rstest;
 
 /// Mean velocity and mean displacement of a block on a floor of friction `mu` inclined by `angle`
@@ -37,11 +37,12 @@ fn slide(
 #[rstest]
 fn a_sliding_block_accelerates_as_coulomb_says(
     #[values(Basis::Linear, Basis::Gimp, Basis::Quadratic, Basis::Cubic)] basis: Basis,
+    #[values(WallContact::Nodes, WallContact::Points)] wall_contact: WallContact,
 ) {
-    let numerics = Numerics { basis, ..Numerics::default() };
+    let numerics = Numerics { basis, wall_contact, ..Numerics::default() };
     for (friction, expected) in [(Friction::Slip, 0.4905), (Friction::Coulomb(0.1), 0.40554)] {
         let (v, _) = slide(numerics, 30.0, friction, 0.1, 1.0e-4, 3.0, 1.0e8);
-        println!("{basis:?} {friction:?}: {v:.5} m/s of {expected}");
+        println!("{basis:?} {wall_contact:?} {friction:?}: {v:.5} m/s of {expected}");
         assert!((v / expected - 1.0).abs() < 0.01);
     }
 }

@@ -1,5 +1,7 @@
 //! The learned simulator: trajectories -> graphs -> TGNNS -> training and rollout.
 
+pub mod accuracy;
+pub mod asymmetry;
 pub mod backend;
 pub mod chart;
 pub mod config;

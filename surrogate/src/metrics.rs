@@ -1,7 +1,9 @@
 //! How far a trajectory is from another one, frame by frame.
 
+use serde::{Deserialize, Serialize};
+
 /// The errors of one frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameError {
     /// Time, s.
     pub time: f64,
@@ -63,7 +65,7 @@ fn profile_difference(a: &[[f64; 2]], b: &[[f64; 2]], width: f64, spacing: f64) 
 }
 
 /// The errors of a rollout, in the order of frames.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// What was rolled out.
     pub case: String,

@@ -13,6 +13,7 @@ use dempm::trajectory::{Frame, TrajectoryWriter};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
+use crate::asymmetry::asymmetry;
 use crate::constraints::Constraints;
 use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
 use crate::doubts::doubts;
@@ -268,7 +269,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
 
-    for doubt in doubts(&simulator, &start) {
+    for doubt in doubts(&simulator, &start).into_iter().chain(asymmetry(&simulator, &start)) {
         eprintln!("{doubt}");
     }
     let mut writer = begin(&args.output, &args.model, &simulator, &start)?;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use dempm::trajectory::{WriteError, write_atomically};
 use serde::{Deserialize, Serialize};
 
+use crate::accuracy::Accuracy;
 use crate::backend::{Cpu, Device, device};
 use crate::config::ModelConfig;
 use crate::cuda::{self, CudaError};
@@ -32,6 +33,9 @@ pub struct Training {
     /// What the training data held; older files do not say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<Range>,
+    /// How wrong it was on other runs; none if that was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accuracy: Option<Accuracy>,
 }
 
 fn is_zero(count: &usize) -> bool {

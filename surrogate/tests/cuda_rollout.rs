@@ -555,6 +555,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
             before_start: 0,
             steps: 0,
             range: None,
+            accuracy: None,
         },
         mirror,
         device: Default::default(),

@@ -138,6 +138,7 @@ fn a_broken_model_says_where_it_broke() {
                 before_start: 0,
                 steps: 0,
                 range: None,
+                accuracy: None,
             },
             mirror: false,
             device: device(),

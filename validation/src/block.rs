@@ -13,6 +13,12 @@ pub use crate::table::Table;
 pub enum Block {
     /// What matters most in the section, in a sentence or two: the first screen of the page has it.
     Headline(String),
+    /// What the whole report is about: a word for the question, and the answer. Stands before
+    /// everything else.
+    Lead {
+        question: String,
+        answer: String,
+    },
     /// A heading within the section.
     Heading(String),
     /// A paragraph.
@@ -44,6 +50,10 @@ pub struct Missing {
 impl Block {
     pub fn headline(text: impl Into<String>) -> Self {
         Self::Headline(text.into())
+    }
+
+    pub fn lead(question: impl Into<String>, answer: impl Into<String>) -> Self {
+        Self::Lead { question: question.into(), answer: answer.into() }
     }
 
     pub fn heading(text: impl Into<String>) -> Self {

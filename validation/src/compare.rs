@@ -6,6 +6,8 @@ use std::path::Path;
 use dempm::trajectory::{Trajectory, TrajectoryError};
 use surrogate::metrics::{Errors, FrameError};
 
+use crate::work::{Run, hash, read_json, write_json};
+
 /// Relative difference of times that is rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -30,8 +32,8 @@ pub fn difference(path: &Path, truth: &Path) -> Result<Errors, TrajectoryError> 
         return Ok(errors);
     }
     for (frame, place) in common_times(one.time(), truth.time()) {
-        let a = means(&one.frame(frame)?.position, &groups[0]);
-        let b = means(&truth.frame(place)?.position, &groups[1]);
+        let a = means(&positions(&one, frame)?, &groups[0]);
+        let b = means(&positions(&truth, place)?, &groups[1]);
         let time = truth.time()[place];
         errors.frames.push(place);
         errors.errors.push(FrameError::between(&a, &b, time, header.domain[0], spacing));
@@ -40,6 +42,25 @@ pub fn difference(path: &Path, truth: &Path) -> Result<Errors, TrajectoryError> 
         errors.failure = Some(one.status().to_owned());
     }
     Ok(errors)
+}
+
+/// The same for the result of a run, kept beside it. `key` stands for the truth.
+///
+/// # Errors
+/// As [`difference`], and if it cannot be kept.
+pub fn kept_difference(run: &Run, truth: &Path, key: &str) -> miette::Result<Errors> {
+    let file = run.output.with_file_name(format!("difference-{}.json", hash(&[key])));
+    if let Some(known) = read_json(&file) {
+        return Ok(known);
+    }
+    let found = difference(&run.output, truth)?;
+    write_json(&file, &found)?;
+    Ok(found)
+}
+
+fn positions(trajectory: &Trajectory, frame: usize) -> Result<Vec<[f64; 2]>, TrajectoryError> {
+    let flat = trajectory.positions(frame..frame + 1)?.into_raw_vec_and_offset().0;
+    Ok(flat.as_chunks().0.to_vec())
 }
 
 /// Points by the square of side `spacing` that they begin in, from the lower left corner.

@@ -1,7 +1,10 @@
 //! What sections work with: runs, data, models, and how much to compute.
 
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use dempm::check::Needs;
@@ -13,7 +16,13 @@ use surrogate::train::Precision;
 
 use crate::computed::Computed;
 use crate::progress::Progress;
+use crate::sweep::Sweep;
 use crate::work::{Input, Job, Run, Work, hash_of_file};
+
+/// About what a rollout takes, s.
+const ROLLOUT: f64 = 5.0;
+/// Rollouts at a time on a GPU: most of one is starting, reading and writing.
+const BESIDE: usize = 8;
 
 /// How much to compute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -40,7 +49,7 @@ pub struct Model {
 
 impl Model {
     /// A file of weights, in f32.
-    fn new(name: String, path: PathBuf) -> Self {
+    pub fn new(name: String, path: PathBuf) -> Self {
         Self { name, path, precision: Precision::F32, mirror: false }
     }
 
@@ -74,6 +83,10 @@ pub struct Context {
     pub runs: Vec<Run>,
     /// Disc-steps per second expected of the device, for estimates only.
     pub rate: f64,
+    /// Hashes of files that have been read.
+    pub hashes: RefCell<HashMap<PathBuf, String>>,
+    /// Sweeps that have been compared, by the name of the case.
+    pub sweeps: HashMap<&'static str, Rc<Sweep>>,
 }
 
 impl Context {
@@ -125,12 +138,45 @@ impl Context {
         start: &Start,
         again: usize,
     ) -> miette::Result<Run> {
-        let read = |path: &Path| {
-            hash_of_file(path)
-                .into_diagnostic()
-                .wrap_err_with(|| format!("cannot read {}", path.display()))
-        };
-        let mut key = format!("{} {}", self.hardware(), read(&model.path)?);
+        let job = self.rollout_job(model, start, again)?;
+        self.job(&format!("rollout of {}", model.name), ROLLOUT, &job)
+    }
+
+    /// Predicts from several starts: on a GPU several at a time, so that the times say nothing. `done`
+    /// is called after each, with its place.
+    ///
+    /// # Errors
+    /// As [`rollout`](Self::rollout).
+    pub fn rollouts(
+        &mut self,
+        wanted: &[(&Model, Start)],
+        done: impl Fn(usize, &Run) + Sync,
+    ) -> miette::Result<Vec<Run>> {
+        let jobs = wanted
+            .iter()
+            .map(|(model, start)| self.rollout_job(model, start, 0))
+            .collect::<miette::Result<Vec<Job>>>()?;
+        let missing = jobs.iter().filter(|job| !self.work.has(job)).count();
+        let half = (rayon::current_num_threads() / 2).clamp(1, BESIDE);
+        // On processors, one rollout has them all.
+        let beside = if self.device == "cpu" { 1 } else { half };
+        self.progress.begin("rollouts", ROLLOUT * missing as f64 / beside as f64);
+        let (began, progress) = (Instant::now(), &self.progress);
+        let runs = self.work.run_beside(&jobs, beside, |place, run| {
+            done(place, run);
+            progress.tick(began.elapsed());
+        });
+        self.progress.end();
+        runs
+    }
+
+    fn rollout_job<'a>(
+        &self,
+        model: &Model,
+        start: &Start<'a>,
+        again: usize,
+    ) -> miette::Result<Job<'a>> {
+        let mut key = format!("{} {}", self.hardware(), self.hash(&model.path)?);
         let mut arguments = vec![model.path.display().to_string(), "--overwrite".to_owned()];
         if model.precision == Precision::Bf16 {
             arguments.extend(["--precision", "bf16"].map(str::to_owned));
@@ -147,11 +193,11 @@ impl Context {
                 input = Some(Input { name: "scene.toml", text, option: Some("--scene") });
             }
             Start::Trajectory(path) => {
-                key += &read(path)?;
+                key += &self.hash(path)?;
                 arguments.extend(["--from".to_owned(), path.display().to_string()]);
             }
         }
-        let job = Job {
+        Ok(Job {
             subcommand: "rollout",
             program: "surrogate",
             key,
@@ -159,8 +205,19 @@ impl Context {
             output: "trajectory.h5",
             arguments,
             resumes: false,
-        };
-        self.job(&format!("rollout of {}", model.name), 10.0, &job)
+        })
+    }
+
+    /// Hash of a file's contents, which stay as they are while the report is made.
+    pub fn hash(&self, path: &Path) -> miette::Result<String> {
+        if let Some(known) = self.hashes.borrow().get(path) {
+            return Ok(known.clone());
+        }
+        let hash = hash_of_file(path)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot read {}", path.display()))?;
+        self.hashes.borrow_mut().insert(path.to_owned(), hash.clone());
+        Ok(hash)
     }
 
     /// A value computed in this process, once: `key` says all that it depends on.

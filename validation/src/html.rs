@@ -60,10 +60,33 @@ pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
     html
 }
 
-/// The first screen: the headlines of all sections, and the figures that belong to it.
+/// The first screen: what the report is about, the figures that belong to it, and the headlines of
+/// all sections.
 fn write_short(html: &mut String, written: &[Written]) {
     let sections = || written.iter().flat_map(|chapter| &chapter.sections);
     let blocks = || sections().flat_map(|s| s.blocks().iter().map(move |block| (s, block)));
+    let leads: Vec<String> = blocks()
+        .filter_map(|(section, block)| match block {
+            Block::Lead { question, answer } => Some(format!(
+                "<div><dt><a href=\"#{}\">{}</a></dt><dd>{}</dd></div>",
+                section.slug,
+                escape(question),
+                inline(answer)
+            )),
+            _ => None,
+        })
+        .collect();
+    if !leads.is_empty() {
+        // Writing to a string cannot fail, here and below.
+        let _ = writeln!(html, "<dl class=\"leads\">{}</dl>", leads.concat());
+    }
+    for (section, block) in blocks() {
+        if let Block::Figure(figure) = block
+            && figure.cover
+        {
+            write_figure(html, section, figure);
+        }
+    }
     let lines: Vec<String> = blocks()
         .filter_map(|(section, block)| match block {
             Block::Headline(text) => Some(format!(
@@ -76,16 +99,8 @@ fn write_short(html: &mut String, written: &[Written]) {
         })
         .collect();
     if !lines.is_empty() {
-        // Writing to a string cannot fail, here and below.
         let _ =
             writeln!(html, "<h2>In short</h2>\n<ul class=\"headlines\">{}</ul>", lines.concat());
-    }
-    for (section, block) in blocks() {
-        if let Block::Figure(figure) = block
-            && figure.cover
-        {
-            write_figure(html, section, figure);
-        }
     }
 }
 
@@ -125,7 +140,7 @@ fn write_section(html: &mut String, section: &WrittenSection, device: bool) {
     }
     for block in section.blocks() {
         match block {
-            Block::Headline(text) => {
+            Block::Headline(text) | Block::Lead { answer: text, .. } => {
                 let _ = writeln!(html, "<p class=\"headline\">{}</p>", inline(text));
             }
             Block::Heading(text) => {

@@ -1,6 +1,7 @@
 //! `validation report`: sections, one after the other, into a page, tables, figures and numbers.
 
-use std::collections::HashSet;
+use std::cell::RefCell;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -118,6 +119,9 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     planned.sort_by_key(|(section, _)| section.always());
     let total = planned.iter().map(|(section, _)| section.estimate(&context)).sum();
     context.progress = Progress::new(total);
+    for section in written.iter().flat_map(|chapter| &chapter.sections) {
+        put_files(&args.output, section)?;
+    }
 
     for (section, [chapter, place]) in planned {
         let Some(computed) = compute(section, &mut context) else {
@@ -129,6 +133,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
         computed.keep(&context, &entry.slug)?;
         entry.computed = Some(computed);
         context.rests_on(&entry.computed);
+        put_files(&args.output, entry)?;
         write(&args.output, &context, &written, &absent)?;
     }
     context.progress.finish();
@@ -209,36 +214,41 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
         models: models.as_ref().map(absolute).transpose()?.map_or(vec![], |f| models_in(&f)),
         runs: Vec::new(),
         rate,
+        hashes: RefCell::default(),
+        sweeps: HashMap::new(),
     })
 }
 
-/// Writes the page, the tables, the figures and the numbers. `absent` names the sections that are not
-/// part of it.
+/// Writes the page and the numbers. `absent` names the sections that are not part of it.
 fn write(
     output: &Path,
     context: &Context,
     written: &[Written],
     absent: &[&str],
 ) -> miette::Result<()> {
-    let put = |name: String, bytes: &[u8]| {
-        let path = output.join(name);
-        write_atomically(&path, |temporary| fs::write(temporary, bytes))
-            .into_diagnostic()
-            .wrap_err_with(|| format!("cannot write {}", path.display()))
-    };
-    let mut names = HashSet::new();
-    for section in written.iter().flat_map(|chapter| &chapter.sections) {
-        for (name, bytes) in files(section) {
-            if !names.insert(name.clone()) {
-                bail!("two tables or figures want the name {name}");
-            }
-            put(name, &bytes)?;
-        }
-    }
     let facts = facts(context, written, absent);
     let results = results(&facts, context, written);
-    put("results.json".into(), &serde_json::to_vec_pretty(&results).into_diagnostic()?)?;
-    put("index.html".into(), html::page(&facts, written).as_bytes())
+    put(output, "results.json", &serde_json::to_vec_pretty(&results).into_diagnostic()?)?;
+    put(output, "index.html", html::page(&facts, written).as_bytes())
+}
+
+/// Writes the tables and figures of a section, whose names begin with the section's.
+fn put_files(output: &Path, section: &WrittenSection) -> miette::Result<()> {
+    let mut names = HashSet::new();
+    for (name, bytes) in files(section) {
+        put(output, &name, &bytes)?;
+        if !names.insert(name.clone()) {
+            bail!("two tables or figures want the name {name}");
+        }
+    }
+    Ok(())
+}
+
+fn put(output: &Path, name: &str, bytes: &[u8]) -> miette::Result<()> {
+    let path = output.join(name);
+    write_atomically(&path, |temporary| fs::write(temporary, bytes))
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot write {}", path.display()))
 }
 
 /// The files of a section: tables as CSV, figures.

@@ -79,6 +79,9 @@ fn block_as_json(section: &WrittenSection, block: &Block) -> Value {
     };
     match block {
         Block::Headline(text) => json!({ "kind": "headline", "text": text }),
+        Block::Lead { question, answer } => {
+            json!({ "kind": "lead", "question": question, "text": answer })
+        }
         Block::Heading(text) => json!({ "kind": "heading", "text": text }),
         Block::Text(text) => json!({ "kind": "text", "text": text }),
         Block::List(lines) => json!({ "kind": "list", "lines": lines }),

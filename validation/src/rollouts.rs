@@ -9,11 +9,11 @@ use surrogate::metrics::Errors;
 use crate::animation::animated;
 use crate::block::{Block, Figure, Table};
 use crate::chart::{Axis, Chart, Mark, Series};
-use crate::compare::difference;
+use crate::compare::kept_difference;
 use crate::context::{Context, Model, Start};
 use crate::picture::{RANGE, View, in_rows};
 use crate::table::number;
-use crate::wall_time::computing;
+use crate::work::Run;
 
 /// A rollout and how far it is from the truth.
 pub struct Rollout {
@@ -24,9 +24,6 @@ pub struct Rollout {
     pub truth: PathBuf,
     /// As far as the rollout came.
     pub errors: Errors,
-    /// Wall time of the prediction, s, and what it ran on.
-    pub seconds: f64,
-    pub device: String,
     /// What the program said if it broke down.
     pub message: String,
 }
@@ -47,31 +44,44 @@ pub fn roll_out(
     models: &[Model],
     truths: &[(String, PathBuf)],
 ) -> miette::Result<Vec<Rollout>> {
-    let mut rollouts = Vec::new();
-    for (case, truth) in truths {
-        for model in models {
-            let run = context.rollout(model, &Start::Trajectory(truth))?;
-            let mut rollout = Rollout {
-                model: model.name.clone(),
-                case: case.clone(),
-                output: run.output.clone(),
-                truth: truth.clone(),
-                errors: Errors::default(),
-                seconds: f64::NAN,
-                device: String::new(),
-                message: if run.succeeded { String::new() } else { run.message },
-            };
-            // A rollout that broke down leaves the frames before; one that was refused, nothing.
-            if run.output.exists() {
-                let trajectory = Trajectory::open(&run.output)?;
-                rollout.errors = predicted(difference(&run.output, truth)?);
-                rollout.seconds = computing(&trajectory);
-                rollout.device.clone_from(&trajectory.header().device);
-            }
-            rollouts.push(rollout);
-        }
+    let pairs = || truths.iter().flat_map(|truth| models.iter().map(move |model| (truth, model)));
+    let keys: Vec<String> =
+        pairs().map(|((_, truth), _)| context.hash(truth)).collect::<Result<_, _>>()?;
+    let truths: Vec<&Path> = pairs().map(|((_, truth), _)| truth.as_path()).collect();
+    let wanted: Vec<_> =
+        pairs().map(|((_, truth), model)| (model, Start::Trajectory(truth))).collect();
+    let runs = context.rollouts(&wanted, |place, run| {
+        // Others are still under way. What goes wrong here does so again below.
+        let _ = errors(run, truths[place], &keys[place]);
+    })?;
+    let all = pairs().zip(runs).zip(&keys);
+    all.map(|((((case, truth), model), run), key)| compare(model, case, truth, run, key)).collect()
+}
+
+/// Errors of a rollout. One that broke down leaves the frames before; one that was refused, nothing.
+fn errors(run: &Run, truth: &Path, key: &str) -> miette::Result<Errors> {
+    if !run.output.exists() {
+        return Ok(Errors::default());
     }
-    Ok(rollouts)
+    Ok(predicted(kept_difference(run, truth, key)?))
+}
+
+fn compare(
+    model: &Model,
+    case: &str,
+    truth: &Path,
+    run: Run,
+    key: &str,
+) -> miette::Result<Rollout> {
+    let errors = errors(&run, truth, key)?;
+    Ok(Rollout {
+        model: model.name.clone(),
+        case: case.to_owned(),
+        output: run.output,
+        truth: truth.to_owned(),
+        errors,
+        message: if run.succeeded { String::new() } else { run.message },
+    })
 }
 
 /// Errors without those of the frames that were given, which agree exactly.
@@ -94,18 +104,17 @@ pub fn table(rollouts: &[Rollout]) -> Table {
         "last MSE",
         "front [m]",
         "height [m]",
-        "time [s]",
         "ended",
     ];
     let mut table = Table::new("Errors of rollouts", columns).note(
         "From frame: the first of the truth's frames that is predicted; those before are given. MSE in \
          units of the box, over all points and predicted frames; front and root mean square height at \
-         the end. Time of all predictions, the frames at the start not counted.",
+         the end.",
     );
     for rollout in rollouts {
         let Errors { errors, failure, .. } = &rollout.errors;
         if errors.is_empty() {
-            let nothing = [""; 8];
+            let nothing = [""; 7];
             let named = [rollout.case.as_str(), &rollout.model].into_iter();
             table.row(named.chain(nothing).chain(["refused"]));
             continue;
@@ -123,7 +132,6 @@ pub fn table(rollouts: &[Rollout]) -> Table {
             number(last.mse),
             number(last.front),
             number(last.height),
-            number(rollout.seconds),
             failure.as_ref().map_or("well", |_| "early").to_owned(),
         ]);
     }

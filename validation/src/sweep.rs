@@ -3,6 +3,7 @@
 mod cases;
 
 use std::path::Path;
+use std::rc::Rc;
 
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
@@ -12,7 +13,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub use self::cases::Case;
-use crate::compare::difference;
+use crate::compare::kept_difference;
 use crate::context::{Context, Model, Start, Suite};
 use crate::pareto::Cost;
 use crate::sections::paper::networks::ablation;
@@ -173,11 +174,20 @@ impl Case {
     ///
     /// # Errors
     /// If the reference fails, a file cannot be read or the user interrupts.
-    pub fn measure(&self, context: &mut Context) -> miette::Result<Sweep> {
+    pub fn measure(&self, context: &mut Context) -> miette::Result<Rc<Sweep>> {
+        if let Some(known) = context.sweeps.get(self.name) {
+            return Ok(Rc::clone(known));
+        }
+        let sweep = Rc::new(self.compare_all(context)?);
+        context.sweeps.insert(self.name, Rc::clone(&sweep));
+        Ok(sweep)
+    }
+
+    fn compare_all(&self, context: &mut Context) -> miette::Result<Sweep> {
         let references = self.run_references(context)?;
-        let paths: Vec<&Path> = references.iter().map(|run| run.output.as_path()).collect();
+        let both: Vec<&Run> = references.iter().collect();
         let compare = |k: usize| {
-            compared(Family::Packings, self.reference_name, &references[k], &[paths[1 - k]])
+            compared(Family::Packings, self.reference_name, &references[k], &[&references[1 - k]])
         };
         let [one, other] = [compare(0)?, compare(1)?];
         let reference_seconds = [one.seconds, other.seconds];
@@ -192,7 +202,7 @@ impl Case {
                 None => {
                     let what = format!("{}: {name}", self.name);
                     let run = context.run(&what, scene)?;
-                    let mut found = compared(*family, name, &run, &paths)?;
+                    let mut found = compared(*family, name, &run, &both)?;
                     found.time_again(|again| context.run_again(&what, scene, again))?;
                     context.work.keep(KIND, &key, &(&found, &run))?;
                     (found, run)
@@ -207,7 +217,7 @@ impl Case {
             let predict =
                 |context: &mut Context, family, way: &Model| -> miette::Result<Measured> {
                     let run = context.rollout(way, &start)?;
-                    let mut found = compared(family, &way.name, &run, &paths)?;
+                    let mut found = compared(family, &way.name, &run, &both)?;
                     if family == Family::Network {
                         found.time_again(|again| context.rollout_again(way, &start, again))?;
                     }
@@ -231,7 +241,7 @@ impl Case {
             }
         }
         let fronts: Vec<f64> =
-            paths.iter().map(|path| front(path)).collect::<miette::Result<_>>()?;
+            both.iter().map(|run| front(&run.output)).collect::<miette::Result<_>>()?;
         let front = 0.5 * (fronts[0] + fronts[1]);
         let [width, height] = self.size;
         Ok(Sweep { measured, floor, reference_seconds, front, runout: front - width, height })
@@ -243,7 +253,7 @@ fn compared(
     family: Family,
     name: &str,
     run: &Run,
-    references: &[&Path],
+    references: &[&Run],
 ) -> miette::Result<Measured> {
     let mut measured = Measured {
         family,
@@ -260,7 +270,7 @@ fn compared(
     if run.succeeded {
         let trajectory = Trajectory::open(&run.output)?;
         measured.seconds = computing(&trajectory);
-        measured.error = Some(error(&run.output, references)?);
+        measured.error = Some(error(run, references)?);
         measured.failure.clear();
         measured.device.clone_from(&trajectory.header().device);
     }
@@ -268,12 +278,12 @@ fn compared(
 }
 
 /// Mean errors against some references.
-fn error(path: &Path, references: &[&Path]) -> miette::Result<Error> {
+fn error(run: &Run, references: &[&Run]) -> miette::Result<Error> {
     let mut mean = Error::default();
     let part = 1.0 / references.len() as f64;
     for reference in references {
-        let errors = difference(path, reference)?;
-        let width = Trajectory::open(reference)?.header().domain[0];
+        let errors = kept_difference(run, &reference.output, &reference.id)?;
+        let width = Trajectory::open(&reference.output)?.header().domain[0];
         let last = errors.last();
         mean.mse += part * errors.mean();
         mean.front += part * last.front.abs();

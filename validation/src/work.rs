@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 
 use dempm::trajectory::{Trajectory, write_atomically};
 use miette::{IntoDiagnostic, WrapErr};
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -191,20 +193,42 @@ impl Work {
     /// If the program cannot be started, files cannot be written, or the user interrupts. A run
     /// that fails is a [`Run`] that did not succeed.
     pub fn run(&mut self, job: &Job, tick: impl Fn(Duration)) -> miette::Result<Run> {
-        let run = match self.record(job) {
-            Some(run) => run,
-            None => {
-                let folder = self.folder(job);
-                let _lock = self.lock(&folder)?;
-                // Another report may have made it meanwhile.
-                match self.record(job) {
-                    Some(run) => run,
-                    None => self.make(job, &folder, tick)?,
-                }
-            }
-        };
+        let run = self.obtain(job, tick)?;
         self.note(&run);
         Ok(run)
+    }
+
+    /// The results of several jobs, up to `beside` of them made at a time: for runs whose times say
+    /// nothing. `done` is called after each, with its place.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn run_beside(
+        &mut self,
+        jobs: &[Job],
+        beside: usize,
+        done: impl Fn(usize, &Run) + Sync,
+    ) -> miette::Result<Vec<Run>> {
+        let pool = ThreadPoolBuilder::new().num_threads(beside).build().into_diagnostic()?;
+        let obtain =
+            |(place, job): (usize, &Job)| self.obtain(job, |_| ()).inspect(|run| done(place, run));
+        let all = || jobs.par_iter().enumerate().map(obtain).collect::<Result<_, _>>();
+        let runs: Vec<Run> = pool.install(all)?;
+        runs.iter().for_each(|run| self.note(run));
+        Ok(runs)
+    }
+
+    fn obtain(&self, job: &Job, tick: impl Fn(Duration)) -> miette::Result<Run> {
+        if let Some(run) = self.record(job) {
+            return Ok(run);
+        }
+        let folder = self.folder(job);
+        let _lock = self.lock(&folder)?;
+        // Another report may have made it meanwhile.
+        match self.record(job) {
+            Some(run) => Ok(run),
+            None => self.make(job, &folder, tick),
+        }
     }
 
     /// Waits until no other report makes a run in this folder; lasts as long as the returned file,

@@ -54,6 +54,7 @@ fn changes() -> Vec<Change> {
         ("thin_width 0", |s| p(s).thin_width = 0.0),
         ("kinetic_stress false", |s| p(s).kinetic_stress = false),
         ("cell_average true", |s| s.numerics.cell_average_volumetric = true),
+        ("wall_contact points", |s| s.numerics.wall_contact = WallContact::Points),
         ("basis gimp", |s| s.numerics.basis = Basis::Gimp),
         ("scheme usl", |s| s.numerics.scheme = Scheme::Usl),
         ("scheme usf", |s| s.numerics.scheme = Scheme::Usf),

@@ -12,7 +12,7 @@ use dem::cuda::{CudaError as RveError, DeviceState, Room};
 use gpu::ranks::Ranks;
 use gpu::{Device, argument};
 use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
-use mpm::{Basis, MaterialError};
+use mpm::{MaterialError, Numerics};
 
 use super::ranked_batch::RankedRveBatch;
 use super::{elapsed, timer};
@@ -25,7 +25,7 @@ pub fn source() -> String {
 
 /// Preprocessor definitions for it.
 pub fn defines() -> Vec<String> {
-    let mut defines = mpm::cuda::defines(Basis::default());
+    let mut defines = mpm::cuda::defines(&Numerics::default());
     defines.push(format!("STATE_BYTES={}", size_of::<DeviceState>()));
     defines.push(format!("TALLY_BYTES={}", size_of::<DeviceTally>()));
     defines

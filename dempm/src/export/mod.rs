@@ -49,7 +49,7 @@ pub(crate) enum ExportError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Dataset(#[from] DatasetError),
-    #[error("{}: {source}", path.display())]
+    #[error("{}: HDF5 refuses to write it", path.display())]
     Hdf5 { path: PathBuf, source: hdf5::Error },
     #[error("{}: cannot write it", path.display())]
     Io { path: PathBuf, source: std::io::Error },

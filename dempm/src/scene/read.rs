@@ -1,7 +1,7 @@
 //! The schema: every key of a scene file with its default and limits.
 
 use dem::cuda::Room;
-use mpm::{Basis, Friction, Numerics, Scheme, Transfer, Walls};
+use mpm::{Basis, Friction, Numerics, Scheme, Transfer, WallContact, Walls};
 use toml::de::DeTable;
 
 use super::log::Log;
@@ -212,10 +212,12 @@ fn numerics(root: &Table<'_>) -> Numerics {
             table.number("relaxation", Some(0.0), rate_limits);
         }
     }
+    let wall_contacts = [("nodes", WallContact::Nodes), ("points", WallContact::Points)];
     let numerics = Numerics {
         basis: table.choice("basis", Some(Basis::Quadratic), &bases),
         scheme: table.choice("scheme", Some(Scheme::Musl), &schemes),
         transfer,
+        wall_contact: table.choice("wall_contact", Some(WallContact::Nodes), &wall_contacts),
         cell_average_volumetric: table.boolean("cell_average", false),
         ..Numerics::default()
     };

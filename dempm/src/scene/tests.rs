@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use mpm::{Basis, DruckerPragerParameters, Friction, Numerics, Scheme, Transfer, Walls};
+use mpm::{
+    Basis, DruckerPragerParameters, Friction, Numerics, Scheme, Transfer, WallContact, Walls,
+};
 use proptest::prelude::*;
 use rstest::rstest;
 
@@ -57,6 +59,7 @@ basis = "gimp"
 scheme = "usf"
 transfer = "flip"
 relaxation = 2.0
+wall_contact = "points"
 cell_average = true
 [output]
 fields = ["stress", "velocity"]
@@ -132,6 +135,7 @@ fn every_key_is_read() {
             basis: Basis::Gimp,
             scheme: Scheme::Usf,
             transfer: Transfer::Flip { rate: 2.0 },
+            wall_contact: WallContact::Points,
             cell_average_volumetric: true,
             ..Numerics::default()
         }

@@ -25,7 +25,7 @@ pub enum TrajectoryError {
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
     /// The HDF5 library refuses a dataset, a group or an attribute.
-    #[error("{}: {item}: {source}", path.display())]
+    #[error("{}: HDF5 refuses {item}", path.display())]
     Hdf5 {
         /// The trajectory file.
         path: PathBuf,

@@ -51,7 +51,7 @@ impl Trajectory {
         let file = File::with_options()
             .with_fapl(unlocked)
             .open(path)
-            .map_err(TrajectoryError::at(path, "HDF5 file"))?;
+            .map_err(TrajectoryError::at(path, "the file"))?;
         check_format(path, &file)?;
         let located =
             |(item, source)| TrajectoryError::Hdf5 { path: path.to_owned(), item, source };

@@ -72,10 +72,10 @@ impl TrajectoryWriter {
             )));
         }
         write_atomically(path, |temporary| {
-            let file = create_file(temporary).map_err(TrajectoryError::at(path, "/"))?;
-            writer.write_static(&file, header, points).map_err(TrajectoryError::at(path, "/"))?;
+            let file = create_file(temporary).map_err(TrajectoryError::at(path, "the file"))?;
+            writer.write_static(&file, header, points).map_err(TrajectoryError::at(path, "the file"))?;
             writer.update(&file)?;
-            file.close().map_err(TrajectoryError::at(path, "/"))
+            file.close().map_err(TrajectoryError::at(path, "the file"))
         })?;
         Ok(writer)
     }
@@ -189,7 +189,7 @@ impl TrajectoryWriter {
         if let Some(Drafted { file, draft, .. }) = self.drafted.take() {
             self.append_scalars(&file)?;
             self.update(&file)?;
-            file.close().map_err(TrajectoryError::at(&self.path, "/"))?;
+            file.close().map_err(TrajectoryError::at(&self.path, "the file"))?;
             draft.publish()?;
         }
         self.kept = self.frames();
@@ -232,7 +232,7 @@ impl TrajectoryWriter {
             source,
         })?;
         let file =
-            open_for_writing(draft.temporary()).map_err(TrajectoryError::at(&self.path, "/"))?;
+            open_for_writing(draft.temporary()).map_err(TrajectoryError::at(&self.path, "the file"))?;
         self.set_frames(&file, self.kept)?;
         Ok(Drafted { file, draft, frames: 0 })
     }
@@ -243,7 +243,7 @@ impl TrajectoryWriter {
             return Ok(());
         }
         if let Some(shape) = self.shape.as_ref().filter(|_| self.kept + first == 0) {
-            self.create_chosen(file, shape).map_err(TrajectoryError::at(&self.path, "/"))?;
+            self.create_chosen(file, shape).map_err(TrajectoryError::at(&self.path, "the file"))?;
         }
         self.set_frames(file, self.frames())?;
         for (index, frame) in self.pending.iter().enumerate().skip(first) {
@@ -257,7 +257,7 @@ impl TrajectoryWriter {
         for_each_growing(file, |dataset, name| {
             set_frames(dataset, frames).map_err(TrajectoryError::at(&self.path, name))
         })
-        .map_err(TrajectoryError::at(&self.path, "/"))?
+        .map_err(TrajectoryError::at(&self.path, "the file"))?
     }
 
     /// Makes the datasets that the first frame decides on.

@@ -1,5 +1,6 @@
 //! Damaged files and interrupted writers.
 
+use std::error::Error as _;
 use std::fs;
 use std::path::Path;
 
@@ -58,7 +59,9 @@ fn spoiled(spoil: impl FnOnce(&hdf5::File)) -> String {
     let file = hdf5::File::open_rw(&path).unwrap();
     spoil(&file);
     file.close().unwrap();
-    read_all(&path).unwrap_err().to_string()
+    let error = read_all(&path).unwrap_err();
+    let cause = error.source().map(ToString::to_string).unwrap_or_default();
+    format!("{error}: {cause}")
 }
 
 #[test]

@@ -18,13 +18,13 @@ __device__ inline void book_projection(double* ledger, int slots, int slot, cons
     ledger[size_t(3 + 2 * m.obstacles) * slots + slot] += 1.0;
 }
 
-// All nodes on or behind a wall are clipped. In a corner both walls act, one after the other.
-__device__ inline Vec wall_contact(const Mpm& m, int i, int j, Vec v) {
-    const Vec still = {0.0, 0.0};
-    if (i <= 0) v = contact(v, normal(RIGHT), still, m.friction[LEFT]);
-    if (i >= m.cells_x) v = contact(v, normal(LEFT), still, m.friction[RIGHT]);
-    if (j <= 0) v = contact(v, normal(TOP), still, m.friction[BOTTOM]);
-    if (j >= m.cells_y) v = contact(v, normal(BOTTOM), still, m.friction[TOP]);
+// All nodes on or behind a wall are clipped, to the speed at which they may approach it. In a corner
+// both walls act, one after the other.
+__device__ inline Vec wall_contact(const Mpm& m, int i, int j, Vec v, Vec approach) {
+    if (i <= 0) v = contact(v, normal(RIGHT), normal(LEFT) * approach.x, m.friction[LEFT]);
+    if (i >= m.cells_x) v = contact(v, normal(LEFT), normal(RIGHT) * approach.x, m.friction[RIGHT]);
+    if (j <= 0) v = contact(v, normal(TOP), normal(BOTTOM) * approach.y, m.friction[BOTTOM]);
+    if (j >= m.cells_y) v = contact(v, normal(BOTTOM), normal(TOP) * approach.y, m.friction[TOP]);
     return v;
 }
 
@@ -41,7 +41,8 @@ __device__ inline Vec constrain(const Mpm& m, const Placed* placed, int node, do
         if (booked) book_obstacle(m.node_ledger, nodes, node, m, k, impulse, placed[k].velocity);
         velocity = after;
     }
-    const Vec after = wall_contact(m, i, j, velocity);
+    const Vec approach = POINTS_MEET_WALLS ? m.node_approach[node] : Vec{0.0, 0.0};
+    const Vec after = wall_contact(m, i, j, velocity, approach);
     if (booked) book(m.node_ledger, nodes, node, 0, (after - velocity) * mass);
     return after;
 }

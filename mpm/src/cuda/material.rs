@@ -9,7 +9,7 @@ use super::error::CudaError;
 use super::memory::{address, upload};
 use super::solver::Queue;
 use super::source::{SOURCE, defines};
-use crate::{Basis, DruckerPrager, DruckerPragerParameters, Elastic, MaterialError};
+use crate::{DruckerPrager, DruckerPragerParameters, Elastic, MaterialError, Numerics};
 
 /// Constitutive response of all points on a GPU: the twin of [`Material`](crate::Material).
 pub trait CudaMaterial {
@@ -135,7 +135,7 @@ impl From<&DruckerPragerParameters> for DeviceLaw {
 
 /// The laws do not depend on the basis; the default one is most likely compiled already.
 fn load(device: &Device, kernel: &str) -> Result<CudaFunction, Error> {
-    let module = device.module("mpm.cu", SOURCE, &defines(Basis::default()))?;
+    let module = device.module("mpm.cu", SOURCE, &defines(&Numerics::default()))?;
     Ok(module.load_function(kernel)?)
 }
 

@@ -28,6 +28,7 @@ pub(super) struct Memory {
     node_momentum: CudaSlice<f64>,
     node_old_velocity: CudaSlice<f64>,
     node_velocity: CudaSlice<f64>,
+    node_approach: CudaSlice<f64>,
     pub node_ledger: CudaSlice<f64>,
     pub point_ledger: CudaSlice<f64>,
     /// What contacts have done since the start, in the order of the ledgers of nodes and points.
@@ -71,6 +72,7 @@ impl Memory {
             node_momentum: zeros(device, 2 * nodes)?,
             node_old_velocity: zeros(device, 2 * nodes)?,
             node_velocity: zeros(device, 2 * nodes)?,
+            node_approach: zeros(device, 2 * nodes)?,
             node_ledger: zeros(device, ledger.len() * nodes)?,
             point_ledger: zeros(device, ledger.len() * n)?,
             ledger: upload(device, &ledger)?,
@@ -124,6 +126,7 @@ impl Memory {
             node_momentum: address(&self.node_momentum, stream),
             node_old_velocity: address(&self.node_old_velocity, stream),
             node_velocity: address(&self.node_velocity, stream),
+            node_approach: address(&self.node_approach, stream),
             node_ledger: address(&self.node_ledger, stream),
             point_ledger: address(&self.point_ledger, stream),
             bins: self.bins.view(stream),

@@ -125,6 +125,8 @@ struct Mpm {
     Vec* node_momentum;
     Vec* node_old_velocity;
     Vec* node_velocity;
+    // Speeds along x and y up to which a node may approach the walls it lies on in this step.
+    Vec* node_approach;
 
     // What contacts have done since the ledger was last summed: arrays over nodes and over points
     // of impulses by the walls (x, y) and by each obstacle (x, y), work of the obstacles, and how

@@ -5,6 +5,15 @@
 constexpr int LANES = 16;
 static_assert(WIDTH * WIDTH <= LANES, "a lane for each bin");
 
+// The first point of the bin of this lane, or NOBODY.
+__device__ inline int first_of_lane(const Mpm& m, int node) {
+    const int lane = int(threadIdx.x) % LANES, a = lane % WIDTH, b = lane / WIDTH;
+    if (node >= m.columns * m.rows || b >= WIDTH || node % m.columns < a || node / m.columns < b) {
+        return NOBODY;
+    }
+    return first_point(m.bins, m, node - b * m.columns - a);
+}
+
 // Sums K numbers over the points that a node sees. `term(p, a, b, sum)` adds those of point p, for
 // which the node is a columns and b rows from its lowest, leftmost one. Each lane goes through one
 // bin, then lanes are added up as a tree: a fixed order. False if there is no point.
@@ -12,10 +21,7 @@ template <int K, class Term>
 __device__ inline bool sum_over_points(const Mpm& m, int node, double (&sum)[K], const Term& term) {
     const int lane = int(threadIdx.x) % LANES, a = lane % WIDTH, b = lane / WIDTH;
     for (int k = 0; k < K; ++k) sum[k] = 0.0;
-    int p = NOBODY;
-    if (node < m.columns * m.rows && b < WIDTH && node % m.columns >= a && node / m.columns >= b) {
-        p = first_point(m.bins, m, node - b * m.columns - a);
-    }
+    int p = first_of_lane(m, node);
     const unsigned lanes_of_node = 0xffffu << (threadIdx.x & LANES);
     const unsigned seen = __ballot_sync(~0u, p != NOBODY);
     if (seen == 0) return false;
@@ -24,6 +30,31 @@ __device__ inline bool sum_over_points(const Mpm& m, int node, double (&sum)[K],
         for (int k = 0; k < K; ++k) sum[k] += __shfl_xor_sync(~0u, sum[k], distance, LANES);
     }
     return (seen & lanes_of_node) != 0 && lane == 0;
+}
+
+// Sets how fast a node on a wall may approach it: so that the nearest point that it sees comes to touch
+// the wall (boundary.rs). For all lanes of a warp.
+__device__ inline void set_approach(const Mpm& m, int node) {
+    const int i = node % m.columns - GHOSTS, j = node / m.columns - GHOSTS;
+    // Threads beyond the last row see no wall: it lies two ghosts below.
+    const bool left = i == 0, bottom = j == 0;
+    const bool across = left || i == m.cells_x, along = bottom || j == m.cells_y;
+    if (!__any_sync(~0u, across || along)) return;
+    double x_gap = infinity(), y_gap = infinity();
+    for (int p = first_of_lane(m, node); p != NOBODY; p = m.bins.successor[p]) {
+        const double half = 0.5 * sqrt(m.volume[p]);
+        const Vec x = m.position[p];
+        x_gap = fmin(x_gap, (left ? x.x : m.width - x.x) - half);
+        y_gap = fmin(y_gap, (bottom ? x.y : m.height - x.y) - half);
+    }
+    for (int distance = LANES / 2; distance > 0; distance /= 2) {
+        x_gap = fmin(x_gap, __shfl_xor_sync(~0u, x_gap, distance, LANES));
+        y_gap = fmin(y_gap, __shfl_xor_sync(~0u, y_gap, distance, LANES));
+    }
+    if ((across || along) && threadIdx.x % LANES == 0) {
+        m.node_approach[node] = {across ? fmax(x_gap, 0.0) / m.dt : 0.0,
+                                 along ? fmax(y_gap, 0.0) / m.dt : 0.0};
+    }
 }
 
 // (m v)_i = sum S_ip m_p (v_p + C_p (x_i - x_p)), the affine part when the transfer has one.
@@ -55,6 +86,7 @@ extern "C" __global__ void p2g(const Mpm m) {
         sum[3] += force.x;
         sum[4] += force.y;
     });
+    if constexpr (POINTS_MEET_WALLS) set_approach(m, node);
     if (!writes) return;
     m.node_mass[node] = sum[0];
     accelerate(m, m.placed, node, sum[0], {sum[1], sum[2]}, {sum[3], sum[4]});
@@ -72,6 +104,7 @@ extern "C" __global__ void p2g_mass_and_momentum(const Mpm m) {
         sum[1] += momentum.x;
         sum[2] += momentum.y;
     });
+    if constexpr (POINTS_MEET_WALLS) set_approach(m, node);
     if (!writes) return;
     m.node_mass[node] = sum[0];
     m.node_momentum[node] = {sum[1], sum[2]};

@@ -11,7 +11,7 @@ use super::material::CudaMaterial;
 use super::memory::Memory;
 use super::source::{SOURCE, defines};
 use super::view::{DeviceView, NO_FAILURE, ledger, set_matrices, set_vectors};
-use crate::{Basis, Error, Mat2, Points, Scheme, Solver, Vec2};
+use crate::{Error, Mat2, Numerics, Points, Scheme, Solver, Vec2};
 
 /// Threads of a block, one for each point or 16 for each node.
 const BLOCK: usize = 128;
@@ -96,8 +96,8 @@ struct Kernels {
 }
 
 impl Kernels {
-    fn load(device: &Device, basis: Basis) -> Result<Self, CudaError> {
-        let module = device.module("mpm.cu", SOURCE, &defines(basis))?;
+    fn load(device: &Device, numerics: &Numerics) -> Result<Self, CudaError> {
+        let module = device.module("mpm.cu", SOURCE, &defines(numerics))?;
         let function = |name: &str| module.load_function(name);
         Ok(Self {
             begin_step: function("begin_step")?,
@@ -141,7 +141,7 @@ impl CudaSolver {
         let view = memory.view(device.stream(), solver, (points.len(), mass), dt, step);
         let event = || device.context().new_event(None);
         let queued = Self {
-            kernels: Kernels::load(device, numerics.basis)?,
+            kernels: Kernels::load(device, numerics)?,
             beside: device.context().new_stream()?,
             from: event()?,
             until: event()?,

@@ -2,9 +2,9 @@
 
 use super::solver::SUM_THREADS;
 use super::view::{DeviceView, OBSTACLE, PLACED, stencil_bytes};
-use crate::Basis;
 use crate::basis::GIMP_HALF_SIZE;
 use crate::grid::GHOSTS;
+use crate::{Basis, Numerics, WallContact};
 
 macro_rules! concatenated {
     ($($file:literal),*) => {
@@ -35,7 +35,8 @@ pub const SOURCE: &str = concatenated!(
 );
 
 /// Preprocessor definitions for the sources.
-pub fn defines(basis: Basis) -> Vec<String> {
+pub fn defines(numerics: &Numerics) -> Vec<String> {
+    let basis = numerics.basis;
     let number = match basis {
         Basis::Linear => 0,
         Basis::Gimp => 1,
@@ -46,6 +47,7 @@ pub fn defines(basis: Basis) -> Vec<String> {
     [
         ("BASIS", number),
         ("WIDTH", width),
+        ("POINTS_MEET_WALLS", usize::from(numerics.wall_contact == WallContact::Points)),
         ("GHOSTS", GHOSTS),
         ("SUM_THREADS", SUM_THREADS),
         ("STENCIL_BYTES", stencil_bytes(width)),

@@ -40,6 +40,7 @@ pub struct DeviceView {
     pub(super) node_momentum: u64,
     pub(super) node_old_velocity: u64,
     pub(super) node_velocity: u64,
+    pub(super) node_approach: u64,
     pub(super) node_ledger: u64,
     pub(super) point_ledger: u64,
     pub(super) bins: BinsView,

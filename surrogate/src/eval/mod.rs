@@ -10,6 +10,7 @@ use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError, WriteError, 
 use miette::{Context, IntoDiagnostic, bail};
 
 use self::tables::{chart, frames_table, report, summary_table};
+use crate::accuracy::Accuracy;
 use crate::data::trajectories_in;
 use crate::metrics::{Errors, FrameError};
 use crate::rollout::Rollout;
@@ -44,10 +45,15 @@ pub struct EvalArgs {
     /// Average each prediction with the mirrored one of the mirrored window
     #[arg(long)]
     mirror: bool,
+    /// Write how wrong the model was into its file, for what rollouts say; with data that it has
+    /// not learnt from
+    #[arg(long)]
+    record: bool,
 }
 
 /// A trajectory and what was compared with it.
 struct Case {
+    path: PathBuf,
     rollout: Errors,
     /// The same scene with another packing, over the same frames.
     floor: Option<Errors>,
@@ -157,7 +163,7 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
             .map(|twin| noise_floor(&simulator, &path, &twin, args.frames))
             .next()
             .transpose()?;
-        cases.push(Case { rollout, floor });
+        cases.push(Case { path, rollout, floor });
     }
     if let Some(folder) = &args.noise_floor
         && cases.iter().all(|case| case.floor.is_none())
@@ -173,6 +179,12 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
     chart(&cases).write(&args.output.join("errors.svg"))?;
     print!("{}", report(&cases));
     println!("written: {}/{{summary.csv, frames.csv, errors.svg}}", args.output.display());
+    if args.record {
+        let runs = cases.iter().map(|case| (&case.rollout, case.path.as_path()));
+        simulator.training.accuracy = Accuracy::of(runs)?;
+        simulator.save(&args.model)?;
+        println!("recorded in {}", args.model.display());
+    }
     Ok(())
 }
 

@@ -356,6 +356,7 @@ impl Sitting {
                 before_start: self.config.data.before_start,
                 steps: self.steps_before + self.engine.step_number(),
                 range: self.range,
+                accuracy: None,
             },
             mirror: false,
             device: device(),

@@ -23,6 +23,7 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
             before_start: 0,
             steps: 0,
             range: None,
+            accuracy: None,
         },
         mirror,
         device: Default::default(),

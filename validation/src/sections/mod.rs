@@ -21,9 +21,9 @@ pub fn all() -> Vec<Chapter> {
         Chapter {
             title: "Speed against accuracy",
             sections: vec![
-                Box::new(SpeedAccuracy { case: 0, title: "Column of 1 m", cover: false }),
-                Box::new(SpeedAccuracy { case: 1, title: "Col2x2", cover: true }),
-                Box::new(SpeedAccuracy { case: 2, title: "Col5x3", cover: false }),
+                Box::new(SpeedAccuracy { case: 0, title: "Column of 1 m" }),
+                Box::new(SpeedAccuracy { case: 1, title: "Col2x2" }),
+                Box::new(SpeedAccuracy { case: 2, title: "Col5x3" }),
                 Box::new(rollout::Column),
             ],
         },

@@ -1,7 +1,7 @@
 //! The learned simulators on the small column, frame by frame.
 
 use crate::block::Block;
-use crate::compare::difference;
+use crate::compare::kept_difference;
 use crate::context::Context;
 use crate::rollouts::{animation, chart, failures, roll_out, snapshots, table};
 use crate::section::Section;
@@ -26,7 +26,7 @@ impl Section for Column {
         let [truth, other] = case.run_references(context)?;
         let models = baseline_and_others(&context.models);
         let rollouts = roll_out(context, &models, &[("column".to_owned(), truth.output.clone())])?;
-        let floor = difference(&other.output, &truth.output)?;
+        let floor = kept_difference(&other, &truth.output, &truth.id)?;
         let all: Vec<_> = rollouts.iter().collect();
         let mut blocks = vec![
             Block::text(format!(

@@ -16,8 +16,6 @@ pub struct SpeedAccuracy {
     /// Place of its case in [`Case::of`].
     pub case: usize,
     pub title: &'static str,
-    /// Whether its chart is on the first screen of the page.
-    pub cover: bool,
 }
 
 /// Measures of error: name, unit, value.
@@ -46,9 +44,15 @@ impl Section for SpeedAccuracy {
             )]);
         };
         let sweep = case.measure(context)?;
+        // The middle one stands for all.
+        let cover = self.case == cases.len() / 2;
         let [one, other] = sweep.reference_seconds.map(seconds);
         let mut blocks = vec![
-            Block::Headline(headline(&sweep)),
+            if cover {
+                Block::lead("Speed", headline(case.name, &sweep))
+            } else {
+                Block::headline(headline(case.name, &sweep))
+            },
             Block::text(format!(
                 "Scene: {}. The reference ({}) ran with two seeds; errors are means of those \
                  against each, and what lies below the difference between the two (the shade) \
@@ -78,7 +82,7 @@ impl Section for SpeedAccuracy {
                 best.join("; ")
             );
             let figure = Figure::new(title, picture, caption);
-            let figure = if place == 0 && self.cover { figure.on_cover() } else { figure };
+            let figure = if place == 0 && cover { figure.on_cover() } else { figure };
             blocks.push(Block::Figure(figure));
         }
         blocks.push(Block::Table(all(&sweep)));

@@ -6,8 +6,7 @@ use miette::Result;
 use super::networks::belongs;
 use super::ratio;
 use crate::block::{Block, Table};
-use crate::context::{Context, Model};
-use crate::rollouts::roll_out;
+use crate::context::{Context, Model, Start};
 use crate::section::Section;
 use crate::table::number;
 use crate::wall_time::computing;
@@ -94,17 +93,17 @@ impl Section for Times {
                 ratio(Some(dempm), time.filter(|_| same)),
                 ours.map_or(String::new(), |ours| ours.header().device.clone()),
             ]);
-            let rollout = match (&model, found) {
-                (Some(model), Some(found)) => {
-                    roll_out(context, std::slice::from_ref(model), std::slice::from_ref(found))?
-                        .pop()
+            let run = match (&model, found) {
+                // For its time: others may have been made several at a time.
+                (Some(model), Some((_, path))) => {
+                    Some(context.rollout_again(model, &Start::Trajectory(path), 1)?)
                 }
                 _ => None,
             };
-            let time = rollout.as_ref().map(|r| r.seconds).filter(|_| {
-                // The time of a rollout that ended early says nothing.
-                rollout.as_ref().is_some_and(|r| r.message.is_empty())
-            });
+            // The time of a rollout that ended early says nothing.
+            let ended = run.filter(|run| run.succeeded);
+            let rollout = ended.map(|run| Trajectory::open(&run.output)).transpose()?;
+            let time = rollout.as_ref().map(computing);
             times[1].extend(time.filter(|_| same).map(|time| (time, h800)));
             learned.row([
                 case.to_owned(),
@@ -112,8 +111,8 @@ impl Section for Times {
                 number(h800),
                 time.map_or(String::new(), number),
                 ratio(Some(h800), time.filter(|_| same)),
-                rollout.as_ref().map_or(String::new(), |r| r.model.clone()),
-                rollout.as_ref().map_or(String::new(), |r| r.device.clone()),
+                model.as_ref().map_or(String::new(), |model| model.name.clone()),
+                rollout.map_or(String::new(), |r| r.header().device.clone()),
             ]);
         }
         let mut blocks: Vec<Block> = Vec::new();

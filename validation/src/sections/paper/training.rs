@@ -2,9 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use surrogate::simulator::Simulator;
+
+use super::accuracy::mean_error;
 use crate::block::{Block, Figure};
 use crate::chart::{Axis, Chart, Mark, Series};
-use crate::context::{Context, Model};
+use crate::context::{Context, Model, files_in};
+use crate::rollouts::roll_out;
 use crate::section::Section;
 
 /// Loss and validation error over the steps of trainings.
@@ -16,36 +20,72 @@ impl Section for Training {
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let mut blocks = Vec::new();
-        for (file, column, title) in [
-            ("validation.csv", "mse", "MSE of validation rollouts [box²]"),
-            ("log.csv", "loss", "loss"),
-        ] {
-            let curve = |model: &Model| {
-                let points = curve(&log_of(model, file)?, column)?;
-                Some(Series::new(&model.name, Mark::Line, points))
+        let (mut validation, mut loss) = (Vec::new(), Vec::new());
+        for model in context.models.clone() {
+            let known = log_of(&model, "validation.csv").and_then(|path| curve(&path, "mse"));
+            let known = known.filter(|points| points.len() > 1);
+            let points = match known {
+                Some(points) => points,
+                None => of_stages(context, &model)?,
             };
-            let series: Vec<Series> = context.models.iter().filter_map(curve).collect();
+            validation.push(Series::new(&model.name, Mark::Line, points));
+            let points = log_of(&model, "log.csv").and_then(|path| curve(&path, "loss"));
+            loss.push(Series::new(&model.name, Mark::Line, points.unwrap_or_default()));
+        }
+        let mut blocks = Vec::new();
+        for (mut series, title, axis, caption, remedy) in [
+            (
+                validation,
+                "Validation error",
+                "mean MSE of validation rollouts [box²]",
+                "Rollouts of all validation cases from their first frames. In units of the box.",
+                "`surrogate train` validates where the data have `valid/`; weights that it had on its \
+                 way, kept in `NAME.stages/` beside `NAME.safetensors`, are rolled out by the report.",
+            ),
+            (
+                loss,
+                "Loss",
+                "loss",
+                "Losses of networks with different noise cannot be compared; rollouts can.",
+                "`surrogate train` writes `log.csv`; beside `NAME.safetensors` it is `NAME.log.csv`.",
+            ),
+        ] {
+            // One point is no curve.
+            series.retain(|series| series.points.len() > 1);
             if series.is_empty() {
+                blocks.push(Block::missing(title, "no model came with it.", remedy));
                 continue;
             }
-            let chart = Chart { x: Axis::linear("step"), y: Axis::log(title), series, floor: None };
-            blocks.push(Block::Figure(Figure::new(
-                format!("Training: {column}"),
-                chart.draw()?,
-                "Losses of networks with different noise cannot be compared; rollouts can.",
-            )));
-        }
-        if blocks.is_empty() {
-            blocks.push(Block::missing(
-                "Training curves",
-                "no model came with `log.csv` or `validation.csv` of its training.",
-                "`--models` takes the folder in which `surrogate train -o` made its own; beside \
-                 `NAME.safetensors` they are `NAME.log.csv` and `NAME.validation.csv`.",
-            ));
+            let chart = Chart { x: Axis::linear("step"), y: Axis::log(axis), series, floor: None };
+            let title = format!("{title} over training steps");
+            blocks.push(Block::Figure(Figure::new(title, chart.draw()?, caption)));
         }
         Ok(blocks)
     }
+}
+
+/// Steps and mean validation error of the weights that a model had on its way, and of itself; nothing
+/// if there are none, or no validation cases. Where a rollout ended early there is no point.
+fn of_stages(context: &mut Context, model: &Model) -> miette::Result<Vec<(f64, f64)>> {
+    let folder = match model.path.ends_with("best.safetensors") {
+        true => model.path.with_file_name("stages"),
+        false => model.path.with_extension("stages"),
+    };
+    let (weights, cases) = (files_in(&folder, "safetensors"), context.cases("valid"));
+    if weights.is_empty() || cases.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut stages = Vec::new();
+    for path in weights.into_iter().chain([model.path.clone()]) {
+        let steps = Simulator::load(&path)?.training.steps;
+        stages.push((steps, Model::new(format!("{}, step {steps}", model.name), path)));
+    }
+    stages.sort_by_key(|(steps, _)| *steps);
+    stages.dedup_by_key(|(steps, _)| *steps);
+    let models: Vec<Model> = stages.iter().map(|(_, stage)| stage.clone()).collect();
+    let rollouts = roll_out(context, &models, &cases)?;
+    let error = |(steps, stage): &(u64, Model)| (*steps as f64, mean_error(&rollouts, &stage.name));
+    Ok(stages.iter().map(error).filter(|(_, error)| error.is_finite()).collect())
 }
 
 /// The log of a training: in the folder of its own, or beside the weights under their name.

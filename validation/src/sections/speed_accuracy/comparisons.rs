@@ -75,17 +75,18 @@ fn rivals<'s>(sweep: &'s Sweep, method: &Measured) -> Vec<&'s Measured> {
 }
 
 /// The most accurate network against the cheapest setting of the solver that is as accurate.
-pub(super) fn headline(sweep: &Sweep) -> String {
+pub(super) fn headline(case: &str, sweep: &Sweep) -> String {
     let metres = |m: &Measured| m.error.map_or(f64::NAN, |error| error.distance);
     let noise = format!(
-        "Two seeds of the reference ({}) are {} m apart (root mean square over points and frames).",
+        "The reference takes {}, and two seeds of it are {} m apart (root mean square over points and \
+         frames).",
         seconds(sweep.measured[0].seconds),
         number(sweep.floor.distance)
     );
     let networks = sweep.measured.iter().filter(|m| m.family == Family::Network);
     let networks = networks.filter(|m| m.error.is_some());
     let Some(best) = networks.min_by(|a, b| metres(a).total_cmp(&metres(b))) else {
-        return format!("No network was compared. {noise}");
+        return format!("{case}: no network was compared. {noise}");
     };
     let rivals = rivals(sweep, best);
     let costs: Vec<_> = rivals.iter().map(|m| m.cost(|e| e.mse)).collect();
@@ -96,27 +97,25 @@ pub(super) fn headline(sweep: &Sweep) -> String {
         _ => None,
     };
     let paid = paid.map_or(String::new(), |runs| {
-        format!(" Making its data and training it pay back after {runs:.0} runs.")
+        format!(" Its data and training pay back after {runs:.0} runs.")
     });
     let against = match rival {
-        Some(rival) if rival.seconds >= best.seconds => format!(
-            "{} times as fast as the cheapest setting of the solver that is as accurate ({}, {})",
-            number(rival.seconds / best.seconds),
-            rival.name,
-            seconds(rival.seconds)
-        ),
-        Some(rival) => format!(
-            "slower than {}, which is as accurate in {}: it loses",
-            rival.name,
-            seconds(rival.seconds)
-        ),
-        None => "more accurate than every setting of the solver that was tried".to_owned(),
+        Some(rival) => {
+            let (time, ratio) = (seconds(rival.seconds), rival.seconds / best.seconds);
+            let verdict = if ratio >= 1.0 {
+                format!("{} times as long", number(ratio))
+            } else {
+                "so the network loses".to_owned()
+            };
+            format!("With as small an error the solver takes {time} ({}), {verdict}.", rival.name)
+        }
+        None => "No setting of the solver that was tried is as accurate.".to_owned(),
     };
     format!(
-        "The most accurate network ({}, {}) is {} m off, and {against}.{paid} {noise}",
+        "{case} takes the most accurate network ({}) {}; its points are {} m off. {against}{paid} {noise}",
         best.name,
         seconds(best.seconds),
-        number(metres(best))
+        number(metres(best)),
     )
 }
 

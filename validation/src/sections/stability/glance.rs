@@ -61,13 +61,16 @@ impl Section for Glance {
             _ => format!("Of {quiet} it said nothing: {}.", silent.join("; ")),
         };
         Ok(vec![
-            Block::headline(format!(
-                "{} studies push each method until it fails: {} runs and rollouts, {} of which \
+            Block::lead(
+                "Stability",
+                format!(
+                    "{} studies push each method until it fails: {} runs and rollouts, {} of which \
                  failed. {words}",
-                table.rows.len(),
-                total.iter().sum::<usize>(),
-                failed + quiet
-            )),
+                    table.rows.len(),
+                    total.iter().sum::<usize>(),
+                    failed + quiet
+                ),
+            ),
             Block::Table(table),
         ])
     }

@@ -5,7 +5,7 @@ use surrogate::simulator::Simulator;
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::Threshold;
-use super::roll::{Direct, WRONG, column, difference, roll, text};
+use super::roll::{Direct, WRONG, beside, column, difference, roll, text};
 use crate::context::Suite;
 
 /// A bed that moves faster than this (m/s) more than the direct solver's does is not at rest.
@@ -20,11 +20,15 @@ struct Case {
     picture: Picture,
 }
 
-/// Mean speed (m/s) of a bed between walls that carries its own weight.
-fn rest(simulator: &Simulator, depth: f64, frames: usize) -> Result<Case, StudyError> {
-    let interval = simulator.training.frame_interval;
+/// A bed between walls that carries its own weight.
+fn bed(depth: f64, interval: f64, frames: usize) -> Result<Direct, StudyError> {
     let scene = text([BED[0], 2.0], &column([0.0, 0.0], [BED[0], depth], [0.0, 0.0]));
-    let direct = Direct::run("bed", &scene, interval, frames)?;
+    Direct::run("bed", &scene, interval, frames)
+}
+
+/// Its mean speed (m/s).
+fn rest(simulator: &Simulator, depth: f64, direct: &Direct) -> Result<Case, StudyError> {
+    let (interval, frames) = (simulator.training.frame_interval, direct.positions.len());
     let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let last = rolled.positions.len() - 1;
     let speed = |frames: &super::roll::Frames| {
@@ -37,16 +41,15 @@ fn rest(simulator: &Simulator, depth: f64, frames: usize) -> Result<Case, StudyE
     let picture = rolled.picture(
         format!("Bed of {depth} m at rest, t = {:.2} s", last as f64 * interval),
         &direct.positions,
-        &direct,
+        direct,
     );
     Ok(Case { number, outcome: Outcome::of(symptom, rolled.said()), picture })
 }
 
-/// Error over motion with a plate pushed 0.25 m deep into the bed.
-fn push(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
-    let interval = simulator.training.frame_interval;
-    let frames = simulator.first_frames() + (0.25 / speed / interval).round() as usize;
-    let start = (simulator.first_frames() - 1) as f64 * interval;
+/// A plate pushed 0.25 m deep into the bed, once `given` frames are over.
+fn pushed(speed: f64, interval: f64, given: usize) -> Result<Direct, StudyError> {
+    let frames = given + (0.25 / speed / interval).round() as usize;
+    let start = (given - 1) as f64 * interval;
     let plate = format!(
         "[plate]\ncorner = [{:?}, {:?}]\nsize = [{PLATE}, 0.5]\nvelocity = [0.0, {:?}]\n\
          start = {start:?}\nfaces = {{ left = \"slip\", right = \"slip\", bottom = 0.5, top = 0.5 }}\n",
@@ -55,11 +58,15 @@ fn push(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
         -speed
     );
     let scene = text([BED[0], 2.0], &(column([0.0, 0.0], BED, [0.0, 0.0]) + &plate));
-    let direct = Direct::run("plate", &scene, interval, frames)?;
-    let rolled = roll(simulator, &direct.start(simulator)?, frames);
+    Direct::run("plate", &scene, interval, frames)
+}
+
+/// Error over motion.
+fn push(simulator: &Simulator, speed: f64, direct: &Direct) -> Result<Case, StudyError> {
+    let rolled = roll(simulator, &direct.start(simulator)?, direct.positions.len());
     let (number, outcome) = rolled.judge(&direct.positions);
     let picture =
-        rolled.picture(format!("Plate pushed in at {speed} m/s"), &direct.positions, &direct);
+        rolled.picture(format!("Plate pushed in at {speed} m/s"), &direct.positions, direct);
     Ok(Case { number, outcome, picture })
 }
 
@@ -68,9 +75,13 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let frames = (pick(suite, 0.5, 2.0) / interval) as usize + 1;
     let depths = pick(suite, vec![0.25, 0.5, 1.0], vec![0.125, 0.25, 0.5, 1.0, 1.5]);
     let speeds = pick(suite, vec![5.0, 1.0, 0.5], vec![5.0, 2.0, 1.0, 0.5, 0.2, 0.1]);
-    let beds: Vec<Case> =
-        depths.iter().map(|&d| rest(simulator, d, frames)).collect::<Result<_, _>>()?;
-    let plates: Vec<Case> = speeds.iter().map(|&v| push(simulator, v)).collect::<Result<_, _>>()?;
+    let given = simulator.first_frames();
+    let still = beside(&depths, |&depth| bed(depth, interval, frames))?;
+    let moved = beside(&speeds, |&speed| pushed(speed, interval, given))?;
+    let beds = depths.iter().zip(&still).map(|(&depth, direct)| rest(simulator, depth, direct));
+    let beds: Vec<Case> = beds.collect::<Result<_, _>>()?;
+    let plates = speeds.iter().zip(&moved).map(|(&speed, direct)| push(simulator, speed, direct));
+    let plates: Vec<Case> = plates.collect::<Result<_, _>>()?;
     let finding = |case: &str, parameter: &str, values: &[f64], cases: &[Case]| Finding {
         case: case.into(),
         parameter: parameter.into(),

@@ -2,16 +2,14 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use surrogate::doubts::doubts;
+use surrogate::asymmetry::asymmetry;
 use surrogate::simulator::Simulator;
 use surrogate::start::{Start, stride};
 
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::{Threshold, log_range};
-use super::roll::{
-    Direct, Frames, Rolled, WRONG, column, difference, of_mirror_images, roll, text,
-};
+use super::roll::{Direct, Frames, Rolled, WRONG, column, difference, roll, text};
 use crate::context::Suite;
 
 const DOMAIN: [f64; 2] = [4.0, 2.0];
@@ -136,7 +134,7 @@ fn mirror(
             let last = apart(both - 1);
             let symptom = format!("mirror images part by {:.0} % of the motion", 100.0 * last);
             let start = direct.start(simulator)?;
-            let said = doubts(simulator, &start).into_iter().find(|d| of_mirror_images(d));
+            let said = asymmetry(simulator, &start);
             let outcome = Outcome::of((last > ASYMMETRY).then_some(symptom), said);
             row.push((last, outcome.clone()));
             study.findings.push(Finding {

@@ -5,7 +5,7 @@ use surrogate::simulator::Simulator;
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
 use super::super::threshold::Threshold;
-use super::roll::{Direct, WRONG, column, roll, text};
+use super::roll::{Direct, WRONG, beside, column, roll, text};
 use crate::context::Suite;
 use crate::sections::paper::networks::trained_on;
 
@@ -16,23 +16,40 @@ struct Case {
 }
 
 /// A column at the left wall, thrown to the right.
-fn run(
-    simulator: &Simulator,
+struct Throw {
+    /// Width and height, m.
     size: [f64; 2],
+    /// Initial velocity, m/s.
     speed: f64,
-    frames: usize,
-) -> Result<Case, StudyError> {
-    let [width, height] = size;
-    let domain = [(width + 3.0).max(4.0), (height + 0.5).max(2.0)];
-    let name = format!("column of {width} x {height} m at {speed} m/s");
-    let scene = text(domain, &column([0.0, 0.0], size, [speed, 0.0]));
+}
+
+impl Throw {
+    fn name(&self) -> String {
+        let ([width, height], speed) = (self.size, self.speed);
+        format!("column of {width} x {height} m at {speed} m/s")
+    }
+
+    fn simulate(&self, interval: f64, frames: usize) -> Result<Direct, StudyError> {
+        let [width, height] = self.size;
+        let domain = [(width + 3.0).max(4.0), (height + 0.5).max(2.0)];
+        let scene = text(domain, &column([0.0, 0.0], self.size, [self.speed, 0.0]));
+        Direct::run(&self.name(), &scene, interval, frames)
+    }
+
+    fn predict(&self, simulator: &Simulator, direct: &Direct) -> Result<Case, StudyError> {
+        let rolled = roll(simulator, &direct.start(simulator)?, direct.positions.len());
+        let (error, outcome) = rolled.judge(&direct.positions);
+        let end = (rolled.positions.len() - 1) as f64 * simulator.training.frame_interval;
+        let title = format!("{}, t = {end:.2} s", self.name());
+        Ok(Case { error, outcome, picture: rolled.picture(title, &direct.positions, direct) })
+    }
+}
+
+/// Predicts what the direct solver did.
+fn cases(simulator: &Simulator, throws: &[Throw], frames: usize) -> Result<Vec<Case>, StudyError> {
     let interval = simulator.training.frame_interval;
-    let direct = Direct::run(&name, &scene, interval, frames)?;
-    let rolled = roll(simulator, &direct.start(simulator)?, frames);
-    let (error, outcome) = rolled.judge(&direct.positions);
-    let end = (rolled.positions.len() - 1) as f64 * interval;
-    let picture = rolled.picture(format!("{name}, t = {end:.2} s"), &direct.positions, &direct);
-    Ok(Case { error, outcome, picture })
+    let directs = beside(throws, |throw| throw.simulate(interval, frames))?;
+    throws.iter().zip(&directs).map(|(throw, direct)| throw.predict(simulator, direct)).collect()
 }
 
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
@@ -49,11 +66,17 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     };
     let heights = pick(suite, vec![0.5, 1.0, 2.0], vec![0.5, 1.0, 1.5, 2.0, 3.0]);
     let speeds = pick(suite, vec![0.0, 1.0, 2.5, 5.0], vec![0.0, 1.0, 2.5, 5.0, 7.5, 10.0]);
-    let grid = |height: f64| -> Result<Vec<Case>, StudyError> {
-        speeds.iter().map(|&v| run(simulator, [0.5, height], v, frames)).collect()
-    };
-    let rows: Vec<Vec<Case>> = heights.iter().map(|&h| grid(h)).collect::<Result<_, _>>()?;
-    for (&height, row) in heights.iter().zip(&rows) {
+    let tall = pick(suite, vec![1.0, 3.0, 6.0], vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    let wide = pick(suite, vec![0.25, 0.5, 1.0, 2.0], vec![0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0]);
+    let thrown = heights.iter().flat_map(|&h| speeds.iter().map(move |&v| ([0.5, h], v)));
+    let higher = tall.iter().map(|&h| ([0.5, h], 0.0));
+    let wider = wide.iter().map(|&w| ([w, 1.0], 0.0));
+    let all = thrown.chain(higher).chain(wider).map(|(size, speed)| Throw { size, speed });
+    let mut rows = cases(simulator, &all.collect::<Vec<_>>(), frames)?;
+    let widths = rows.split_off(rows.len() - wide.len());
+    let high = rows.split_off(rows.len() - tall.len());
+    let rows: Vec<&[Case]> = rows.chunks(speeds.len()).collect();
+    for (&height, &row) in heights.iter().zip(&rows) {
         let works = speeds.iter().zip(row).map(|(&v, case)| (v, case.outcome.works()));
         study.findings.push(finding(format!("{height} m high"), "velocity, m/s", works, row));
     }
@@ -66,15 +89,9 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
         caption: "Columns 0.5 m wide. Numbers: error over motion.".into(),
     });
 
-    let tall = pick(suite, vec![1.0, 3.0, 6.0], vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-    let wide = pick(suite, vec![0.25, 0.5, 1.0, 2.0], vec![0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0]);
-    let heights = tall.iter().map(|&h| run(simulator, [0.5, h], 0.0, frames));
-    let heights: Vec<Case> = heights.collect::<Result<_, _>>()?;
-    let widths = wide.iter().map(|&w| run(simulator, [w, 1.0], 0.0, frames));
-    let widths: Vec<Case> = widths.collect::<Result<_, _>>()?;
-    for (name, values, cases) in [("height, m", tall, heights), ("width, m", wide, widths)] {
-        let works = values.iter().zip(&cases).map(|(&v, case)| (v, case.outcome.works()));
-        study.findings.push(finding("at rest".into(), name, works, &cases));
+    for (name, values, cases) in [("height, m", tall, &high), ("width, m", wide, &widths)] {
+        let works = values.iter().zip(cases).map(|(&v, case)| (v, case.outcome.works()));
+        study.findings.push(finding("at rest".into(), name, works, cases));
         study.maps.push(Map {
             title: format!("Columns at rest: {name}"),
             x: Axis::new(name, values.clone()),
@@ -83,11 +100,10 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
             outcomes: vec![cases.iter().map(|c| c.outcome.clone()).collect()],
             caption: "Numbers: error over motion.".into(),
         });
-        study.pictures.extend(cases.into_iter().next_back().map(|c| c.picture));
+        study.pictures.extend(cases.last().map(|c| c.picture.clone()));
     }
-    study.pictures.extend(
-        rows.into_iter().next_back().and_then(|r| r.into_iter().next_back()).map(|c| c.picture),
-    );
+    let hardest = rows.last().and_then(|row| row.last());
+    study.pictures.extend(hardest.map(|c| c.picture.clone()));
     Ok(study)
 }
 

@@ -4,11 +4,14 @@ use std::path::Path;
 
 use dempm::device::Device;
 use dempm::scene::Scene;
-use dempm::simulation::Simulation;
+use dempm::simulation::{Simulation, SimulationError};
+use dempm::trajectory::{Frame, Header, Points, utc_now};
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
 use surrogate::doubts::doubts;
 use surrogate::rollout::Rollout;
 use surrogate::simulator::Simulator;
-use surrogate::start::Start;
+use surrogate::start::{Start, statics};
 use surrogate::watch::Watch;
 
 use super::super::outcome::Outcome;
@@ -46,38 +49,65 @@ pub struct Direct {
     scene: Scene,
     interval: f64,
     pub positions: Frames,
+    velocities: Frames,
+    header: Header,
+    points: Points,
+    /// With the fields that a network may see.
+    first: Frame,
 }
 
 impl Direct {
-    /// So many frames, `interval` (s) apart.
+    /// So many frames, `interval` (s) apart, on one thread: a small scene gains nothing from more.
     pub fn run(name: &str, text: &str, interval: f64, frames: usize) -> Result<Self, StudyError> {
         let error = |reason: String| StudyError::Scene { name: name.into(), reason };
         let mut scene = scene::parse(name, text)?;
         // The longest step that fits into the model's frames.
         scene.step = interval / (interval / scene.step).ceil();
+        scene.frame_interval = interval;
+        let one = ThreadPoolBuilder::new().num_threads(1).build();
+        let one = one.map_err(|e| error(e.to_string()))?;
+        one.install(|| Self::simulate(scene, interval, frames)).map_err(|e| error(e.to_string()))
+    }
+
+    fn simulate(scene: Scene, interval: f64, frames: usize) -> Result<Self, SimulationError> {
         let steps = (interval / scene.step).round() as usize;
-        let mut simulation = Simulation::new(scene.clone()).map_err(|e| error(e.to_string()))?;
-        let mut positions = Frames::new();
+        let mut simulation = Simulation::new(scene.clone())?;
+        let (header, points) = (simulation.header(utc_now()), simulation.static_points());
+        let first = simulation.frame();
+        let (mut positions, mut velocities) = (Frames::new(), Frames::new());
         for frame in 0..frames {
             for _ in 0..if frame == 0 { 0 } else { steps } {
-                simulation.advance().map_err(|e| error(e.to_string()))?;
+                simulation.advance()?;
             }
             let points = &simulation.state.points;
             positions.push(points.position.iter().map(|&x| x.into()).collect());
+            velocities.push(points.velocity.iter().map(|&v| v.into()).collect());
         }
-        Ok(Self { scene, interval, positions })
+        Ok(Self { scene, interval, positions, velocities, header, points, first })
     }
 
     /// Its first frames, which a model starts from.
     pub fn start(&self, simulator: &Simulator) -> Result<Start, StudyError> {
-        let name = self.scene.name.clone();
-        Start::from_scene(self.scene.clone(), simulator)
-            .map_err(|e| StudyError::Scene { name, reason: e.to_string() })
+        let name = &self.scene.name;
+        let statics = statics(simulator, name, || Ok(self.first.clone()))
+            .map_err(|e| StudyError::Scene { name: name.clone(), reason: e.to_string() })?;
+        let given = simulator.first_frames().min(self.positions.len());
+        Ok(Start {
+            scene: self.scene.clone(),
+            header: self.header.clone(),
+            points: self.points.clone(),
+            positions: self.positions[..given].to_vec(),
+            velocities: self.velocities[..given].to_vec(),
+            time: 0.0,
+            statics,
+            frames: self.positions.len(),
+            simulated_in: 0.0,
+        })
     }
 }
 
-/// A prediction and what was said of it. That mirror images differ tells nothing of other errors, so it
-/// is not among it.
+/// A prediction and what was said of it. That mirror images differ tells nothing of other errors, so
+/// nobody looks at it here.
 pub struct Rolled {
     /// Frames from the first of the start on.
     pub positions: Frames,
@@ -85,18 +115,20 @@ pub struct Rolled {
     pub error: Option<String>,
 }
 
-/// Whether a doubt is that mirror images differ.
-pub fn of_mirror_images(doubt: &str) -> bool {
-    doubt.contains("mirror image")
+/// What the direct solver does with several scenes at a time.
+pub fn beside<T: Sync>(
+    of: &[T],
+    run: impl Fn(&T) -> Result<Direct, StudyError> + Sync,
+) -> Result<Vec<Direct>, StudyError> {
+    of.par_iter().map(&run).collect()
 }
 
 /// Predicts up to so many frames, those of the start included.
 pub fn roll(simulator: &Simulator, start: &Start, frames: usize) -> Rolled {
     let mut rollout = Rollout::new(simulator, start);
     let mut watch = Watch::new(start, simulator.training.frame_interval, frames);
-    let said = doubts(simulator, start).into_iter().filter(|doubt| !of_mirror_images(doubt));
-    let mut rolled =
-        Rolled { positions: start.positions.clone(), said: said.collect(), error: None };
+    let said = doubts(simulator, start);
+    let mut rolled = Rolled { positions: start.positions.clone(), said, error: None };
     while rolled.positions.len() < frames {
         match rollout.advance() {
             Ok(next) => rolled.positions.push(next.to_vec()),

@@ -1,0 +1,81 @@
+//! Physics knows no left and right, but a network may: a start and its mirror image, a little way on.
+
+use dempm::scene::{Rectangle, Scene};
+
+use crate::rollout::Rollout;
+use crate::simulator::Simulator;
+use crate::start::Start;
+
+/// So many frames of each are predicted.
+const FRAMES: usize = 15;
+/// Part of the motion by which the two may be apart by then. In ten collapses of 1.2 s (five
+/// networks, a free column and one at a wall: `validation report`, "Mirror asymmetry") they ended 0.4 to
+/// 3.3 times as far apart, for which this is where a tenth of the motion begins.
+const ASYMMETRY: f64 = 0.03;
+/// The largest of those ratios.
+const WORST: f64 = 3.3;
+
+/// What there is to say of a network that does not average mirror images.
+pub fn asymmetry(simulator: &Simulator, start: &Start) -> Option<String> {
+    if simulator.mirror {
+        return None;
+    }
+    let apart = mirror_difference(simulator, start);
+    (apart > ASYMMETRY).then(|| {
+        format!(
+            "after {FRAMES} frames the prediction is {:.0} % of the motion away from that of its mirror \
+             image, and may end {:.0} % away: --mirror averages both",
+            100.0 * apart,
+            100.0 * WORST * apart
+        )
+    })
+}
+
+/// Root mean square distance between the points of a rollout and those of its mirror image, mirrored
+/// back, over their motion since the first frame, or over what accelerations as in training would have
+/// moved them by if that is more. After some frames, or as many as both have.
+pub fn mirror_difference(simulator: &Simulator, start: &Start) -> f64 {
+    let predicted = |start: &Start| -> Vec<Vec<[f64; 2]>> {
+        let mut rollout = Rollout::new(simulator, start);
+        (0..FRAMES).map_while(|_| Some(rollout.advance().ok()?.to_vec())).collect()
+    };
+    let width = start.scene.domain.size[0];
+    let (straight, image) = (predicted(start), predicted(&image(start)));
+    let Some((straight, image)) = straight.iter().zip(&image).next_back() else { return 0.0 };
+    let rms = |square: &dyn Fn(usize) -> f64| {
+        let sum: f64 = (0..straight.len()).map(square).sum();
+        (sum / straight.len().max(1) as f64).sqrt()
+    };
+    let apart = rms(&|p| {
+        let ([x, y], [u, v]) = (straight[p], image[p]);
+        (x + u - width).powi(2) + (y - v).powi(2)
+    });
+    let motion = rms(&|p| {
+        let ([x, y], [u, v]) = (straight[p], start.positions[0][p]);
+        (x - u).powi(2) + (y - v).powi(2)
+    });
+    let spread: f64 = simulator.normalisation.acceleration_std.iter().map(|s| s * s).sum();
+    let usual = 0.5 * spread.sqrt() * (FRAMES * FRAMES) as f64;
+    apart / motion.max(usual)
+}
+
+/// Left and right exchanged.
+fn image(start: &Start) -> Start {
+    let mut image = start.clone();
+    let width = start.scene.domain.size[0];
+    image.positions.iter_mut().flatten().for_each(|x| x[0] = width - x[0]);
+    image.velocities.iter_mut().flatten().for_each(|v| v[0] = -v[0]);
+    let Scene { gravity, obstacles, plate, .. } = &mut image.scene;
+    gravity[0] = -gravity[0];
+    let reflect = |place: &mut Rectangle| place.corner[0] = width - place.corner[0] - place.size[0];
+    for obstacle in obstacles {
+        reflect(&mut obstacle.place);
+        std::mem::swap(&mut obstacle.faces.left, &mut obstacle.faces.right);
+    }
+    if let Some(plate) = plate {
+        reflect(&mut plate.place);
+        plate.velocity[0] = -plate.velocity[0];
+        std::mem::swap(&mut plate.faces.left, &mut plate.faces.right);
+    }
+    image
+}
