@@ -96,9 +96,7 @@ fn launches(size: usize) -> Vec<Launch> {
 }
 
 /// Runs two ranks, each with two of the four windows.
-fn two_ranks(
-    train: impl Fn(Launch, Range<u64>) -> (State, Vec<f64>) + Sync,
-) -> [(State, Vec<f64>); 2] {
+fn two_ranks<T: Send>(train: impl Fn(Launch, Range<u64>) -> T + Sync) -> [T; 2] {
     let train = &train;
     let [first, second] = launches(2).try_into().unwrap();
     thread::scope(|scope| {
@@ -146,11 +144,14 @@ fn compare_means([first, second]: [(State, Vec<f64>); 2], alone: [(State, Vec<f6
 
 #[test]
 fn ranks_hold_equal_weights_and_learn_like_one() {
-    let join = |launch| Tcp::join(launch, &[0; 32]).unwrap();
-    let two = two_ranks(|launch, windows| train(&config(), windows, &mut join(launch)));
-    compare(two, train(&config(), 0..4, &mut Alone));
-    let two = two_ranks(|launch, windows| train(&own_losses(), windows, &mut join(launch)));
-    compare_means(two, [0..2, 2..4].map(|windows| train(&own_losses(), windows, &mut Alone)));
+    let [first, second] = two_ranks(|launch, windows| {
+        let mut ranks = Tcp::join(launch, &[0; 32]).unwrap();
+        [config(), own_losses()].map(|config| train(&config, windows.clone(), &mut ranks))
+    });
+    let [[first, first_mean], [second, second_mean]] = [first, second];
+    compare([first, second], train(&config(), 0..4, &mut Alone));
+    let alone = [0..2, 2..4].map(|windows| train(&own_losses(), windows, &mut Alone));
+    compare_means([first_mean, second_mean], alone);
 }
 
 /// One process has the same loss either way, but for rounding.
