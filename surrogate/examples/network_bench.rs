@@ -144,8 +144,8 @@ fn train(
     Ok([output, gradient])
 }
 
-/// Times training steps with all that belongs to them, batches and their graphs too; without and with a
-/// frame that the network predicts before it learns (pushforward).
+/// Times training steps with all that belongs to them, batches and their graphs too; without and with
+/// frames that the network predicts before it learns (pushforward).
 fn train_all_in(
     device: &Arc<Device>,
     scene: &Scene,
@@ -160,7 +160,7 @@ fn train_all_in(
     trainer.restore(&scene.weights, [&zeros, &zeros], Some(&scene.weights))?;
     let mut batches = BatchBuilder::new(device, config, &normalisation(), &[[0.0, 10.0]; 2])?;
     let rates = Rates { rate: 1e-4, corrections: [1.0; 2], decay: 0.9 };
-    for unroll in [0, 1] {
+    for unroll in [0, 1, 8] {
         let frames = |last: usize| {
             let at = 2 * POINTS * (config.frames - last)..2 * POINTS * (config.frames + 1 - last);
             positions
@@ -170,7 +170,7 @@ fn train_all_in(
         };
         let last_two: [Vec<f64>; 2] = [frames(2), frames(1)];
         let (mean, std) = (vec![[0.0; 2]; scene.windows], [1e-3; 2]);
-        let unrolling = Unrolling { steps: 1, truth: last_two.clone(), last_two, mean, std };
+        let unrolling = Unrolling { steps: unroll, truth: last_two.clone(), last_two, mean, std };
         let batch = Batch {
             windows: positions.clone(),
             points: vec![POINTS; scene.windows],
@@ -180,19 +180,19 @@ fn train_all_in(
         };
         let host = HostWindows::new(batch, Some(unrolling).filter(|_| unroll > 0));
         let mut step = || -> Result<(), CudaError> {
-            let batch = batches.make(&host, |batch, said| trainer.say(batch, said))?;
+            let batch = batches.make(&host, |seen, said| trainer.say(seen, said))?;
             trainer.step(&batch.frames, &batch.targets, rates)
         };
         (0..10).try_for_each(|_| step())?;
         device.stream().synchronize()?;
-        let steps = if precision == Precision::Bf16 { 1000 } else { 450 };
+        let steps = if precision == Precision::Bf16 { 1000 } else { 450 } / (1 + unroll);
         let began = Instant::now();
         (0..steps).try_for_each(|_| step())?;
         device.stream().synchronize()?;
         println!(
             "{precision:?} step with its batch of {}, {unroll} frames predicted: {:.3} ms",
             scene.windows,
-            ms(began) / f64::from(steps)
+            ms(began) / steps as f64
         );
     }
     Ok(())

@@ -401,7 +401,7 @@ fn kernels_compile() {
     for architecture in ["sm_80", "sm_90a"] {
         for precision in [Precision::F32, Precision::Bf16] {
             for (name, source) in SOURCES {
-                compile(name, source, architecture, &defines(precision)).unwrap();
+                compile(name, source, architecture, &defines(precision, 227 << 10)).unwrap();
             }
         }
     }

@@ -89,7 +89,8 @@ __device__ void leaky_backward(Tile& z, const Stored* hidden, const Place& at, f
 }
 
 // The gradient of the output.
-__device__ void output_gradient(Tile& z, const Backward& a, const Place& at) {
+template <class Weights>
+__device__ void output_gradient(Tile& z, const Backward& a, const Place& at, Weights& weights) {
     clear(z);
     u32 row[2];
     at.rows(row);
@@ -107,6 +108,15 @@ __device__ void output_gradient(Tile& z, const Backward& a, const Place& at) {
         add_rows(z, a.output, from, at.t);
     }
     if (a.output32) add_rows(z, a.output32, row, at.t);
+    if (a.part_weights) {
+#pragma unroll 1
+        for (int k = 0; k < 2; k++) {
+            Operand x;
+            load_operand(x, a.parts[k], row, nullptr, at.t);
+            multiply(z, x, weights.next(PARTS * UNIT));
+        }
+        if (a.accumulate & 1) store_rows(z, a.output32, at);
+    }
     if (a.gathered) {
         u32 from[2];
 #pragma unroll
@@ -116,25 +126,17 @@ __device__ void output_gradient(Tile& z, const Backward& a, const Place& at) {
     }
 }
 
-__device__ __forceinline__ void backward(const Backward& a) {
-    extern __shared__ uint4 shared[];
-    float* scale = (float*)shared;
+// All of a block's tiles; adds to the sums of LayerNorm's parameters.
+template <class Weights>
+__device__ __forceinline__ void backward(const Backward& a, Weights& weights, const float* scale,
+                                         u32 rows, float (&sums)[4][2]) {
     const int matrix = PARTS * UNIT;
-    Weights weights(a.weights, (uint4*)(scale + WIDTH), a.units, a.resident);
-    for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
-        scale[k] = a.norm >= 0 && k < a.width ? read_early(a.parameters + a.norm + k) : 0.f;
-    const u32 rows = read_early(a.count);
-    wait_for_kernel_before();
-    weights.wait();
-
-    float sums[4][2] = {};
-    const u32 warps = blockDim.x / 32, warp = threadIdx.x / 32;
-    for (Tiles tile(rows, a.resident); tile.next();) {
-        weights.cursor = 0;
+    for (Tiles<Weights::TOGETHER> tile(rows); tile.next();) {
+        weights.begin_tile();
         const Place at(tile.index, rows);
         Tile z;
         Operand x;
-        output_gradient(z, a, at);
+        output_gradient(z, a, at, weights);
         if (a.norm >= 0) normalise_backward(z, a, at, scale, sums);
         store_rows(z, a.linear + a.layers * a.stride, at);
         to_operand(z, x);
@@ -164,10 +166,14 @@ __device__ __forceinline__ void backward(const Backward& a) {
         }
     }
 
+}
+
+// The block's sums for LayerNorm's scale and shift, with 256 numbers of shared memory for each warp.
+__device__ void write_norm_sums(float* all, const Backward& a, const float (&sums)[4][2]) {
     if (!a.norm_sums) return;
-    __syncthreads();
-    float* all = (float*)shared;
+    const u32 warps = blockDim.x / 32, warp = threadIdx.x / 32;
     const int lane = threadIdx.x % 32, first = 2 * (lane / 4 % 2 + 2 * (lane / 8 % 2));
+    __syncthreads();
 #pragma unroll
     for (int q = 0; q < 4; q++)
 #pragma unroll
@@ -183,7 +189,51 @@ __device__ __forceinline__ void backward(const Backward& a) {
     }
 }
 
+__device__ void load_scale(float* to, const Backward& a) {
+    for (int k = threadIdx.x; k < WIDTH; k += blockDim.x)
+        to[k] = a.norm >= 0 && k < a.width ? read_early(a.parameters + a.norm + k) : 0.f;
+}
+
+// MLPs side by side, whose weights fit into shared memory.
 extern "C" __global__ void __launch_bounds__(THREADS, 1)
     mlp_backward(const __grid_constant__ BackwardBatch batch) {
-    backward(batch.item[blockIdx.y]);
+    extern __shared__ uint4 shared[];
+    const Backward& a = batch.item[blockIdx.y];
+    float* scale = (float*)shared;
+    Resident weights(a.weights, (uint4*)(scale + WIDTH), a.units);
+    load_scale(scale, a);
+    const u32 rows = read_early(a.count);
+    wait_for_kernel_before();
+    weights.wait();
+    float sums[4][2] = {};
+    backward(a, weights, scale, rows, sums);
+    write_norm_sums((float*)shared, a, sums);
+}
+
+__device__ Matrix16 matrix_of(const Backward& a, int n) {
+    const int parts = a.part_weights ? 2 : 0, matrix = PARTS * UNIT;
+    if (n < parts) return {a.part_weights + n * matrix, matrix};
+    return {a.weights + (n - parts) * matrix, n - parts < a.units / matrix ? matrix : 0};
+}
+
+// Chains of at most `length` MLPs on the same rows, as in forward.cu.
+extern "C" __global__ void __launch_bounds__(CHAIN_THREADS, 1)
+    mlp_backward_chain(const __grid_constant__ BackwardBatch batch, int length) {
+    extern __shared__ uint4 shared[];
+    const Backward* chain = batch.item + blockIdx.y * length;
+    int count = 0;
+    while (count < length && chain[count].weights) count++;
+    const u32 rows = read_early(chain->count);
+    Stream<Backward> weights(chain, count, shared, Tiles<true>(rows).rounds());
+    float* const sums_of_warps = (float*)(shared + RING * weights.SLOT);
+    float* const scales = sums_of_warps + CHAIN_THREADS / 32 * 2 * WIDTH;
+    for (int k = 0; k < count; k++) load_scale(scales + k * WIDTH, chain[k]);
+    wait_for_kernel_before();
+    __syncthreads();
+#pragma unroll 1
+    for (int k = 0; k < count; k++) {
+        float sums[4][2] = {};
+        backward(chain[k], weights, scales + k * WIDTH, rows, sums);
+        write_norm_sums(sums_of_warps, chain[k], sums);
+    }
 }

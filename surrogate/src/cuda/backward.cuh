@@ -3,11 +3,15 @@
 struct Backward {
     // Number of rows.
     const u32* count;
-    // Gradient of the output, the sum of up to three: rows x 128, row `index[k]` of it, ...
+    // Gradient of the output, the sum of up to four: rows x 128, row `index[k]` of it, ...
     const Stored* output;
     const u32* output_index;
     // ... in f32, ...
-    const float* output32;
+    float* output32;
+    // ... x_0 W_0 + x_1 W_1 with packed and transposed weights, if these are not null (rows x 128; the
+    // sum with `output32` goes there if something is to be added to it), ...
+    const Stored* parts[2];
+    const uint4* part_weights;
     // ... row `gathered_index[k]` of a matrix.
     const float* gathered;
     const u32* gathered_index;
@@ -36,7 +40,7 @@ struct Backward {
     // (edges_backward.cu).
     float* sums;
 
-    int units, resident, select_none;
+    int units, select_none;
     int norm, layers, width, accumulate;
     // Number of products, and of blocks that share the rows.
     int product_count, blocks;

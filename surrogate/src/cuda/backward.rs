@@ -3,7 +3,7 @@
 //! over edges are computed on the way.
 
 use super::error::CudaError;
-use super::kernels::{Address, Backward, Forward};
+use super::kernels::{Address, Backward};
 use super::network::{CudaNetwork, View};
 use super::products::List;
 use super::room::{Passed, Saved};
@@ -11,6 +11,10 @@ use super::room::{Passed, Saved};
 /// Which buffers hold the gradients that are passed on.
 struct Turn<'a> {
     list: &'a List,
+    /// What nodes have to go through before the next messages.
+    nodes: Vec<Backward>,
+    /// The layer whose messages' parts have yet to be added to the gradient of the node states.
+    parts: Option<usize>,
     /// Of the node states after a layer,
     node: usize,
     /// and of the messages of a layer, if anything but their sum is used.
@@ -35,9 +39,15 @@ impl CudaNetwork {
             input32: [passed.node[0], 0],
             ..self.mlp_backward(self.layout.decoder, &self.room.decoder, list)
         };
-        self.kernels.backward(&[decoder], self.nodes())?;
-
-        let mut turn = Turn { list, node: 0, edge: passed.edge[0], messages_used: false, next: 0 };
+        let mut turn = Turn {
+            list,
+            nodes: vec![decoder],
+            parts: None,
+            node: 0,
+            edge: passed.edge[0],
+            messages_used: false,
+            next: 0,
+        };
         for layer in (0..self.layout.layers.len()).rev() {
             let view = &views[layer.min(views.len() - 1)];
             self.message_layer_backward(layer, view, passed, &mut turn)?;
@@ -54,11 +64,12 @@ impl CudaNetwork {
                 0 => (layout.node_first, layout.edge_first),
                 _ => (layout.node_later, layout.edge_later),
             };
-            nodes.push(Backward {
+            let encoder = Backward {
                 output32: if first { passed.node[turn.node] } else { room.node_gradient },
                 count: view.nodes,
                 ..self.mlp_backward(node, &room.node_encoder, list)
-            });
+            };
+            nodes.push(vec![if first { self.adding_parts(encoder, &mut turn) } else { encoder }]);
             edges.push(Backward {
                 output: if layout.residual { turn.edge } else { room.edge_gradient },
                 // Edges that the frame before has too come from the fusion.
@@ -68,8 +79,19 @@ impl CudaNetwork {
                 ..self.mlp_backward(edge, &room.edge_encoder, list)
             });
         }
-        self.kernels.backward(&edges, self.edges())?;
-        self.kernels.backward(&nodes, self.nodes())
+        self.kernels.backward_edges(&edges, self.edges().most)?;
+        self.kernels.backward_chains(nodes, self.nodes())
+    }
+
+    /// Has an MLP add to the gradient of its output what came from the messages that read it.
+    fn adding_parts(&self, item: Backward, turn: &mut Turn) -> Backward {
+        let Some(layer) = turn.parts.take() else { return item };
+        let room = &self.room.layers[layer];
+        Backward {
+            parts: [room.sender_gradient, room.receiver_gradient],
+            part_weights: self.packed_at(self.layout.layers[layer].to_nodes),
+            ..item
+        }
     }
 
     /// From the gradients of a layer's node states and messages to those of what it reads.
@@ -81,22 +103,22 @@ impl CudaNetwork {
         turn: &mut Turn,
     ) -> Result<(), CudaError> {
         let (mlps, room) = (&self.layout.layers[layer], &self.room.layers[layer]);
-        let count = view.nodes;
         // A residual network adds to the gradients where they are.
         let residual = self.layout.residual;
         let after = passed.node[turn.node];
         if !residual {
             turn.node = 1 - turn.node;
         }
-        let before = passed.node[turn.node];
         let update = Backward {
             output32: after,
-            count,
-            input32: [before, passed.received],
+            count: view.nodes,
+            input32: [passed.node[turn.node], passed.received],
             accumulate: i32::from(residual),
             ..self.mlp_backward(mlps.update, &room.update, turn.list)
         };
-        self.kernels.backward(&[update], self.nodes())?;
+        let update = self.adding_parts(update, turn);
+        turn.nodes.push(update);
+        self.kernels.backward_chains(vec![std::mem::take(&mut turn.nodes)], self.nodes())?;
 
         let output = if turn.messages_used { turn.edge } else { 0 };
         if !residual {
@@ -118,20 +140,13 @@ impl CudaNetwork {
             accumulate: i32::from(residual && turn.messages_used),
             ..self.mlp_backward(mlps.message, &room.message, turn.list)
         };
-        self.kernels.backward(&[message], self.edges())?;
+        self.kernels.backward_edges(&[message], self.edges().most)?;
         (turn.messages_used, turn.next) = (true, 0);
 
-        let (sent, received) = (room.sender_gradient, room.receiver_gradient);
-        let edge = [room.message.linear, sums];
-        self.kernels.collect(view, self.nodes(), edge, [sent, received])?;
-        let nodes = Forward {
-            x: [sent, received],
-            count,
-            output32: before,
-            accumulate: 1,
-            ..self.linear(mlps.to_nodes)
-        };
-        self.kernels.forward(&[nodes], self.nodes())
+        let gradients = [room.sender_gradient, room.receiver_gradient];
+        self.kernels.collect(view, self.nodes(), [room.message.linear, sums], gradients)?;
+        turn.parts = Some(layer);
+        Ok(())
     }
 
     /// From the gradients of the nodes and edges of a frame to those of the frame before; those of
@@ -158,7 +173,7 @@ impl CudaNetwork {
                 input: turn.edge,
                 ..self.mlp_backward(fusion, &room.edge_fusion, turn.list)
             };
-            self.kernels.backward(&[fusion], self.edges())?;
+            self.kernels.backward_edges(&[fusion], self.edges().most)?;
             (turn.messages_used, turn.next) = (true, room.next);
         }
         let output32 = passed.node[turn.node];
@@ -169,7 +184,9 @@ impl CudaNetwork {
             input32: [passed.node[turn.node], room.node_gradient],
             ..self.mlp_backward(self.layout.node_fusion, &room.node_fusion, turn.list)
         };
-        self.kernels.backward(&[fusion], self.nodes())
+        let fusion = self.adding_parts(fusion, turn);
+        turn.nodes.push(fusion);
+        Ok(())
     }
 
     /// What backward launches of an MLP have in common.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaEvent, CudaSlice};
+use cudarc::driver::{CudaEvent, CudaSlice, CudaView, CudaViewMut};
 use gpu::Device;
 
 use super::buffers::FrameInput;
@@ -19,6 +19,10 @@ pub const EDGES_PER_POINT: usize = 48;
 
 /// Places in which batches are made in turn, so that one is made while another is read.
 pub(super) const PLACES: usize = 2;
+
+/// Frames that take less time if each is predicted from a whole window, all of which has to be gone
+/// through frame by frame before others can follow.
+const FEW: usize = 2;
 
 /// Makes batches on a stream of its own.
 pub struct BatchBuilder {
@@ -66,6 +70,14 @@ impl DeviceBatch {
         let graph = &self.frames[0].graph;
         Capacity { points: graph.points, edges: graph.capacity }
     }
+}
+
+/// What is to be predicted from.
+pub enum Seen<'a> {
+    /// The frames of windows, the oldest first; `followed` by others, that go on with a frame.
+    Windows { frames: &'a [FrameInput], followed: bool },
+    /// The windows that go on with a frame after `before`, which ended those before them.
+    Next { frame: &'a FrameInput, before: &'a FrameInput },
 }
 
 /// Windows side by side.
@@ -137,7 +149,7 @@ impl BatchBuilder {
     /// next one.
     ///
     /// Windows that are to be moved on are so with what `say` queues on the reader's stream: normalised
-    /// accelerations of a batch, points x dimensions, to the start of a list.
+    /// accelerations, points x dimensions.
     ///
     /// # Errors
     /// A network that is too large for the kernels, too little memory, no compiler, or a kernel
@@ -145,7 +157,7 @@ impl BatchBuilder {
     pub fn make(
         &mut self,
         host: &HostWindows,
-        mut say: impl FnMut(&DeviceBatch, &mut CudaSlice<f32>) -> Result<(), CudaError>,
+        mut say: impl FnMut(Seen, &mut CudaViewMut<f32>) -> Result<(), CudaError>,
     ) -> Result<&DeviceBatch, CudaError> {
         let now = self.next;
         self.next = (now + 1) % PLACES;
@@ -179,25 +191,45 @@ impl BatchBuilder {
         Ok(&self.places[now].insert(place).batch)
     }
 
-    /// Queues the making of graphs and features from positions.
+    /// Queues the making of graphs and features of all frames from positions.
     fn make_frames(&self, place: &mut Place) -> Result<(), CudaError> {
         let Place { builder, positions, batch, .. } = place;
-        let at: Vec<_> = (0..self.config.window())
-            .map(|k| positions.slice(k * batch.values..(k + 1) * batch.values))
-            .collect();
+        let at = self.frames_of(positions, batch.values);
         let first = at.len() - batch.frames.len();
         let mut frames: Vec<_> = (first..)
             .zip(&mut batch.frames)
-            .map(|(k, frame)| {
-                let known = match self.config.kind {
-                    ModelKind::Tgnns => (k + 1 - first).min(2),
-                    ModelKind::Gns => self.config.frames,
-                };
-                NewFrame { past: &at[..=k], known, frame }
-            })
+            .map(|(k, frame)| NewFrame { past: &at[..=k], known: self.known(k - first), frame })
             .collect();
         builder.graphs(&mut frames)?;
         Ok(builder.features(&mut frames)?)
+    }
+
+    /// Queues the same for the newest frame, in the place of frame `number` of the batch.
+    fn make_newest(&self, place: &mut Place, number: usize) -> Result<(), CudaError> {
+        let Place { builder, positions, batch, .. } = place;
+        let at = self.frames_of(positions, batch.values);
+        // Not the first of its window.
+        let new = NewFrame { past: &at, known: self.known(1), frame: &mut batch.frames[number] };
+        let mut frames = [new];
+        builder.graphs(&mut frames)?;
+        Ok(builder.features(&mut frames)?)
+    }
+
+    fn frames_of<'a>(
+        &self,
+        positions: &'a CudaSlice<f32>,
+        values: usize,
+    ) -> Vec<CudaView<'a, f32>> {
+        (0..self.config.window()).map(|k| positions.slice(k * values..(k + 1) * values)).collect()
+    }
+
+    /// Of the frame with this number among those with graphs, the frames whose velocities its nodes
+    /// know: the newest.
+    fn known(&self, number: usize) -> usize {
+        match self.config.kind {
+            ModelKind::Tgnns => (number + 1).min(2),
+            ModelKind::Gns => self.config.frames,
+        }
     }
 
     /// Queues the moving of windows.
@@ -205,21 +237,36 @@ impl BatchBuilder {
         &self,
         place: &mut Place,
         unrolling: &Unrolling,
-        say: &mut impl FnMut(&DeviceBatch, &mut CudaSlice<f32>) -> Result<(), CudaError>,
+        say: &mut impl FnMut(Seen, &mut CudaViewMut<f32>) -> Result<(), CudaError>,
     ) -> Result<(), CudaError> {
         let (stream, reader) = (self.device.stream(), self.reader.stream());
         place.pushing.begin(unrolling)?;
-        for left in (0..unrolling.steps).rev() {
+        let followed = unrolling.steps > FEW;
+        for step in 1..=unrolling.steps {
             self.ready.record(stream)?;
             reader.wait(&self.ready)?;
-            say(&place.batch, &mut place.pushing.said)?;
+            let Place { builder, positions, pushing, batch } = &mut *place;
+            // New frames take the places of the oldest.
+            let count = batch.frames.len();
+            let [frame, before] = [step + count - 2, step + 2 * count - 3].map(|k| k % count);
+            let [frame, before] = [&batch.frames[frame], &batch.frames[before]];
+            let seen = if step == 1 || !followed {
+                Seen::Windows { frames: &batch.frames, followed }
+            } else {
+                Seen::Next { frame, before }
+            };
+            say(seen, &mut pushing.said.slice_mut(..batch.values))?;
             self.said.record(reader)?;
             stream.wait(&self.said)?;
-            let Place { builder, positions, pushing, batch } = place;
             let size = [self.config.window(), batch.values];
-            let targets = Some(&mut batch.targets).filter(|_| left == 0);
+            let last = step == unrolling.steps;
+            let targets = Some(&mut batch.targets).filter(|_| last);
             pushing.step(builder.window(), positions, size, targets)?;
-            self.make_frames(place)?;
+            if last || !followed {
+                self.make_frames(place)?;
+            } else {
+                self.make_newest(place, (step - 1) % count)?;
+            }
         }
         Ok(())
     }

@@ -35,7 +35,7 @@ struct Forward {
     // k + v.
     float* sums;
 
-    int units, resident, feature_count, feature_stride, feature_steps;
+    int units, feature_count, feature_stride, feature_steps;
     // Offsets in `parameters`: of biases (-1 for none), of LayerNorm (-1 for none), of the
     // LayerNorm whose scale and shift apply to x_0 (-1 for none).
     int bias, bias_stride, last_bias, norm, input_norm;
@@ -204,20 +204,15 @@ __device__ void finish(Tile& z, const Forward& a, const Place& at, const u32 (&s
     }
 }
 
-__device__ __forceinline__ void forward(const Forward& a) {
-    extern __shared__ uint4 shared[];
-    float* biases = (float*)shared;
-    float* scales = biases + (a.layers + 1) * WIDTH;
-    float* input_scales = scales + 2 * WIDTH;
+// All of a block's tiles; `biases` and what follows are those of `load_vectors`.
+template <class Weights>
+__device__ __forceinline__ void forward(const Forward& a, Weights& weights, const float* biases,
+                                        u32 rows) {
+    const float* scales = biases + (a.layers + 1) * WIDTH;
+    const float* input_scales = scales + 2 * WIDTH;
     const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * STEP;
-    Weights weights(a.weights, (uint4*)(input_scales + 2 * WIDTH), a.units, a.resident);
-    load_vectors(biases, a);
-    const u32 rows = read_early(a.count);
-    wait_for_kernel_before();
-    weights.wait();
-
-    for (Tiles tile(rows, a.resident); tile.next();) {
-        weights.cursor = 0;
+    for (Tiles<Weights::TOGETHER> tile(rows); tile.next();) {
+        weights.begin_tile();
         const Place at(tile.index, rows);
         Tile z;
         fill(z, biases, at.t);
@@ -261,7 +256,49 @@ __device__ __forceinline__ void forward(const Forward& a) {
     }
 }
 
+__device__ int vectors_of(const Forward& a) { return (a.layers + 5) * WIDTH; }
+
+// MLPs side by side, whose weights fit into shared memory.
 extern "C" __global__ void __launch_bounds__(THREADS, 1)
     mlp_forward(const __grid_constant__ ForwardBatch batch) {
-    forward(batch.item[blockIdx.y]);
+    extern __shared__ uint4 shared[];
+    const Forward& a = batch.item[blockIdx.y];
+    float* vectors = (float*)shared;
+    Resident weights(a.weights, (uint4*)(vectors + vectors_of(a)), a.units);
+    load_vectors(vectors, a);
+    const u32 rows = read_early(a.count);
+    wait_for_kernel_before();
+    weights.wait();
+    forward(a, weights, vectors, rows);
+}
+
+__device__ Matrix16 matrix_of(const Forward& a, int n) {
+    const int states = (a.x[0] != nullptr) + (a.x[1] != nullptr), features = a.features != nullptr;
+    const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * STEP;
+    if (n >= states + features + a.layers) return {nullptr, 0};
+    const bool after = features && n > states;
+    return {a.weights + (after ? (n - 1) * matrix + feature_matrix : n * matrix),
+            features && n == states ? feature_matrix : matrix};
+}
+
+// Chains of at most `length` MLPs on the same rows, each of which may read what those before it have
+// written: a lane reads the numbers that it wrote itself. Chains that are shorter end with MLPs without
+// weights.
+extern "C" __global__ void __launch_bounds__(CHAIN_THREADS, 1)
+    mlp_forward_chain(const __grid_constant__ ForwardBatch batch, int length) {
+    extern __shared__ uint4 shared[];
+    const Forward* chain = batch.item + blockIdx.y * length;
+    int count = 0;
+    while (count < length && chain[count].weights) count++;
+    const u32 rows = read_early(chain->count);
+    Stream<Forward> weights(chain, count, shared, Tiles<true>(rows).rounds());
+    float* const all_vectors = (float*)(shared + RING * weights.SLOT);
+    float* vectors = all_vectors;
+    for (int k = 0; k < count; vectors += vectors_of(chain[k]), k++) load_vectors(vectors, chain[k]);
+    wait_for_kernel_before();
+    __syncthreads();
+    vectors = all_vectors;
+#pragma unroll 1
+    for (int k = 0; k < count; vectors += vectors_of(chain[k]), k++)
+        forward(chain[k], weights, vectors, rows);
 }

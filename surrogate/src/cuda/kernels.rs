@@ -44,7 +44,7 @@ impl Precision {
         2 * self.parts()
     }
 
-    /// Threads of a block that takes rows through MLPs: as many as there are registers for.
+    /// Threads of a block that takes rows through an MLP: as many as there are registers for.
     fn threads(self) -> u32 {
         match self {
             Self::F32 => 256,
@@ -70,13 +70,28 @@ pub const SOURCES: [(&str, &str); 7] = [
     ("optimiser.cu", source!("optimiser.cu")),
 ];
 
-/// Definitions that the sources need.
-pub fn defines(precision: Precision) -> Vec<String> {
+/// Threads of a block that takes rows through a chain of MLPs, at most: of each four warps.
+const CHAIN_THREADS: u32 = 256;
+const TEAM_THREADS: u32 = 128;
+/// Vectors of 128 f32 for a chain: biases and LayerNorms, or sums of LayerNorms' gradients.
+const CHAIN_VECTORS: usize = 70;
+
+/// Matrices that are in shared memory, or on their way there, while a chain is computed.
+fn ring(precision: Precision, shared: usize) -> usize {
+    let room = shared - CHAIN_VECTORS * WIDTH * 4;
+    (room / (16 * UNIT * precision.parts())).max(1)
+}
+
+/// Definitions that the sources need on a GPU with so many bytes of shared memory for a block.
+pub fn defines(precision: Precision, shared: usize) -> Vec<String> {
     vec![
+        format!("CHAIN_THREADS={CHAIN_THREADS}"),
+        format!("RING={}", ring(precision, shared)),
         format!("PARTS={}", precision.parts()),
         format!("THREADS={}", precision.threads()),
         format!("FORWARD_BATCH={FORWARD_BATCH}"),
         format!("RECEIVE_BATCH={RECEIVE_BATCH}"),
+        format!("REDUCE_ROWS={REDUCE_ROWS}"),
         format!("EDGES_SHARED={EDGES_SHARED}"),
     ]
 }
@@ -127,7 +142,6 @@ pub struct Forward {
     pub narrow: Address,
     pub sums: Address,
     pub units: i32,
-    pub resident: i32,
     pub feature_count: i32,
     pub feature_stride: i32,
     pub feature_steps: i32,
@@ -151,6 +165,8 @@ pub struct Backward {
     pub output: Address,
     pub output_index: Address,
     pub output32: Address,
+    pub parts: [Address; 2],
+    pub part_weights: Address,
     pub gathered: Address,
     pub gathered_index: Address,
     pub selection: Address,
@@ -167,7 +183,6 @@ pub struct Backward {
     pub norm_sums: Address,
     pub sums: Address,
     pub units: i32,
-    pub resident: i32,
     pub select_none: i32,
     pub norm: i32,
     pub layers: i32,
@@ -232,10 +247,19 @@ pub struct Rows {
     pub most: usize,
 }
 
+impl Rows {
+    /// The name of a forward launch.
+    fn forward(self) -> &'static str {
+        if self.edges { "forward, edges" } else { "forward, nodes" }
+    }
+}
+
 /// MLPs of one forward launch, and of one backward launch; sums of one launch.
-pub const FORWARD_BATCH: usize = 16;
+pub const FORWARD_BATCH: usize = 18;
 pub const BACKWARD_BATCH: usize = 8;
 pub const RECEIVE_BATCH: usize = 8;
+/// Rows of weights that a block adds up.
+const REDUCE_ROWS: usize = 4;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
@@ -271,7 +295,9 @@ pub struct Kernels {
     pub processors: u32,
     /// Times of launches, if they are wanted.
     pub profile: Profile,
+    /// Bytes of a block, and of one that computes chains.
     shared: usize,
+    chain_shared: usize,
     /// Whether the GPU can begin a kernel while the one before ends.
     early: bool,
     /// The next launch is the first of a pass: the weights and numbers of rows may be new, which
@@ -281,7 +307,9 @@ pub struct Kernels {
     keep: AtomicBool,
     pack: CudaFunction,
     forward: CudaFunction,
+    forward_chain: CudaFunction,
     backward: CudaFunction,
+    backward_chain: CudaFunction,
     /// In bf16 on Hopper.
     edges_backward: Option<CudaFunction>,
     product: CudaFunction,
@@ -297,7 +325,9 @@ pub struct Kernels {
 impl Kernels {
     /// Compiles what is not in the cache.
     pub fn load(device: &Arc<Device>, precision: Precision) -> Result<Self, CudaError> {
-        let defines = defines(precision);
+        // What the driver keeps of a block's shared memory is not in the limit.
+        let shared = device.limits()?.shared_per_block;
+        let defines = defines(precision, shared);
         let modules = SOURCES
             .iter()
             .map(|(name, source)| device.module(name, source, &defines))
@@ -307,8 +337,8 @@ impl Kernels {
         };
         let hopper = device.architecture() == "sm_90a";
         let product_shared = product_shared(precision, hopper);
-        // What the driver keeps of a block's shared memory is not in the limit.
-        let shared = device.limits()?.shared_per_block;
+        let chain_shared =
+            ring(precision, shared) * 16 * UNIT * precision.parts() + CHAIN_VECTORS * WIDTH * 4;
         let with_shared = |module: &Arc<CudaModule>, name: &str, bytes: usize| {
             let kernel = module.load_function(name)?;
             kernel.set_attribute(
@@ -323,7 +353,9 @@ impl Kernels {
         Ok(Self {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
+            forward_chain: with_shared(forward, "mlp_forward_chain", chain_shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
+            backward_chain: with_shared(backward, "mlp_backward_chain", chain_shared)?,
             edges_backward: if precision == Precision::Bf16 && hopper {
                 Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
             } else {
@@ -342,6 +374,7 @@ impl Kernels {
             precision,
             profile: Profile::default(),
             shared,
+            chain_shared,
             early: device.context().compute_capability()?.0 >= 9,
             first: AtomicBool::new(true),
             keep: AtomicBool::new(true),
@@ -356,7 +389,7 @@ impl Kernels {
         packed: Address,
     ) -> Result<(), CudaError> {
         let arguments = arguments![packs, parameters, packed];
-        let config = config([count as u32, 1], 512, 0);
+        let config = config([count as u32, 4], 512, 0);
         // SAFETY: the addresses are those of `count` packs, of the weights and of the room that
         // the packs were laid out for.
         unsafe { self.launch("pack", &self.pack, arguments, config, false) }
@@ -420,65 +453,116 @@ impl Kernels {
         (self.processors as usize / together).min(rows.div_ceil(64)).max(1)
     }
 
-    /// Whether `units` (in words of 16 bytes) fit into shared memory with `vectors` of 128 f32;
-    /// the shared memory needed.
-    fn fit(&self, units: i32, vectors: usize) -> (bool, usize) {
-        let vectors = vectors * WIDTH * 4;
-        let all = vectors + 16 * units as usize;
-        let resident = all <= self.shared;
-        (resident, if resident { all } else { vectors + 16 * UNIT * self.precision.parts() })
+    /// Shared memory for `units` (in words of 16 bytes) of weights and `vectors` of 128 f32, if there
+    /// is so much.
+    fn fit(&self, units: i32, vectors: usize) -> Option<usize> {
+        let bytes = vectors * WIDTH * 4 + 16 * units as usize;
+        (bytes <= self.shared).then_some(bytes)
     }
 
-    /// MLPs with the same sizes of weights.
+    /// MLPs side by side, with the same sizes of weights.
     pub fn forward(&self, items: &[Forward], rows: Rows) -> Result<(), CudaError> {
-        let name = if rows.edges { "forward, edges" } else { "forward, nodes" };
-        let threads = self.precision.threads();
+        let bytes = items.iter().map(|item| self.fit(item.units, item.layers as usize + 5));
+        let Some(shared) = bytes.collect::<Option<Vec<_>>>() else {
+            return self.forward_chains(items.iter().map(|&item| vec![item]).collect(), rows);
+        };
+        let shared = shared.into_iter().max().unwrap_or(0);
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
-            let mut shared = 0;
             for (to, from) in batch.0.iter_mut().zip(part) {
-                let (resident, bytes) = self.fit(from.units, from.layers as usize + 5);
-                *to = Forward { resident: i32::from(resident), ..*from };
-                if !self.keep.load(Ordering::Relaxed) {
-                    (to.hidden, to.deviation) = (0, 0);
-                }
-                shared = shared.max(bytes);
+                *to = self.kept(*from);
             }
             // Of the multiprocessors, each MLP has its share.
             let grid = [self.blocks(rows.most, part.len()) as u32, part.len() as u32];
+            let config = config(grid, self.precision.threads(), shared);
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
             unsafe {
-                let config = config(grid, threads, shared);
-                self.launch(name, &self.forward, arguments![batch], config, true)?;
+                self.launch(rows.forward(), &self.forward, arguments![batch], config, true)?;
             }
         }
         Ok(())
     }
 
-    /// MLPs with the same sizes of weights, whose rows `blocks` share.
-    pub fn backward(&self, items: &[Backward], rows: Rows) -> Result<(), CudaError> {
-        let (name, kernel, threads) = match (rows.edges, &self.edges_backward) {
-            (true, Some(kernel)) => ("backward, edges", kernel, EDGES_THREADS),
-            (true, None) => ("backward, edges", &self.backward, self.precision.threads()),
-            _ => ("backward, nodes", &self.backward, self.precision.threads()),
+    /// Without what only gradients need, if they are not wanted.
+    fn kept(&self, item: Forward) -> Forward {
+        let keep = self.keep.load(Ordering::Relaxed);
+        if keep { item } else { Forward { hidden: 0, deviation: 0, ..item } }
+    }
+
+    /// Chains of MLPs side by side. An MLP may read what those before it in its chain write, in the
+    /// same row.
+    pub fn forward_chains(&self, chains: Vec<Vec<Forward>>, rows: Rows) -> Result<(), CudaError> {
+        let length = chains.iter().map(Vec::len).max().unwrap_or(0);
+        for part in chains.chunks(FORWARD_BATCH / length.max(1)) {
+            let mut batch = ForwardBatch::default();
+            for (to, from) in batch.0.chunks_mut(length).zip(part) {
+                for (to, from) in to.iter_mut().zip(from) {
+                    *to = self.kept(*from);
+                }
+            }
+            let blocks = self.blocks(rows.most, part.len());
+            let config = self.chain_config(rows.most, blocks, part.len());
+            let length = length as i32;
+            // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
+            unsafe {
+                let arguments = arguments![batch, length];
+                self.launch(rows.forward(), &self.forward_chain, arguments, config, true)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Blocks with as many teams as have rows.
+    fn chain_config(&self, rows: usize, blocks: usize, chains: usize) -> LaunchConfig {
+        let teams = rows.div_ceil(64).div_ceil(blocks).max(1) as u32;
+        let threads = (teams * TEAM_THREADS).min(CHAIN_THREADS);
+        config([blocks as u32, chains as u32], threads, self.chain_shared)
+    }
+
+    /// MLPs of edges side by side, with the same sizes of weights and `blocks` that share the rows.
+    pub fn backward_edges(&self, items: &[Backward], edges: usize) -> Result<(), CudaError> {
+        let threads = self.precision.threads();
+        let (kernel, threads, bytes) = match &self.edges_backward {
+            Some(kernel) => (kernel, EDGES_THREADS, Some(EDGES_SHARED)),
+            None => {
+                let bytes = items.iter().map(|item| self.fit(item.units, 1));
+                let bytes = bytes.collect::<Option<Vec<_>>>();
+                // Sums of LayerNorm's parameters, 256 of each warp.
+                let sums = threads as usize / 32 * 256 * 4;
+                let most = bytes.map(|bytes| bytes.into_iter().fold(sums, usize::max));
+                (&self.backward, threads, most)
+            }
+        };
+        let Some(shared) = bytes else {
+            let chains = items.iter().map(|&item| vec![item]).collect();
+            return self.backward_chains(chains, Rows { edges: true, most: edges });
         };
         for part in items.chunks(BACKWARD_BATCH) {
             let mut batch = BackwardBatch::default();
-            let mut shared = 0;
-            for (to, from) in batch.0.iter_mut().zip(part) {
-                let (resident, bytes) = self.fit(from.units, 1);
-                *to = Backward { resident: i32::from(resident), ..*from };
-                // Sums of LayerNorm's parameters, 256 of each warp.
-                let sums = threads as usize / 32 * 256 * 4;
-                shared = shared.max(bytes).max(sums);
-            }
-            if rows.edges && self.edges_backward.is_some() {
-                shared = EDGES_SHARED;
-            }
-            let grid = [part[0].blocks as u32, part.len() as u32];
-            let config = config(grid, threads, shared);
+            batch.0[..part.len()].copy_from_slice(part);
+            let config = config([part[0].blocks as u32, part.len() as u32], threads, shared);
             // SAFETY: the addresses in the items are those of live buffers for their rows.
-            unsafe { self.launch(name, kernel, arguments![batch], config, true)? };
+            unsafe { self.launch("backward, edges", kernel, arguments![batch], config, true)? };
+        }
+        Ok(())
+    }
+
+    /// Chains of MLPs side by side, as in [`forward_chains`](Self::forward_chains).
+    pub fn backward_chains(&self, chains: Vec<Vec<Backward>>, rows: Rows) -> Result<(), CudaError> {
+        let name = if rows.edges { "backward, edges" } else { "backward, nodes" };
+        let length = chains.iter().map(Vec::len).max().unwrap_or(0);
+        for part in chains.chunks(BACKWARD_BATCH / length.max(1)) {
+            let mut batch = BackwardBatch::default();
+            for (to, from) in batch.0.chunks_mut(length).zip(part) {
+                to[..from.len()].copy_from_slice(from);
+            }
+            let config = self.chain_config(rows.most, part[0][0].blocks as usize, part.len());
+            let length = length as i32;
+            // SAFETY: the addresses in the items are those of live buffers for their rows.
+            unsafe {
+                let arguments = arguments![batch, length];
+                self.launch(name, &self.backward_chain, arguments, config, true)?;
+            }
         }
         Ok(())
     }
@@ -552,7 +636,8 @@ impl Kernels {
         gradient: Address,
     ) -> Result<(), CudaError> {
         let arguments = arguments![targets, parameters, gradient];
-        let config = config([WIDTH as u32, count as u32], 512, 0);
+        let rows = (WIDTH / REDUCE_ROWS) as u32;
+        let config = config([rows, count as u32], (REDUCE_ROWS * WIDTH) as u32, 0);
         // SAFETY: the addresses in the targets are those of live buffers.
         unsafe { self.launch("reduce", &self.reduce, arguments, config, true) }
     }

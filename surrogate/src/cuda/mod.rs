@@ -29,7 +29,7 @@ mod trainer;
 mod upload;
 
 pub use ahead::Ahead;
-pub use batch::{BatchBuilder, DeviceBatch, EDGES_PER_POINT, HostWindows};
+pub use batch::{BatchBuilder, DeviceBatch, EDGES_PER_POINT, HostWindows, Seen};
 pub use buffers::{DeviceGraph, FrameInput};
 pub use error::CudaError;
 pub use features::{FEATURES_SOURCE, FrameBuilder, NewFrame, features_defines};

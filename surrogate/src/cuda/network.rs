@@ -121,6 +121,16 @@ impl CudaNetwork {
         self.pack()
     }
 
+    /// Takes the weights of a network that is the same but for its room. Does not wait.
+    ///
+    /// # Errors
+    /// The copy was refused.
+    pub(super) fn copy_weights(&mut self, other: &Self) -> Result<(), CudaError> {
+        let stream = self.kernels.device.stream();
+        stream.memcpy_dtod(&other.parameters, &mut self.parameters)?;
+        Ok(stream.memcpy_dtod(&other.packed, &mut self.packed)?)
+    }
+
     /// Makes room for larger batches, if need be.
     ///
     /// # Errors

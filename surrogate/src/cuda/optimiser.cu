@@ -14,34 +14,53 @@ struct Target {
     int to;
 };
 
-constexpr int REDUCE_GROUPS = 4;
+// A block adds up REDUCE_ROWS rows of a target. Warps that share a row, each of which adds up every fourth
+// slice, four columns a lane; slices that are on their way at a time.
+constexpr int REDUCE_WARPS = WIDTH / 32, REDUCE_TOGETHER = 8;
 
-// Every fourth slice from `from` on.
-__device__ float sum_slices(const float* from, int count, int size) {
-    float sum = 0.f;
-#pragma unroll 8
-    for (int k = threadIdx.x / WIDTH; k < count; k += REDUCE_GROUPS) sum += from[(size_t)k * size];
+__device__ __forceinline__ float4 sum_slices(const float* from, int count, int size) {
+    float4 sum = {};
+    for (int first = threadIdx.x % WIDTH / 32; first < count; first += REDUCE_TOGETHER * REDUCE_WARPS) {
+        float4 slices[REDUCE_TOGETHER];
+#pragma unroll
+        for (int n = 0; n < REDUCE_TOGETHER; n++) {
+            const int slice = min(first + n * REDUCE_WARPS, count - 1);
+            slices[n] = *(const float4*)(from + (size_t)slice * size + threadIdx.x % 32 * 4);
+        }
+#pragma unroll
+        for (int n = 0; n < REDUCE_TOGETHER; n++) {
+            const bool there = first + n * REDUCE_WARPS < count;
+            sum.x += there ? slices[n].x : 0.f, sum.y += there ? slices[n].y : 0.f;
+            sum.z += there ? slices[n].z : 0.f, sum.w += there ? slices[n].w : 0.f;
+        }
+    }
     return sum;
 }
 
-// Block (x, y) adds up row x of target y: four groups of 128 threads a quarter of the slices each.
-extern "C" __global__ void reduce_gradient(const Target* targets, const float* parameters,
-                                           float* gradient) {
+// Block (x, y) adds up the rows number x of target y.
+extern "C" __global__ void __launch_bounds__(REDUCE_ROWS * WIDTH, 2)
+    reduce_gradient(const Target* targets, const float* parameters, float* gradient) {
     wait_for_kernel_before();
     const Target a = targets[blockIdx.y];
-    const int row = blockIdx.x, column = threadIdx.x % WIDTH, group = threadIdx.x / WIDTH;
-    if (row >= a.rows) return;
-    float sum = sum_slices(a.sums + a.first + row * WIDTH + column, a.count, a.size);
-    if (a.norm >= 0) {
-        float shift = sum_slices(a.shift_sums + column, a.shift_count, WIDTH);
-        sum = parameters[a.norm + row] * sum + parameters[a.norm + a.width + row] * shift;
+    const int row = blockIdx.x * REDUCE_ROWS + threadIdx.x / WIDTH, column = threadIdx.x % WIDTH;
+    if (blockIdx.x * REDUCE_ROWS >= a.rows) return;
+    __shared__ __align__(16) float all[REDUCE_WARPS][REDUCE_ROWS * WIDTH];
+    if (row < a.rows) {
+        float4 sum = sum_slices(a.sums + a.first + row * WIDTH, a.count, a.size);
+        if (a.norm >= 0) {
+            const float4 more = sum_slices(a.shift_sums, a.shift_count, WIDTH);
+            const float scale = parameters[a.norm + row];
+            const float shift = parameters[a.norm + a.width + row];
+            sum.x = scale * sum.x + shift * more.x, sum.y = scale * sum.y + shift * more.y;
+            sum.z = scale * sum.z + shift * more.z, sum.w = scale * sum.w + shift * more.w;
+        }
+        *(float4*)&all[column / 32][threadIdx.x / WIDTH * WIDTH + column % 32 * 4] = sum;
     }
-    __shared__ float all[REDUCE_GROUPS][WIDTH];
-    all[group][column] = sum;
     __syncthreads();
-    if (group != 0 || column >= a.columns) return;
-    for (int k = 1; k < REDUCE_GROUPS; k++) sum += all[k][column];
-    gradient[a.to + row * a.columns + column] = sum;
+    if (row >= a.rows || column >= a.columns) return;
+    float total = 0.f;
+    for (int k = 0; k < REDUCE_WARPS; k++) total += all[k][threadIdx.x];
+    gradient[a.to + row * a.columns + column] = total;
 }
 
 constexpr int LOSS_THREADS = 1024;
@@ -68,6 +87,7 @@ extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
     const int count = read_early(nodes) * columns;
     wait_for_kernel_before();
     float error = 0.f, scale = 0.f;
+#pragma unroll 4
     for (int n = threadIdx.x; n < count; n += LOSS_THREADS) {
         float e = output[n] - target[n];
         error += e * e;

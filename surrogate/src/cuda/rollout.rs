@@ -24,21 +24,66 @@ impl CudaNetwork {
         frame: &FrameInput,
         before: &FrameInput,
     ) -> Result<&CudaSlice<f32>, CudaError> {
-        let frames = self.layout.frames;
         let (first, view) = (self.frame_view(frame, true)?, self.frame_view(frame, false)?);
         let before = self.frame_view(before, false)?;
+        self.frame(&first, &view, &before, self.layout.frames)?;
+        Ok(&self.output)
+    }
+
+    /// Takes the frames of a window, as [`forward`](Self::forward) does, and gives the same; but
+    /// [`advance`](Self::advance) can go on from there. Does not wait.
+    ///
+    /// # Errors
+    /// As [`advance`](Self::advance).
+    pub fn begin(&mut self, frames: &[FrameInput]) -> Result<&CudaSlice<f32>, CudaError> {
+        let views = self.views(frames)?;
+        for (k, view) in views.iter().enumerate() {
+            let first = if k == 0 { *view } else { self.frame_view(&frames[k], true)? };
+            // In windows that are of interest it has no later place than this one.
+            self.frame(&first, view, &views[k.saturating_sub(1)], k + 1)?;
+        }
+        Ok(&self.output)
+    }
+
+    /// The layers for which a frame has one of the first `places` in a window, and if these are all of
+    /// them, those that follow.
+    fn frame(
+        &self,
+        first: &View,
+        view: &View,
+        before: &View,
+        places: usize,
+    ) -> Result<(), CudaError> {
         self.kernels.begin(false);
         // Later places share their encodings, but for `edgemsg`.
-        let encoded = if self.layout.edge_fusion.is_some() { frames } else { frames.min(2) };
-        let views = (0..encoded).map(|k| (k, if k == 0 { &first } else { &view }));
+        let encoded = if self.layout.edge_fusion.is_some() { places } else { places.min(2) };
+        let views = (0..encoded).map(|k| (k, if k == 0 { first } else { view }));
         self.encode(&views.collect::<Vec<_>>())?;
-        self.fuse(1..frames, &before, &view)?;
-        self.message_layers(0..frames, &view)?;
-        for layer in frames..self.layout.layers.len() {
-            self.message_layers(layer..layer + 1, &view)?;
+        let start = |layer: usize| {
+            let fusion = (layer > 0).then(|| self.fusion(layer, view));
+            fusion.into_iter().chain(self.message_parts(layer, view)).collect()
+        };
+        self.kernels.forward_chains((0..places).map(start).collect(), self.nodes())?;
+        if places > 1 {
+            self.fuse_edges(1..places, before, view)?;
         }
-        self.decode(&view)?;
-        Ok(&self.output)
+        self.messages_of(0..places, view)?;
+        let end = |layer: usize| {
+            let mut nodes = vec![self.update(layer, view)];
+            if layer + 1 >= self.layout.frames {
+                nodes.extend(self.after(layer, view));
+            }
+            nodes
+        };
+        self.kernels.forward_chains((0..places).map(end).collect(), self.nodes())?;
+        if places < self.layout.frames {
+            return Ok(());
+        }
+        for layer in places..self.layout.layers.len() {
+            self.messages_of(layer..layer + 1, view)?;
+            self.kernels.forward_chains(vec![end(layer)], self.nodes())?;
+        }
+        Ok(())
     }
 
     /// Times of the kernels of [`advance`](Self::advance): name, launches, ms. Waits.

@@ -88,27 +88,26 @@ extern "C" __global__ void receive(const __grid_constant__ ReceiveBatch batch) {
 // For each node the sum of an edge quantity over the edges that it receives, and over those that it
 // sends: nodes x 128 each. The graph is symmetric, so the latter are the reverses of the former. If
 // `sums` is not null, the former are added up already as far as runs go.
-extern "C" __global__ void collect(const u32* start, const u32* reverse, const u32* count,
-                                   const Stored* x, const float* sums, Stored* sent,
-                                   Stored* received) {
+extern "C" __global__ void __launch_bounds__(128, 9)
+    collect(const u32* start, const u32* reverse, const u32* count, const Stored* x,
+            const float* sums, Stored* sent, Stored* received) {
     const int nodes = read_early(count);
     wait_for_kernel_before();
     const int node = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32, lane = threadIdx.x % 32;
     if (node >= nodes) return;
     const int column = lane % 16 * 8;
     const u32 first = start[node], end = start[node + 1];
-    float in[8] = {}, out[8] = {};
-    if (sums) add_runs(in, sums, node, first, end, column);
-    for (u32 some = first; some < end; some += 32) {
-        const u32 count = min(end - some, 32u), place = min((u32)lane, count - 1);
-        add_rows(out, x, reverse[some + place], count, column);
-        if (!sums) add_rows(in, x, some + place, count, column);
-    }
-    combine(in);
-    combine(out);
-    if (lane < 16) {
-        store8(received + (size_t)node * WIDTH + column, in);
-        store8(sent + (size_t)node * WIDTH + column, out);
+    // One sum after the other: with registers for fewer warps there would be more blocks than fit at once.
+    for (int which = 0; which < 2; which++) {
+        float total[8] = {};
+        if (which == 0 && sums) add_runs(total, sums, node, first, end, column);
+        else
+            for (u32 some = first; some < end; some += 32) {
+                const u32 count = min(end - some, 32u), edge = some + min((u32)lane, count - 1);
+                add_rows(total, x, which == 0 ? edge : reverse[edge], count, column);
+            }
+        combine(total);
+        if (lane < 16) store8((which == 0 ? received : sent) + (size_t)node * WIDTH + column, total);
     }
 }
 

@@ -97,22 +97,26 @@ __device__ __forceinline__ void add_chunk(Tile& z, int q, int half, const float 
 }
 
 // The tiles of a warp: teams of warps take TEAM tiles at a time, the teams of all blocks in turn. Those
-// beyond the last have no rows; with `resident` weights a team that has only such does not go on, while
-// without them the block stays together.
+// beyond the last have no rows; a team that has only such goes on if TOGETHER, as long as the first of
+// its block has rows.
+template <bool TOGETHER>
 struct Tiles {
     u32 index, first, end;
-    bool resident;
 
-    __device__ Tiles(u32 rows, bool resident)
-        : first(0), end((rows + 16 * TEAM - 1) / (16 * TEAM)), resident(resident) {}
+    __device__ explicit Tiles(u32 rows) : first(blockIdx.x), end((rows + 16 * TEAM - 1) / (16 * TEAM)) {}
+
+    // Of all blocks.
+    __device__ static u32 teams() { return blockDim.x / (32 * TEAM) * gridDim.x; }
+
+    // How often the block goes on.
+    __device__ u32 rounds() const { return first < end ? (end - first + teams() - 1) / teams() : 0; }
 
     // Goes on to the next tile, if there is one.
     __device__ bool next() {
-        const u32 warp = threadIdx.x / 32, teams = blockDim.x / (32 * TEAM);
-        const u32 team = first + warp / TEAM * gridDim.x + blockIdx.x;
+        const u32 warp = threadIdx.x / 32, team = first + warp / TEAM * gridDim.x;
         index = TEAM * team + warp % TEAM;
-        const bool more = resident ? team < end : first < end;
-        first += teams * gridDim.x;
+        const bool more = (TOGETHER ? first : team) < end;
+        first += teams();
         return more;
     }
 };
@@ -344,22 +348,15 @@ __device__ __forceinline__ float row_sum(float x) {
     return x + __shfl_xor_sync(ALL, x, 2);
 }
 
-// Copies packed weights to shared memory, all of it or a matrix at a time as it is asked for.
-struct Weights {
-    const uint4* source;
-    uint4* buffer;
-    bool resident;
+// Packed weights in shared memory, all of an MLP.
+struct Resident {
+    static constexpr bool TOGETHER = false;
+    const uint4* buffer;
     int cursor;
 
     // Begins to copy; `wait` before the first use.
-    __device__ Weights(const uint4* source, uint4* buffer, int all, bool resident)
-        : source(source), buffer(buffer), resident(resident), cursor(0) {
-        if (resident) copy(0, all);
-    }
-
-    __device__ void copy(int from, int count) {
-        for (int k = threadIdx.x; k < count; k += blockDim.x)
-            copy_async(&buffer[k], &source[from + k], true);
+    __device__ Resident(const uint4* source, uint4* buffer, int all) : buffer(buffer) {
+        for (int k = threadIdx.x; k < all; k += blockDim.x) copy_async(&buffer[k], &source[k], true);
         end_copies();
     }
 
@@ -369,15 +366,70 @@ struct Weights {
         __syncthreads();
     }
 
-    // The next matrix, `size` words of 16 bytes long. All threads of the block have to ask unless
-    // the weights are resident.
-    __device__ const uint4* next(int size) {
-        int at = cursor;
-        cursor += size;
-        if (resident) return buffer + at;
+    __device__ void begin_tile() { cursor = 0; }
+
+    // The next matrix, `size` words of 16 bytes long.
+    __device__ const uint4* next(int size) { return buffer + (cursor += size) - size; }
+};
+
+// A part of an MLP's packed weights that is used at once: `size` words of 16 bytes.
+struct Matrix16 {
+    const uint4* from;
+    int size;
+};
+
+// Packed weights of MLPs that follow one another, on their way through shared memory: RING matrices
+// have room there, and come while those before them are used. `matrix_of(mlp, n)` is matrix n of an MLP,
+// of size 0 after the last.
+template <class Mlp>
+struct Stream {
+    static constexpr bool TOGETHER = true;
+    static constexpr int SLOT = PARTS * UNIT;
+    uint4* ring;
+    // The matrix to come: number `matrix` of MLP `now` before `end`, for tile `round` of `rounds`.
+    const Mlp *now, *end;
+    int matrix;
+    u32 round, rounds;
+    // Places in the ring of the matrix to come and of the next to be used.
+    int coming, using_;
+
+    // Begins to copy. All threads of the block have to ask for each matrix, for all tiles of the first
+    // MLP, then of the next.
+    __device__ Stream(const Mlp* first, int count, uint4* ring, u32 rounds)
+        : ring(ring), now(first), end(first + (rounds > 0 ? count : 0)), matrix(0), round(0),
+          rounds(rounds), coming(0), using_(0) {
+        for (int k = 1; k < RING; k++) fetch();
+    }
+
+    __device__ void fetch() {
+        if (now < end) {
+            const Matrix16 part = matrix_of(*now, matrix++);
+            for (int k = threadIdx.x; k < part.size; k += blockDim.x)
+                copy_async(&ring[coming * SLOT + k], &part.from[k], true);
+            coming = coming + 1 < RING ? coming + 1 : 0;
+            if (matrix_of(*now, matrix).size == 0) {
+                matrix = 0;
+                if (++round == rounds) round = 0, now++;
+            }
+        }
+        end_copies();
+    }
+
+    __device__ void begin_tile() {}
+
+    // The next matrix.
+    __device__ const uint4* next(int) {
+        if (RING == 1) {
+            __syncthreads();
+            fetch();
+        }
+        wait_for_copies<(RING > 2 ? RING - 2 : 0)>();
+        show_to_products();
+        // All have what they have copied of this one, and are done with the one before.
         __syncthreads();
-        copy(at, size);
-        wait();
-        return buffer;
+        if (RING > 1) fetch();
+        const uint4* place = ring + using_ * SLOT;
+        using_ = using_ + 1 < RING ? using_ + 1 : 0;
+        return place;
     }
 };

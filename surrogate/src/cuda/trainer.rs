@@ -4,14 +4,14 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
-use cudarc::driver::{CudaGraph, CudaSlice};
+use cudarc::driver::{CudaGraph, CudaSlice, CudaViewMut};
 use gpu::Device;
 use gpu::ranks::Ranks;
 
-use super::batch::{DeviceBatch, PLACES};
+use super::batch::{PLACES, Seen};
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::kernels::{Address, Precision};
+use super::kernels::{Address, Kernels, Precision};
 use super::network::{Capacity, CudaNetwork, View};
 use super::products::{List, Products};
 use crate::config::ModelConfig;
@@ -27,6 +27,8 @@ const SMALLEST_TARGET: f32 = 1e-12;
 /// A network in training.
 pub struct CudaTrainer {
     network: CudaNetwork,
+    /// The same without room for gradients, once something is to be predicted.
+    predictor: Option<CudaNetwork>,
     products: Products,
     /// Added in squares to the squared targets of the loss.
     floor: f32,
@@ -84,6 +86,7 @@ impl CudaTrainer {
         let network = CudaNetwork::new(device, config, precision, capacity, true)?;
         let count = network.layout.parameters;
         Ok(Self {
+            predictor: None,
             products: Products::new(&network, device)?,
             floor: 0.0,
             each_relative: false,
@@ -129,16 +132,49 @@ impl CudaTrainer {
         Ok(())
     }
 
-    /// Queues what the network says of a batch, normalised accelerations, to the start of a list; makes
-    /// room for it, if need be.
+    /// Queues what the network says of windows, normalised accelerations. Those that go on with a
+    /// frame are the ones of the call before.
     ///
     /// # Errors
     /// If the GPU's memory is too small.
-    pub fn say(&mut self, batch: &DeviceBatch, said: &mut CudaSlice<f32>) -> Result<(), CudaError> {
-        self.grow(batch.room())?;
+    pub fn say(&mut self, seen: Seen, said: &mut CudaViewMut<f32>) -> Result<(), CudaError> {
         let stream = self.device().stream().clone();
-        let output = self.network.forward(&batch.frames)?.slice(..batch.values);
-        Ok(stream.memcpy_dtod(&output, &mut said.slice_mut(..batch.values))?)
+        let output = match (seen, &mut self.predictor) {
+            (Seen::Next { frame, before }, Some(predictor)) => predictor.advance(frame, before)?,
+            (Seen::Next { frame, .. }, None) => {
+                return Err(CudaError::Room { what: "frames", found: frame.graph.points, room: 0 });
+            }
+            (Seen::Windows { frames, followed: true }, _) => {
+                self.predictor(frames)?.begin(frames)?
+            }
+            (Seen::Windows { frames, followed: false }, _) => self.predict(frames)?,
+        };
+        Ok(stream.memcpy_dtod(&output.slice(..said.len()), said)?)
+    }
+
+    /// The network as it is by now, with room for the frames of windows.
+    fn predictor(&mut self, frames: &[FrameInput]) -> Result<&mut CudaNetwork, CudaError> {
+        let graph = &frames[0].graph;
+        let room = Capacity { points: graph.points, edges: graph.capacity };
+        let mut predictor = match self.predictor.take() {
+            Some(predictor) => predictor,
+            None => {
+                let Kernels { device, precision, .. } = &self.network.kernels;
+                CudaNetwork::new(device, &self.network.config, *precision, room, false)?
+            }
+        };
+        predictor.grow(room)?;
+        predictor.copy_weights(&self.network)?;
+        Ok(self.predictor.insert(predictor))
+    }
+
+    /// What the network says of a window or a batch of windows, the oldest frame first: normalised
+    /// accelerations, points x dimensions, at the start of the list. Does not wait.
+    ///
+    /// # Errors
+    /// If the GPU's memory is too small.
+    pub fn predict(&mut self, frames: &[FrameInput]) -> Result<&CudaSlice<f32>, CudaError> {
+        self.predictor(frames)?.forward(frames)
     }
 
     /// One step on a batch of windows and its normalised accelerations (points x dimensions). Does

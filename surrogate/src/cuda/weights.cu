@@ -56,10 +56,12 @@ __device__ uint4 plain_columns(const float* all, const Pack& p, int row, int col
     return make_uint4(word[0], word[1], word[2], word[3]);
 }
 
+// Blocks (x, y) share matrix x.
 extern "C" __global__ void pack_weights(const Pack* packs, const float* all, uint4* packed) {
     const Pack p = packs[blockIdx.x];
     const int size = p.steps * STEP;
-    for (int n = threadIdx.x; n < p.parts * size; n += blockDim.x)
+    const int step = gridDim.y * blockDim.x;
+    for (int n = blockIdx.y * blockDim.x + threadIdx.x; n < p.parts * size; n += step)
         packed[p.to + n] = p.plain ? plain_columns(all, p, n / 16, n % 16 * 8)
                                    : word(all, p, n / size, n % size);
 }

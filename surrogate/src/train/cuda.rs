@@ -154,7 +154,7 @@ impl CudaEngine {
     pub fn predict(&mut self, batch: &HostBatch) -> Result<Vec<f32>, CudaError> {
         let stream = self.device.stream().clone();
         let (trainer, batch) = self.load(batch)?;
-        let output = trainer.network().forward(&batch.frames)?;
+        let output = trainer.predict(&batch.frames)?;
         Ok(stream.clone_dtoh(&output.slice(..batch.values))?)
     }
 
@@ -167,7 +167,7 @@ impl CudaEngine {
             none => none.insert(BatchBuilder::new(device, config, normalisation, bounds)?),
         };
         let trainer = &mut self.trainer;
-        let batch = builder.make(&batch.windows, |batch, said| trainer.say(batch, said))?;
+        let batch = builder.make(&batch.windows, |seen, said| trainer.say(seen, said))?;
         trainer.grow(batch.room())?;
         Ok((trainer, batch))
     }

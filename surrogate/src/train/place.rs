@@ -205,7 +205,7 @@ mod tests {
             shard: Shard { rank: 0, ranks: 1 },
             alike: false,
             frames: 3,
-            unroll: 3,
+            unroll: 5,
             unroll_from: 0,
             noise: 0.0,
             mirror: false,
@@ -232,7 +232,7 @@ mod tests {
                 statics: Vec::new(),
                 obstacles: Vec::new(),
             });
-            draft.future.push((3..7).flat_map(at).collect());
+            draft.future.push((3..9).flat_map(at).collect());
         }
         draft
     }
@@ -302,7 +302,7 @@ mod tests {
             };
             let mut repeating = engine();
             let (mut state, mut losses) = (repeating.state().unwrap(), Vec::new());
-            let steps = [(0, 25), (0, 60), (2, 3), (0, 60), (3, 25), (1, 60), (0, 1), (2, 60)];
+            let steps = [(0, 25), (0, 60), (2, 3), (0, 60), (5, 25), (1, 60), (0, 1), (2, 60)];
             for (unroll, points) in steps {
                 let draft = draft(unroll, points);
                 let batch = repeating.prepare(&preparation)(&recipe, &draft);
