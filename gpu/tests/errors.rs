@@ -19,7 +19,10 @@ fn a_gpu_that_is_not_there_is_an_error() {
     let Some(_) = gpu::for_tests() else { return };
     let count = Device::count();
     let error = Device::new(4096).unwrap_err();
-    assert!(matches!(error, Error::NoSuchDevice { ordinal: 4096, count: c } if c == count), "{error}");
+    assert!(
+        matches!(error, Error::NoSuchDevice { ordinal: 4096, count: c } if c == count),
+        "{error}"
+    );
 }
 
 #[test]

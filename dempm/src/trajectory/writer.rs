@@ -73,7 +73,9 @@ impl TrajectoryWriter {
         }
         write_atomically(path, |temporary| {
             let file = create_file(temporary).map_err(TrajectoryError::at(path, "the file"))?;
-            writer.write_static(&file, header, points).map_err(TrajectoryError::at(path, "the file"))?;
+            writer
+                .write_static(&file, header, points)
+                .map_err(TrajectoryError::at(path, "the file"))?;
             writer.update(&file)?;
             file.close().map_err(TrajectoryError::at(path, "the file"))
         })?;
@@ -231,8 +233,8 @@ impl TrajectoryWriter {
             action: "copy it",
             source,
         })?;
-        let file =
-            open_for_writing(draft.temporary()).map_err(TrajectoryError::at(&self.path, "the file"))?;
+        let file = open_for_writing(draft.temporary())
+            .map_err(TrajectoryError::at(&self.path, "the file"))?;
         self.set_frames(&file, self.kept)?;
         Ok(Drafted { file, draft, frames: 0 })
     }
