@@ -15,7 +15,7 @@ use crate::output::{News, Output};
 use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;
-use crate::trajectory::{TrajectoryWriter, utc_now};
+use crate::trajectory::{TrajectoryLock, TrajectoryWriter, utc_now};
 use crate::watch::Watch;
 
 /// Checkpoints take at most this part of the time.
@@ -97,6 +97,8 @@ struct Sitting {
     ranks: Option<Arc<Ranks>>,
     /// Of several ranks only the first one writes.
     output: Option<Output>,
+    /// Held by whoever writes.
+    _lock: Option<TrajectoryLock>,
     checkpoint: PathBuf,
     path: PathBuf,
     bar: ProgressBar,
@@ -111,6 +113,7 @@ impl Sitting {
     fn start(scene: Scene, path: PathBuf, options: &Options) -> miette::Result<Self> {
         let checkpoint = checkpoint::path_beside(&path);
         let writes = options.ranks.as_ref().is_none_or(|ranks| ranks.is_first());
+        let lock = writes.then(|| TrajectoryLock::take(&path)).transpose()?;
         let place = |simulation: &mut Simulation| match &options.device {
             Some(device) => simulation.move_to(device, options.ranks.as_ref()),
             None => Ok(()),
@@ -179,6 +182,7 @@ impl Sitting {
             simulation,
             ranks: options.ranks.clone(),
             output,
+            _lock: lock,
             checkpoint,
             path,
             bar,

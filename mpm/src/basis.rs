@@ -220,6 +220,27 @@ pub(crate) fn evaluate(
         .for_each(|(stencil, x)| *stencil = Stencil::new(numerics, shape, x));
 }
 
+/// Calls a function generic over the width of the basis.
+macro_rules! with_width {
+    ($basis:expr, $width:ident => $call:expr) => {
+        match $basis.width() {
+            2 => {
+                const $width: usize = 2;
+                $call
+            }
+            3 => {
+                const $width: usize = 3;
+                $call
+            }
+            _ => {
+                const $width: usize = 4;
+                $call
+            }
+        }
+    };
+}
+pub(crate) use with_width;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -249,7 +270,7 @@ mod tests {
                 }
                 for (k, value) in shape.value.iter().enumerate() {
                     let node = shape.first + k as i64;
-                    let behind = node < 0 || node > LAST;
+                    let behind = !(0..=LAST).contains(&node);
                     assert!(!behind || *value == 0.0, "{basis:?} at {x}: {value} on node {node}");
                     // uGIMP averages over both sides of a node.
                     if basis != Basis::Gimp && (x == 0.0 || x == LAST as f64) {
@@ -261,24 +282,3 @@ mod tests {
         }
     }
 }
-
-/// Calls a function generic over the width of the basis.
-macro_rules! with_width {
-    ($basis:expr, $width:ident => $call:expr) => {
-        match $basis.width() {
-            2 => {
-                const $width: usize = 2;
-                $call
-            }
-            3 => {
-                const $width: usize = 3;
-                $call
-            }
-            _ => {
-                const $width: usize = 4;
-                $call
-            }
-        }
-    };
-}
-pub(crate) use with_width;

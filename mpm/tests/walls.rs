@@ -3,7 +3,10 @@
 mod common;
 
 use common::*;
-use mpm::{Basis, Elastic, Numerics, Points, Scheme, Solver, Vec2, WallContact};
+use mpm::{
+    Basis, DruckerPrager, DruckerPragerParameters, Elastic, Numerics, Points, Scheme, Solver, Vec2,
+    WallContact,
+};
 use rstest::rstest;
 
 const CELL: f64 = 0.125;
@@ -91,4 +94,23 @@ fn a_bounce_gains_no_energy() {
     assert!(energy < 1.0 && energy > 0.9);
     assert!(bounce > 0.9 * SPEED);
     assert_eq!(solver.ledger().projected, 0);
+}
+
+/// A layer of grains a quarter of a cell thick comes to rest on the floor, its lowest points at half
+/// their distance; a floor on nodes leaves it hovering at two thirds of a cell.
+#[test]
+fn a_thin_layer_lands_on_the_floor() {
+    let numerics = Numerics { wall_contact: WallContact::Points, ..Numerics::default() };
+    let gravity = Vec2::new(0.0, -GRAVITY);
+    let mut solver = smooth_box(Vec2::new(1.0, 1.0), CELL, numerics, gravity);
+    let (corner, spacing) = (Vec2::new(0.25, 0.25), CELL / 8.0);
+    let end = corner + Vec2::new(0.5, 0.25 * CELL);
+    let mut points = Points::rectangle(corner, end, spacing, DENSITY);
+    let mut law = DruckerPrager::new(DruckerPragerParameters::default(), &points.stress).unwrap();
+    for _ in 0..6000 {
+        solver.advance(&mut points, &mut law, 1.0e-4).unwrap();
+    }
+    let lowest = points.position.iter().map(|x| x.y).fold(f64::INFINITY, f64::min);
+    println!("lowest point at {:.2} mm, half a spacing is {:.2} mm", 1e3 * lowest, 5e2 * spacing);
+    assert!((lowest / (0.5 * spacing) - 1.0).abs() < 0.1);
 }

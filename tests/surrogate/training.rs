@@ -80,6 +80,20 @@ fn trajectories_become_a_model_that_continues_them() {
     let image = column(&here.join("image/summary.csv"), "mse_mean")[0];
     assert!(image != means[0] && image < 2.0 * means[0], "{image} {means:?}");
     assert!(here.join("eval/errors.svg").exists());
+
+    // What is recorded is the error at the end as part of the motion.
+    let record = ["eval", "run/best.safetensors", "--data", "data/valid", "-o", "eval", "--record"];
+    succeeds(surrogate(here).args(record));
+    let truth = Trajectory::open(&here.join("data/valid/between.h5")).unwrap();
+    let [first, last] = [0, truth.frames() - 1].map(|frame| truth.frame(frame).unwrap().position);
+    let square = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+    let motion = first.iter().zip(&last).map(square).sum::<f64>() / first.len() as f64;
+    let width = truth.header().domain[0];
+    let expected = width * (column(&here.join("eval/summary.csv"), "mse_final")[0] / motion).sqrt();
+    let found = Simulator::load(&here.join("run/best.safetensors")).unwrap().training.accuracy;
+    let found = found.unwrap();
+    assert!((found.mean / expected - 1.0).abs() < 1e-5, "{} {expected}", found.mean);
+    assert_eq!((found.runs, found.broken, found.most), (1, 0, found.mean));
 }
 
 /// Killed without warning, or with Ctrl-C, a resumed training ends with the weights, the log and

@@ -42,6 +42,7 @@ struct Rows {
     /// As many more, for warps of unequal discs in small packings.
     more: usize,
 }
+
 /// Room for the lists of neighbours of a packing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Room {

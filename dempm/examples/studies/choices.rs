@@ -2,7 +2,7 @@
 
 use dem::RveParameters;
 use dempm::scene::{InitialStress, Material, Precision, Rve, Scene};
-use mpm::{Basis, Scheme};
+use mpm::{Basis, Scheme, WallContact};
 
 use crate::run::{PARTS, Run};
 

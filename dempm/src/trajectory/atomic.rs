@@ -52,7 +52,8 @@ impl Draft {
     /// A place for the future contents of `path`; makes missing directories, but no file.
     pub fn new(path: &Path) -> Result<Self, WriteError> {
         fs::create_dir_all(directory_of(path)).map_err(failed(path, "make its directory"))?;
-        let temporary = temporary_name(path);
+        // A rename is atomic only within one file system.
+        let temporary = beside(path, ".tmp");
         Ok(Self { path: path.to_owned(), temporary, published: false })
     }
 
@@ -88,21 +89,21 @@ impl Drop for Draft {
     }
 }
 
-fn failed(path: &Path, action: &'static str) -> impl Fn(io::Error) -> WriteError {
+pub(super) fn failed(path: &Path, action: &'static str) -> impl Fn(io::Error) -> WriteError {
     move |source| WriteError { path: path.to_owned(), action, source }
 }
 
-fn directory_of(path: &Path) -> &Path {
+pub(super) fn directory_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     }
 }
 
-/// `NAME.tmp` beside `NAME`: a rename is atomic only within one file system.
-fn temporary_name(path: &Path) -> PathBuf {
+/// The file beside `path` whose name has this at its end.
+pub(super) fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.file_name().map_or_else(OsString::new, OsString::from);
-    name.push(".tmp");
+    name.push(ending);
     path.with_file_name(name)
 }
 

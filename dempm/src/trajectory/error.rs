@@ -24,6 +24,12 @@ pub enum TrajectoryError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
+    /// Another process writes the file.
+    #[error("{}: another run is writing it", path.display())]
+    InUse {
+        /// The trajectory file.
+        path: PathBuf,
+    },
     /// The HDF5 library refuses a dataset, a group or an attribute.
     #[error("{}: HDF5 refuses {item}", path.display())]
     Hdf5 {

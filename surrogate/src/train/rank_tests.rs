@@ -4,6 +4,7 @@
 use std::net::TcpListener;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 
 use gpu::Device;
@@ -86,9 +87,23 @@ fn train_on(
     (engine.state().unwrap(), engine.take_losses().unwrap())
 }
 
-/// Ranks that meet at a port that was free a moment ago.
+/// A port that was free a moment ago, and another one for each caller. It is below those from which the
+/// system takes the other ends of connections, which a test beside this one may be making.
+pub fn free_port() -> u16 {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    loop {
+        let number =
+            std::process::id().wrapping_mul(97).wrapping_add(NEXT.fetch_add(1, Ordering::Relaxed));
+        let port = 20_000 + (number % 10_000) as u16;
+        if TcpListener::bind(("127.0.0.1", port)).is_ok() {
+            return port;
+        }
+    }
+}
+
+/// Ranks that meet there.
 fn launches(size: usize) -> Vec<Launch> {
-    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let port = free_port();
     let address = ("127.0.0.1".to_owned(), port);
     (0..size)
         .map(|rank| Launch { rank, size, local_rank: rank, address: address.clone() })
@@ -96,9 +111,7 @@ fn launches(size: usize) -> Vec<Launch> {
 }
 
 /// Runs two ranks, each with two of the four windows.
-fn two_ranks(
-    train: impl Fn(Launch, Range<u64>) -> (State, Vec<f64>) + Sync,
-) -> [(State, Vec<f64>); 2] {
+fn two_ranks<T: Send>(train: impl Fn(Launch, Range<u64>) -> T + Sync) -> [T; 2] {
     let train = &train;
     let [first, second] = launches(2).try_into().unwrap();
     thread::scope(|scope| {
@@ -146,11 +159,14 @@ fn compare_means([first, second]: [(State, Vec<f64>); 2], alone: [(State, Vec<f6
 
 #[test]
 fn ranks_hold_equal_weights_and_learn_like_one() {
-    let join = |launch| Tcp::join(launch, &[0; 32]).unwrap();
-    let two = two_ranks(|launch, windows| train(&config(), windows, &mut join(launch)));
-    compare(two, train(&config(), 0..4, &mut Alone));
-    let two = two_ranks(|launch, windows| train(&own_losses(), windows, &mut join(launch)));
-    compare_means(two, [0..2, 2..4].map(|windows| train(&own_losses(), windows, &mut Alone)));
+    let [first, second] = two_ranks(|launch, windows| {
+        let mut ranks = Tcp::join(launch, &[0; 32]).unwrap();
+        [config(), own_losses()].map(|config| train(&config, windows.clone(), &mut ranks))
+    });
+    let [[first, first_mean], [second, second_mean]] = [first, second];
+    compare([first, second], train(&config(), 0..4, &mut Alone));
+    let alone = [0..2, 2..4].map(|windows| train(&own_losses(), windows, &mut Alone));
+    compare_means([first_mean, second_mean], alone);
 }
 
 /// One process has the same loss either way, but for rounding.

@@ -67,14 +67,14 @@ impl AllReduce for Tcp {
 
 #[cfg(test)]
 mod tests {
-    use std::net::TcpListener;
     use std::thread;
 
+    use super::super::rank_tests::free_port;
     use super::*;
 
     #[test]
     fn sums_have_the_same_bits_everywhere() {
-        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let port = free_port();
         let threads: Vec<_> = (0..3)
             .map(|rank| {
                 let address = ("127.0.0.1".to_owned(), port);

@@ -110,8 +110,8 @@ impl Section for Yade {
         table.row(["YADE".to_owned(), format!("{:.2e}", speed("yade"))]);
         let finding = format!(
             "Up to a shear of 0.5 % the pressure of one packing (f64) \
-             differs by {}; then chaos parts all codes, f32 from f64 as well. On one thread it makes {} (f64) and {} (f32) times as \
-             many disc-steps a second.",
+             differs by {}; then chaos parts all codes, f32 from f64 as well. On one thread this code makes {} (f64) and {} (f32) times as \
+             many disc-steps a second as YADE.",
             percent(found.difference("f64", PARTS[0])),
             number(speed("f64") / speed("yade")),
             number(speed("f32") / speed("yade")),

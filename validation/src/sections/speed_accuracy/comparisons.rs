@@ -78,7 +78,7 @@ fn rivals<'s>(sweep: &'s Sweep, method: &Measured) -> Vec<&'s Measured> {
 pub(super) fn headline(case: &str, sweep: &Sweep) -> String {
     let metres = |m: &Measured| m.error.map_or(f64::NAN, |error| error.distance);
     let noise = format!(
-        "The reference takes {}, and two seeds of it are {} m apart (root mean square over points and \
+        "The reference needs {}, and two seeds of it are {} m apart (root mean square over points and \
          frames).",
         seconds(sweep.measured[0].seconds),
         number(sweep.floor.distance)
@@ -107,12 +107,12 @@ pub(super) fn headline(case: &str, sweep: &Sweep) -> String {
             } else {
                 "so the network loses".to_owned()
             };
-            format!("With as small an error the solver takes {time} ({}), {verdict}.", rival.name)
+            format!("For as small an error the solver needs {time} ({}), {verdict}.", rival.name)
         }
         None => "No setting of the solver that was tried is as accurate.".to_owned(),
     };
     format!(
-        "{case} takes the most accurate network ({}) {}; its points are {} m off. {against}{paid} {noise}",
+        "{case}: the most accurate network ({}) needs {} and is {} m off. {against}{paid} {noise}",
         best.name,
         seconds(best.seconds),
         number(metres(best)),
