@@ -69,6 +69,12 @@ fn errors_name_the_file_and_what_is_wrong() {
 fn the_configurations_that_come_with_the_program_are_valid() {
     let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
     TrainConfig::load(&configs.join("tiny.toml")).unwrap();
+    // Parts of a training: the later ones start from weights that do not come with the program.
+    for part in ["", "-2", "-3"] {
+        let file = configs.join(format!("all-columns{part}.toml"));
+        let text = std::fs::read_to_string(&file).unwrap();
+        TrainConfig::parse(&text, &file.display().to_string()).unwrap();
+    }
     let paper = configs.join("paper");
     for network in PAPER_NETWORKS {
         for (set, stride) in [1, 2, 3, 6, 10].into_iter().enumerate() {

@@ -26,12 +26,14 @@ struct Turn<'a> {
 }
 
 impl CudaNetwork {
-    /// From the gradient of the output (`passed.output`) to those of all linears' outputs.
+    /// From the gradient of the output (`passed.output`) to those of all linears' outputs. `meanwhile`
+    /// is called once edges are done with.
     pub(super) fn propagate(
         &self,
         views: &[View],
         passed: &Passed,
         list: &List,
+        meanwhile: impl FnOnce() -> Result<(), CudaError>,
     ) -> Result<(), CudaError> {
         let decoder = Backward {
             output32: passed.output,
@@ -80,6 +82,7 @@ impl CudaNetwork {
             });
         }
         self.kernels.backward_edges(&edges, self.edges().most)?;
+        meanwhile()?;
         self.kernels.backward_chains(nodes, self.nodes())
     }
 

@@ -8,7 +8,7 @@ use cudarc::driver::sys::{
     CUfunction_attribute, CUlaunchAttribute, CUlaunchAttributeID, CUlaunchAttributeValue,
     CUlaunchConfig, cuLaunchKernelEx,
 };
-use cudarc::driver::{CudaFunction, CudaModule, DeviceRepr, LaunchConfig};
+use cudarc::driver::{CudaFunction, CudaModule, CudaStream, DeviceRepr, LaunchConfig};
 use gpu::Device;
 
 use super::error::CudaError;
@@ -76,10 +76,11 @@ const TEAM_THREADS: u32 = 128;
 /// Vectors of 128 f32 for a chain: biases and LayerNorms, or sums of LayerNorms' gradients.
 const CHAIN_VECTORS: usize = 70;
 
-/// Matrices that are in shared memory, or on their way there, while a chain is computed.
+/// Matrices that are in shared memory, or on their way there, while a chain is computed: as many as
+/// there is room for, but more than four would only keep others out.
 fn ring(precision: Precision, shared: usize) -> usize {
     let room = shared - CHAIN_VECTORS * WIDTH * 4;
-    (room / (16 * UNIT * precision.parts())).max(1)
+    (room / (16 * UNIT * precision.parts())).clamp(1, 4)
 }
 
 /// Definitions that the sources need on a GPU with so many bytes of shared memory for a block.
@@ -412,11 +413,27 @@ impl Kernels {
         &self,
         name: &'static str,
         kernel: &CudaFunction,
+        arguments: [*mut c_void; N],
+        config: LaunchConfig,
+        early: bool,
+    ) -> Result<(), CudaError> {
+        // SAFETY: the caller's.
+        unsafe { self.launch_on(self.device.stream(), name, kernel, arguments, config, early) }
+    }
+
+    /// The same on any stream.
+    ///
+    /// # Safety
+    /// As [`launch`](Self::launch).
+    unsafe fn launch_on<const N: usize>(
+        &self,
+        stream: &Arc<CudaStream>,
+        name: &'static str,
+        kernel: &CudaFunction,
         mut arguments: [*mut c_void; N],
         config: LaunchConfig,
         early: bool,
     ) -> Result<(), CudaError> {
-        let stream = self.device.stream();
         let early = self.early && early && !self.first.swap(false, Ordering::Relaxed);
         let mut attribute = CUlaunchAttribute {
             id: CUlaunchAttributeID::CU_LAUNCH_ATTRIBUTE_PROGRAMMATIC_STREAM_SERIALIZATION,
@@ -628,8 +645,10 @@ impl Kernels {
         unsafe { self.launch("same_edges", &self.same, arguments, config, true) }
     }
 
+    /// Adds up `count` targets; on a stream of its own if there is one.
     pub fn reduce(
         &self,
+        stream: Option<&Arc<CudaStream>>,
         targets: Address,
         count: usize,
         parameters: Address,
@@ -638,8 +657,9 @@ impl Kernels {
         let arguments = arguments![targets, parameters, gradient];
         let rows = (WIDTH / REDUCE_ROWS) as u32;
         let config = config([rows, count as u32], (REDUCE_ROWS * WIDTH) as u32, 0);
+        let (early, stream) = (stream.is_none(), stream.unwrap_or(self.device.stream()));
         // SAFETY: the addresses in the targets are those of live buffers.
-        unsafe { self.launch("reduce", &self.reduce, arguments, config, true) }
+        unsafe { self.launch_on(stream, "reduce", &self.reduce, arguments, config, early) }
     }
 
     /// Sums of squared errors and of squared targets, each with `floor`² more, over nodes x columns

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use cudarc::driver::{CudaSlice, DevicePtr};
+use cudarc::driver::{CudaEvent, CudaSlice, CudaStream, DevicePtr};
 use gpu::Device;
 
 use super::error::CudaError;
@@ -27,10 +27,15 @@ type Range = (usize, usize);
 pub struct Products {
     /// In the order of the weights, then the sums of the loss ([`SUMS`]).
     pub gradient: CudaSlice<f32>,
+    /// Those that the backward pass of edges leaves to be added up, then the others, and their numbers.
     targets: CudaSlice<Target>,
-    target_count: usize,
+    counts: [usize; 2],
     weight_sums: CudaSlice<f32>,
     bias_sums: CudaSlice<f32>,
+    /// Adds up sums of edges while the nodes' products go on: from one event to the other.
+    aside: Arc<CudaStream>,
+    ready: CudaEvent,
+    done: CudaEvent,
 }
 
 /// The products of a step on certain frames.
@@ -65,6 +70,7 @@ impl Products {
         let blocks = assign(&mut parts, |_, _| (0, 0));
         let weight_sums = device.zeros(blocks.weight * WIDTH * WIDTH)?;
         let bias_sums = device.zeros(blocks.bias * WIDTH)?;
+        // Those of edges first.
         let mut targets = network.norm_targets();
         let mut weight_from = at(&weight_sums, device);
         let mut bias_from = at(&bias_sums, device);
@@ -76,7 +82,8 @@ impl Products {
                 _ => (m.width, 0),
             };
             let columns = m.outputs(*linear);
-            targets.push(Target {
+            let mut add = |target| targets.push((count.edges, target));
+            add(Target {
                 sums: weight_from,
                 shift_sums: bias_from,
                 count: count.weight as i32,
@@ -91,7 +98,7 @@ impl Products {
             });
             weight_from += (4 * count.weight * WIDTH * WIDTH) as u64;
             if count.bias > 0 {
-                targets.push(Target {
+                add(Target {
                     sums: bias_from,
                     count: count.bias as i32,
                     size: WIDTH as i32,
@@ -104,10 +111,17 @@ impl Products {
                 bias_from += (4 * count.bias * WIDTH) as u64;
             }
         }
+        let fused = network.kernels.fused();
+        let (edges, nodes): (Vec<_>, Vec<_>) = targets.into_iter().partition(|t| fused && t.0);
+        let counts = [edges.len(), nodes.len()];
+        let targets: Vec<Target> = edges.into_iter().chain(nodes).map(|t| t.1).collect();
         Ok(Self {
             gradient: device.zeros(layout.parameters + SUMS)?,
             targets: device.upload(&targets)?,
-            target_count: targets.len(),
+            counts,
+            aside: device.context().new_stream()?,
+            ready: device.context().new_event(None)?,
+            done: device.context().new_event(None)?,
             weight_sums,
             bias_sums,
         })
@@ -132,16 +146,43 @@ impl Products {
         Ok(List { products: device.upload(&products)?, edges, applications })
     }
 
-    /// Computes the gradient of the weights, or what the backward pass left of it.
+    /// Begins to add up what the backward pass has left of edges, beside what is queued next.
+    pub fn add_up_edges(&self, network: &CudaNetwork) -> Result<(), CudaError> {
+        if self.counts[0] == 0 {
+            return Ok(());
+        }
+        self.ready.record(network.kernels.device.stream())?;
+        self.aside.wait(&self.ready)?;
+        self.add_up(network, Some(&self.aside), 0..self.counts[0])?;
+        Ok(self.done.record(&self.aside)?)
+    }
+
+    /// Computes the gradient of the weights, or what the backward pass left of it, and waits for
+    /// [`add_up_edges`](Self::add_up_edges).
     pub fn launch(&self, network: &CudaNetwork, list: &List) -> Result<(), CudaError> {
         let device = &network.kernels.device;
         let (first, blocks) =
             if network.kernels.fused() { (list.edges, NODE_BLOCKS) } else { (0, EDGE_BLOCKS) };
         let count = list.products.len() - first;
         network.kernels.products(list.product(first, device), count, blocks)?;
-        let (targets, parameters) = (at(&self.targets, device), at(&network.parameters, device));
-        let gradient = at(&self.gradient, device);
-        network.kernels.reduce(targets, self.target_count, parameters, gradient)
+        let [edges, nodes] = self.counts;
+        self.add_up(network, None, edges..edges + nodes)?;
+        if edges > 0 {
+            device.stream().wait(&self.done)?;
+        }
+        Ok(())
+    }
+
+    fn add_up(
+        &self,
+        network: &CudaNetwork,
+        stream: Option<&Arc<CudaStream>>,
+        which: std::ops::Range<usize>,
+    ) -> Result<(), CudaError> {
+        let device = &network.kernels.device;
+        let targets = at(&self.targets, device) + (which.start * size_of::<Target>()) as u64;
+        let (parameters, gradient) = (at(&network.parameters, device), at(&self.gradient, device));
+        network.kernels.reduce(stream, targets, which.len(), parameters, gradient)
     }
 }
 
@@ -165,6 +206,8 @@ struct Shares {
     weight: usize,
     bias: usize,
     norm: i32,
+    /// Of products over edges.
+    edges: bool,
 }
 
 struct Assigned {
@@ -183,7 +226,7 @@ fn assign(parts: &mut [Part], address: impl Fn(usize, usize) -> (Address, Addres
         let key = (part.mlp, part.linear, part.input);
         let shares = all.shares.entry(key).or_default();
         debug_assert!(shares.weight == 0 || shares.norm == part.norm, "one LayerNorm for all");
-        shares.norm = part.norm;
+        (shares.norm, shares.edges) = (part.norm, part.application != 0);
         let blocks = part.product.blocks as usize;
         let (weight, bias) = address(all.weight, all.bias);
         part.product.weight = weight;
@@ -356,13 +399,20 @@ impl CudaNetwork {
         }
     }
 
-    /// Where the gradients of LayerNorms' scales and shifts come from.
-    fn norm_targets(&self) -> Vec<Target> {
+    /// Where the gradients of LayerNorms' scales and shifts come from, and whether from edges.
+    fn norm_targets(&self) -> Vec<(bool, Target)> {
+        let layout = &self.layout;
+        let of_edges = |mlp| {
+            let messages = layout.layers.iter().map(|layer| layer.message);
+            let edges =
+                [layout.edge_first, layout.edge_later].into_iter().chain(layout.edge_fusion);
+            edges.chain(messages).any(|edge| edge == mlp)
+        };
         let mut targets = Vec::new();
         for (mlp, sums) in &self.room.norm_sums {
-            let m = &self.layout.mlps[*mlp];
+            let m = &layout.mlps[*mlp];
             for kind in 0..2 {
-                targets.push(Target {
+                let target = Target {
                     sums: sums.at,
                     count: sums.blocks as i32,
                     size: 2 * WIDTH as i32,
@@ -372,7 +422,8 @@ impl CudaNetwork {
                     norm: -1,
                     to: (m.scale() + kind * m.columns) as i32,
                     ..Target::default()
-                });
+                };
+                targets.push((of_edges(*mlp), target));
             }
         }
         targets

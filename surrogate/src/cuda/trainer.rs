@@ -272,7 +272,7 @@ impl CudaTrainer {
             self.floor,
             self.each_relative,
         )?;
-        network.propagate(views, passed, list)?;
+        network.propagate(views, passed, list, || self.products.add_up_edges(network))?;
         self.products.launch(network, list)
     }
 

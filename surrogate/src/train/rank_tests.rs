@@ -174,9 +174,10 @@ fn ranks_hold_equal_weights_and_learn_like_one() {
 fn a_loss_of_its_own_changes_nothing_for_one() {
     let own = TrainConfig { loss_over: LossOver::Process, ..config() };
     let (once, whole) = (train(&own, 0..4, &mut Alone), train(&config(), 0..4, &mut Alone));
-    compare([once.clone(), once], whole.clone());
+    compare([once.clone(), once], whole);
     let Some(device) = gpu::for_tests() else { return };
-    let once = train_on(&device, &own, 0..4, None);
+    // With itself: Adam makes more of the rounding between a GPU and a processor.
+    let [once, whole] = [&own, &config()].map(|config| train_on(&device, config, 0..4, None));
     compare([once.clone(), once], whole);
 }
 
