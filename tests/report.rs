@@ -142,8 +142,8 @@ fn a_report_has_a_page_tables_figures_and_numbers() {
     assert!(results["report"]["device"].is_string());
     let runs = results["runs"].as_array().unwrap();
     // Two rollouts of each of the two cases that need them: as it is, and with mirror images averaged;
-    // one for its time, and one of the weights half way.
-    assert_eq!(runs.len(), 6);
+    // one for its time, and one of the weights half way and of the last, for the curve.
+    assert_eq!(runs.len(), 7);
     assert!(runs[0]["command"].as_str().unwrap().starts_with("surrogate rollout "));
     assert_eq!(runs[0]["about"]["seed"], 1);
     assert!(runs[0]["about"]["versions"]["surrogate"].is_string());
@@ -198,7 +198,7 @@ fn a_part_is_computed_anew_and_the_rest_stays() {
     // Commands of both, and the runs that the other sections rest on.
     let results: Value = serde_json::from_str(&read(&out.join("results.json"))).unwrap();
     assert_eq!(results["report"]["commands"].as_str().unwrap().lines().count(), 2);
-    assert_eq!(results["runs"].as_array().unwrap().len(), 6);
+    assert_eq!(results["runs"].as_array().unwrap().len(), 7);
 }
 
 #[test]

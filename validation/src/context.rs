@@ -45,12 +45,14 @@ pub struct Model {
     pub precision: Precision,
     /// Averages with the prediction of the mirrored window.
     pub mirror: bool,
+    /// How far it predicts, in frames of its own; to the end if none.
+    pub frames: Option<usize>,
 }
 
 impl Model {
     /// A file of weights, in f32.
     pub fn new(name: String, path: PathBuf) -> Self {
-        Self { name, path, precision: Precision::F32, mirror: false }
+        Self { name, path, precision: Precision::F32, mirror: false, frames: None }
     }
 
     /// The same in bf16, which only a GPU has.
@@ -185,6 +187,10 @@ impl Context {
         if model.mirror {
             arguments.push("--mirror".to_owned());
             key += "mirror";
+        }
+        if let Some(frames) = model.frames {
+            arguments.extend(["--frames".to_owned(), frames.to_string()]);
+            key += &format!("frames {frames}");
         }
         key += &repetition(again);
         let mut input = None;

@@ -38,7 +38,8 @@ impl Section for Training {
                 validation,
                 "Validation error",
                 "mean MSE of validation rollouts [box²]",
-                "Rollouts of all validation cases from their first frames. In units of the box.",
+                "Rollouts of all validation cases from their first frames; of weights that a training had \
+                 on its way, their first second. In units of the box.",
                 "`surrogate train` validates where the data have `valid/`; weights that it had on its \
                  way, kept in `NAME.stages/` beside `NAME.safetensors`, are rolled out by the report.",
             ),
@@ -64,6 +65,10 @@ impl Section for Training {
     }
 }
 
+/// Time (s) that weights on their way predict: a young network presses points together until each has
+/// hundreds of neighbours, which takes minutes and says no more.
+const LOOK: f64 = 1.0;
+
 /// Steps and mean validation error of the weights that a model had on its way, and of itself; nothing
 /// if there are none, or no validation cases. Where a rollout ended early there is no point.
 fn of_stages(context: &mut Context, model: &Model) -> miette::Result<Vec<(f64, f64)>> {
@@ -77,8 +82,12 @@ fn of_stages(context: &mut Context, model: &Model) -> miette::Result<Vec<(f64, f
     }
     let mut stages = Vec::new();
     for path in weights.into_iter().chain([model.path.clone()]) {
-        let steps = Simulator::load(&path)?.training.steps;
-        stages.push((steps, Model::new(format!("{}, step {steps}", model.name), path)));
+        let simulator = Simulator::load(&path)?;
+        let steps = simulator.training.steps;
+        let frames = (LOOK / simulator.training.frame_interval).round() as usize;
+        let frames = Some(frames.max(simulator.first_frames() + 1));
+        let name = format!("{}, step {steps}", model.name);
+        stages.push((steps, Model { frames, ..Model::new(name, path) }));
     }
     stages.sort_by_key(|(steps, _)| *steps);
     stages.dedup_by_key(|(steps, _)| *steps);
