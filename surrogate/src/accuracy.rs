@@ -5,7 +5,7 @@ use std::path::Path;
 use dempm::trajectory::{Trajectory, TrajectoryError};
 use serde::{Deserialize, Serialize};
 
-use crate::metrics::Errors;
+use crate::metrics::{Errors, mean_square_distance};
 
 /// A network that is wrong by more than this part of the motion is a rough guide.
 const ROUGH: f64 = 0.1;
@@ -75,9 +75,7 @@ fn motion(errors: &Errors, truth: &Path) -> Result<f64, TrajectoryError> {
     let time = errors.last().time;
     let frame = truth.time().iter().position(|found| *found >= time).unwrap_or(0);
     let [first, last] = [truth.frame(0)?.position, truth.frame(frame)?.position];
-    let square = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
-    let sum: f64 = first.iter().zip(&last).map(square).sum();
-    Ok(sum / first.len().max(1) as f64 / truth.header().domain[0].powi(2))
+    Ok(mean_square_distance(&first, &last) / truth.header().domain[0].powi(2))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use dempm::scene::{Rectangle, Scene};
 
+use crate::metrics::mean_square_distance;
 use crate::rollout::Rollout;
 use crate::simulator::Simulator;
 use crate::start::Start;
@@ -42,18 +43,9 @@ pub fn mirror_difference(simulator: &Simulator, start: &Start) -> f64 {
     let width = start.scene.domain.size[0];
     let (straight, image) = (predicted(start), predicted(&image(start)));
     let Some((straight, image)) = straight.iter().zip(&image).next_back() else { return 0.0 };
-    let rms = |square: &dyn Fn(usize) -> f64| {
-        let sum: f64 = (0..straight.len()).map(square).sum();
-        (sum / straight.len().max(1) as f64).sqrt()
-    };
-    let apart = rms(&|p| {
-        let ([x, y], [u, v]) = (straight[p], image[p]);
-        (x + u - width).powi(2) + (y - v).powi(2)
-    });
-    let motion = rms(&|p| {
-        let ([x, y], [u, v]) = (straight[p], start.positions[0][p]);
-        (x - u).powi(2) + (y - v).powi(2)
-    });
+    let back: Vec<[f64; 2]> = image.iter().map(|[x, y]| [width - x, *y]).collect();
+    let apart = mean_square_distance(straight, &back).sqrt();
+    let motion = mean_square_distance(straight, &start.positions[0]).sqrt();
     let spread: f64 = simulator.normalisation.acceleration_std.iter().map(|s| s * s).sum();
     let usual = 0.5 * spread.sqrt() * (FRAMES * FRAMES) as f64;
     apart / motion.max(usual)

@@ -28,19 +28,23 @@ impl FrameError {
         spacing: f64,
     ) -> Self {
         let count = truth.len().max(1) as f64;
-        let square = |(p, t): (&[f64; 2], &[f64; 2])| (p[0] - t[0]).powi(2) + (p[1] - t[1]).powi(2);
-        let squares: f64 = predicted.iter().zip(truth).map(square).sum();
         let front = |of: &[[f64; 2]]| of.iter().map(|x| x[0]).fold(f64::MIN, f64::max);
         let centre =
             |k: usize| predicted.iter().zip(truth).map(|(p, t)| p[k] - t[k]).sum::<f64>() / count;
         Self {
             time,
-            mse: squares / count / (width * width),
+            mse: mean_square_distance(predicted, truth) / (width * width),
             front: front(predicted) - front(truth),
             height: profile_difference(predicted, truth, width, spacing),
             centre: centre(0).hypot(centre(1)),
         }
     }
+}
+
+/// Mean of |a - b|² over the points (m²); 0 if there are none.
+pub fn mean_square_distance(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+    let square = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
+    a.iter().zip(b).map(square).sum::<f64>() / b.len().max(1) as f64
 }
 
 /// Root mean square difference of the largest y in strips of the domain, over the strips in which

@@ -9,6 +9,7 @@ use dempm::trajectory::{Frame, Header, Points, utc_now};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use surrogate::doubts::doubts;
+use surrogate::metrics::mean_square_distance;
 use surrogate::rollout::Rollout;
 use surrogate::simulator::Simulator;
 use surrogate::start::{Start, statics};
@@ -196,8 +197,7 @@ pub fn window(domain: [f64; 2], sets: [&[[f64; 2]]; 2]) -> [f64; 4] {
 
 /// Root mean square distance of points, m.
 pub fn difference(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
-    let square = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2);
-    (a.iter().zip(b).map(square).sum::<f64>() / a.len().max(1) as f64).sqrt()
+    mean_square_distance(a, b).sqrt()
 }
 
 #[cfg(test)]
