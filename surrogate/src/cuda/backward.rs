@@ -2,8 +2,8 @@
 //! with the linears' inputs (`products.rs`) then give those of the weights; in bf16 on Hopper those
 //! over edges are computed on the way.
 
+use super::arguments::{Address, Backward};
 use super::error::CudaError;
-use super::kernels::{Address, Backward};
 use super::network::{CudaNetwork, View};
 use super::products::List;
 use super::room::{Passed, Saved};

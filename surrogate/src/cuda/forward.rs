@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
+use super::arguments::{Address, Forward, Receive};
 use super::error::CudaError;
-use super::kernels::{Address, Forward, Receive};
 use super::network::{CudaNetwork, View};
 use super::room::{FrameRoom, Saved};
 

@@ -1,7 +1,8 @@
 //! Where the weights of each MLP are in the list of all weights
 //! ([`crate::train::weights`]), and where the kernels find them packed.
 
-use super::kernels::{Pack, Precision, UNIT};
+use super::arguments::Pack;
+use super::kernels::{Precision, UNIT};
 use crate::config::{ModelConfig, ModelKind};
 
 /// What the first linear of an MLP reads, side by side.

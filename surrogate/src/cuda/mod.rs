@@ -6,6 +6,7 @@
 //! rows of 128 columns; narrower networks are padded with zeros.
 
 mod ahead;
+mod arguments;
 mod backward;
 mod batch;
 mod buffers;

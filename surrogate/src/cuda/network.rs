@@ -5,9 +5,10 @@ use std::sync::Arc;
 use cudarc::driver::{CudaSlice, DevicePtr};
 use gpu::Device;
 
+use super::arguments::{Address, Forward};
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::kernels::{Address, Forward, Kernels, Precision, Rows, WIDTH};
+use super::kernels::{Kernels, Precision, Rows, WIDTH};
 use super::layout::{Layout, Packed};
 use super::room::Room;
 use crate::config::{ModelConfig, ModelKind};
@@ -25,7 +26,7 @@ pub struct CudaNetwork {
     pub(super) config: ModelConfig,
     pub(super) parameters: CudaSlice<f32>,
     packed: CudaSlice<u32>,
-    packs: CudaSlice<super::kernels::Pack>,
+    packs: CudaSlice<super::arguments::Pack>,
     pub(super) room: Room,
     /// Normalised accelerations, points x dimensions.
     pub(super) output: CudaSlice<f32>,

@@ -7,9 +7,10 @@ use std::sync::Arc;
 use cudarc::driver::{CudaEvent, CudaSlice, CudaStream, DevicePtr};
 use gpu::Device;
 
+use super::arguments::{Address, Product, Target};
 use super::error::CudaError;
 use super::forward::EdgeState;
-use super::kernels::{Address, Product, Target, WIDTH};
+use super::kernels::WIDTH;
 use super::layout::Input;
 use super::network::{CudaNetwork, Features, View};
 use super::room::Saved;

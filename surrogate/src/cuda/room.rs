@@ -6,8 +6,9 @@ use std::sync::Arc;
 use cudarc::driver::{CudaSlice, DevicePtr};
 use gpu::Device;
 
+use super::arguments::Address;
 use super::error::CudaError;
-use super::kernels::{Address, Kernels, WIDTH};
+use super::kernels::{Kernels, WIDTH};
 use super::layout::{Layout, Mlp};
 use super::network::Capacity;
 

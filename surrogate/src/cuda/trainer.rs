@@ -8,10 +8,11 @@ use cudarc::driver::{CudaGraph, CudaSlice, CudaViewMut};
 use gpu::Device;
 use gpu::ranks::Ranks;
 
+use super::arguments::Address;
 use super::batch::{PLACES, Seen};
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::kernels::{Address, Kernels, Precision};
+use super::kernels::{Kernels, Precision};
 use super::network::{Capacity, CudaNetwork, View};
 use super::products::{List, Products};
 use crate::config::ModelConfig;
