@@ -172,7 +172,6 @@ fn an_interrupted_training_on_a_gpu_resumes_bitwise() {
     }
 }
 
-/// Frames from before a run follow from the velocities in its first frame.
 /// What was learnt stays: a training that starts from a model has its network and normalisation, goes
 /// on from its loss, and says what the model was before.
 #[test]
@@ -231,6 +230,7 @@ fn a_training_starts_from_a_model() {
     assert!(data.exists() && !here.join("bad").exists(), "nothing is written for a wrong file");
 }
 
+/// Frames from before a run follow from the velocities in its first frame.
 #[test]
 fn windows_can_begin_before_the_run() {
     let directory = TempDir::new().unwrap();

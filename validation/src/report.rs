@@ -236,10 +236,10 @@ fn write(
 fn put_files(output: &Path, section: &WrittenSection) -> miette::Result<()> {
     let mut names = HashSet::new();
     for (name, bytes) in files(section) {
-        put(output, &name, &bytes)?;
         if !names.insert(name.clone()) {
             bail!("two tables or figures want the name {name}");
         }
+        put(output, &name, &bytes)?;
     }
     Ok(())
 }

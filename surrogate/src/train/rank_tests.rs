@@ -4,7 +4,6 @@
 use std::net::TcpListener;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 
 use gpu::Device;
@@ -87,18 +86,9 @@ fn train_on(
     (engine.state().unwrap(), engine.take_losses().unwrap())
 }
 
-/// A port that was free a moment ago, and another one for each caller. It is below those from which the
-/// system takes the other ends of connections, which a test beside this one may be making.
+/// A port that was free a moment ago.
 pub fn free_port() -> u16 {
-    static NEXT: AtomicU32 = AtomicU32::new(0);
-    loop {
-        let number =
-            std::process::id().wrapping_mul(97).wrapping_add(NEXT.fetch_add(1, Ordering::Relaxed));
-        let port = 20_000 + (number % 10_000) as u16;
-        if TcpListener::bind(("127.0.0.1", port)).is_ok() {
-            return port;
-        }
-    }
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
 /// Ranks that meet there.
