@@ -115,7 +115,8 @@ impl Section for Ablation {
             blocks.push(chart(case, &of_case, None)?);
         }
         blocks.push(Block::Table(table(&rollouts)));
-        blocks.extend(failures(&rollouts));
+        // Why others ended early is in the table.
+        blocks.extend(failures(rollouts.iter().filter(|rollout| rollout.is_refused())));
         let lacking: Vec<&str> = PAPER_NETWORKS
             .into_iter()
             .filter(|name| !models.iter().any(|model| belongs(&model.name, name)))
