@@ -99,6 +99,37 @@ fn row(csv: &str, start: &str) -> Vec<String> {
 }
 
 #[test]
+fn runs_are_compared() {
+    let directory = TempDir::new().unwrap();
+    fixture(directory.path());
+    let compare = |run: &str| {
+        let mut command = Command::new(cargo_bin("validation"));
+        command.current_dir(directory.path().join("data"));
+        command.args(["compare", "test/col2x2.h5", run]).output().unwrap()
+    };
+    let cells = |run: &str| -> Vec<Vec<f64>> {
+        let output = compare(run);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).unwrap();
+        let rows = text.lines().filter(|line| line.contains(run));
+        rows.map(|row| row.split('|').filter_map(|cell| cell.trim().parse().ok()).collect())
+            .collect()
+    };
+    // The same scene: no difference after the time in the first column. At five times.
+    let same = cells("train/x0y0-v00.h5");
+    assert_eq!(same.len(), 5);
+    assert!(same.iter().all(|row| row.len() == 6 && row[1..].iter().all(|&x| x == 0.0)));
+    // The same column 0.375 m to the right, in a box of 1 m: at first it has only been moved.
+    let [time, mse, front, ..] = cells("valid/case1.h5")[0][..] else { panic!("an empty row") };
+    assert_eq!(time, 0.02);
+    assert!((mse - 0.375 * 0.375).abs() < 1e-3 && (front - 0.375).abs() < 1e-3);
+
+    let wrong = compare("no.h5");
+    assert!(!wrong.status.success());
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("no.h5"));
+}
+
+#[test]
 fn a_report_has_a_page_tables_figures_and_numbers() {
     let directory = TempDir::new().unwrap();
     let out = report_on_fixture(directory.path());
