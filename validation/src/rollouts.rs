@@ -260,6 +260,25 @@ mod tests {
     use super::*;
     use surrogate::metrics::FrameError;
 
+    impl Rollout {
+        /// With these errors, a tenth of a second apart.
+        pub fn of_errors(model: &str, mse: &[f64], failure: Option<&str>) -> Self {
+            let error = |(k, &mse): (usize, &f64)| FrameError {
+                time: 0.1 * k as f64,
+                mse,
+                ..FrameError::default()
+            };
+            let errors = Errors {
+                errors: mse.iter().enumerate().map(error).collect(),
+                failure: failure.map(str::to_owned),
+                ..Errors::default()
+            };
+            let [output, truth] = [PathBuf::new(), PathBuf::new()];
+            let (model, case, message) = (model.to_owned(), String::new(), String::new());
+            Self { model, case, output, truth, errors, message }
+        }
+    }
+
     #[test]
     fn given_frames_do_not_count() {
         let error = |mse| FrameError { mse, ..FrameError::default() };

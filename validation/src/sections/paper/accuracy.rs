@@ -413,38 +413,19 @@ fn absent(cases: &[(String, PathBuf)], models: &[Model], set: &str) -> Vec<Block
 
 #[cfg(test)]
 mod tests {
-    use surrogate::metrics::{Errors, FrameError};
-
     use super::*;
-
-    /// A rollout with these errors, a tenth of a second apart.
-    fn rollout(model: &str, mse: &[f64], failure: Option<&str>) -> Rollout {
-        let error = |(k, &mse): (usize, &f64)| FrameError {
-            time: 0.1 * k as f64,
-            mse,
-            ..FrameError::default()
-        };
-        let errors = Errors {
-            errors: mse.iter().enumerate().map(error).collect(),
-            failure: failure.map(str::to_owned),
-            ..Errors::default()
-        };
-        let (path, message) = (PathBuf::new(), String::new());
-        let (case, output, truth) = (String::new(), path.clone(), path);
-        Rollout { model: model.to_owned(), case, output, truth, errors, message }
-    }
 
     #[test]
     fn what_ends_early_comes_last_and_can_still_be_compared() {
         let rollouts = [
-            rollout("early", &[1.0, 2.0], Some("pressed")),
-            rollout("early", &[1.0, 2.0, 3.0], None),
-            rollout("good", &[2.0, 2.0, 2.0], None),
-            rollout("good", &[2.0, 2.0, 2.0], None),
-            rollout("worse", &[3.0, 3.0, 3.0], Some("pressed")),
-            rollout("worse", &[3.0, 3.0, 3.0], Some("pressed")),
-            rollout("fair", &[1.0, 1.0, 9.0], None),
-            rollout("fair", &[1.0, 1.0, 9.0], None),
+            Rollout::of_errors("early", &[1.0, 2.0], Some("pressed")),
+            Rollout::of_errors("early", &[1.0, 2.0, 3.0], None),
+            Rollout::of_errors("good", &[2.0, 2.0, 2.0], None),
+            Rollout::of_errors("good", &[2.0, 2.0, 2.0], None),
+            Rollout::of_errors("worse", &[3.0, 3.0, 3.0], Some("pressed")),
+            Rollout::of_errors("worse", &[3.0, 3.0, 3.0], Some("pressed")),
+            Rollout::of_errors("fair", &[1.0, 1.0, 9.0], None),
+            Rollout::of_errors("fair", &[1.0, 1.0, 9.0], None),
         ];
         let horizon = first_end(&rollouts);
         assert_eq!(horizon, Some(0.1));
