@@ -186,7 +186,7 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
     let threads = rayon::current_num_threads();
     let (name, device_name, rate) = match &gpu {
         Some(gpu) => {
-            let number = if let Device::Cuda(number) = device { number } else { 0 };
+            let number = if let Device::Cuda(Some(number)) = device { number } else { 0 };
             // The rate of an H200: an estimate is all that is wanted of it.
             (format!("cuda:{number}"), gpu.name().to_owned(), 2e10)
         }
