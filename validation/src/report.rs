@@ -228,7 +228,7 @@ fn write(
 ) -> miette::Result<()> {
     let facts = facts(context, written, absent);
     let results = results(&facts, context, written);
-    put(output, "results.json", &serde_json::to_vec_pretty(&results).into_diagnostic()?)?;
+    put(output, "results.json", &serde_json::to_vec(&results).into_diagnostic()?)?;
     put(output, "index.html", html::page(&facts, written).as_bytes())
 }
 
