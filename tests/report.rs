@@ -19,11 +19,16 @@ use tempfile::TempDir;
 /// All sections that take data and models, and none that computes for long.
 const PAPER: &str = "table 6,table 7,tables 2,fig.,stated,runs behind";
 
-fn report(directory: &Path, arguments: &[&str]) -> Output {
+fn report_command(directory: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(cargo_bin("validation"));
     // Between fork and exec a child of another test holds the lock of a file being written here.
     command.current_dir(directory).env("HDF5_USE_FILE_LOCKING", "FALSE");
-    command.arg("report").args(arguments).output().unwrap()
+    command.arg("report").args(arguments);
+    command
+}
+
+fn report(directory: &Path, arguments: &[&str]) -> Output {
+    report_command(directory, arguments).output().unwrap()
 }
 
 /// A report on the fixture that has to succeed.
@@ -96,6 +101,37 @@ fn read(path: &Path) -> String {
 fn row(csv: &str, start: &str) -> Vec<String> {
     let line = csv.lines().find(|line| line.starts_with(start)).unwrap();
     line.split(',').map(str::to_owned).collect()
+}
+
+#[test]
+fn runs_are_compared() {
+    let directory = TempDir::new().unwrap();
+    fixture(directory.path());
+    let compare = |run: &str| {
+        let mut command = Command::new(cargo_bin("validation"));
+        command.current_dir(directory.path().join("data"));
+        command.args(["compare", "test/col2x2.h5", run]).output().unwrap()
+    };
+    let cells = |run: &str| -> Vec<Vec<f64>> {
+        let output = compare(run);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).unwrap();
+        let rows = text.lines().filter(|line| line.contains(run));
+        rows.map(|row| row.split('|').filter_map(|cell| cell.trim().parse().ok()).collect())
+            .collect()
+    };
+    // The same scene: no difference after the time in the first column. At five times.
+    let same = cells("train/x0y0-v00.h5");
+    assert_eq!(same.len(), 5);
+    assert!(same.iter().all(|row| row.len() == 6 && row[1..].iter().all(|&x| x == 0.0)));
+    // The same column 0.375 m to the right, in a box of 1 m: at first it has only been moved.
+    let [time, mse, front, ..] = cells("valid/case1.h5")[0][..] else { panic!("an empty row") };
+    assert_eq!(time, 0.02);
+    assert!((mse - 0.375 * 0.375).abs() < 1e-3 && (front - 0.375).abs() < 1e-3);
+
+    let wrong = compare("no.h5");
+    assert!(!wrong.status.success());
+    assert!(String::from_utf8_lossy(&wrong.stderr).contains("no.h5"));
 }
 
 #[test]
@@ -199,6 +235,25 @@ fn a_part_is_computed_anew_and_the_rest_stays() {
     let results: Value = serde_json::from_str(&read(&out.join("results.json"))).unwrap();
     assert_eq!(results["report"]["commands"].as_str().unwrap().lines().count(), 2);
     assert_eq!(results["runs"].as_array().unwrap().len(), 7);
+}
+
+#[test]
+fn until_it_is_computed_anew_the_page_has_what_it_had() {
+    let directory = TempDir::new().unwrap();
+    let out = report_on_fixture(directory.path());
+    std::fs::remove_dir_all(&out).unwrap();
+    let arguments = ["--data", "data", "--models", "models", "--only", PAPER, "-o", "out"];
+    let mut child = report_command(directory.path(), &arguments).spawn().unwrap();
+    // The page is written whole or not at all, and first of all.
+    let page = out.join("index.html");
+    while !page.exists() {
+        let ended = child.try_wait().unwrap().is_some();
+        assert!(!ended || page.exists(), "no page");
+    }
+    let page = read(&page);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(page.contains("Fig. 22: penetration") && !page.contains("not computed yet"));
 }
 
 #[test]

@@ -10,8 +10,8 @@ pub enum Device {
     Auto,
     /// All cores of the processor.
     Cpu,
-    /// An NVIDIA GPU by its number.
-    Cuda(usize),
+    /// The NVIDIA GPU of a number; without one the first, or all where there is work for several.
+    Cuda(Option<usize>),
 }
 
 impl FromStr for Device {
@@ -21,11 +21,11 @@ impl FromStr for Device {
         match text {
             "auto" => Ok(Self::Auto),
             "cpu" => Ok(Self::Cpu),
-            "cuda" => Ok(Self::Cuda(0)),
+            "cuda" => Ok(Self::Cuda(None)),
             _ => text
                 .strip_prefix("cuda:")
                 .and_then(|number| number.parse().ok())
-                .map(Self::Cuda)
+                .map(|number| Self::Cuda(Some(number)))
                 .ok_or_else(|| "valid: auto, cpu, cuda, cuda:N".to_owned()),
         }
     }
@@ -40,7 +40,7 @@ impl Device {
     pub fn open(self) -> Result<Option<Arc<gpu::Device>>, gpu::Error> {
         match self {
             Self::Cpu => Ok(None),
-            Self::Cuda(ordinal) => gpu::Device::new(ordinal).map(Some),
+            Self::Cuda(number) => gpu::Device::new(number.unwrap_or(0)).map(Some),
             Self::Auto => match gpu::Device::new(0) {
                 Ok(device) => Ok(Some(device)),
                 Err(reason) => {
@@ -59,18 +59,18 @@ impl Device {
     pub fn open_for_rank(self, local: usize) -> Result<Arc<gpu::Device>, gpu::Error> {
         match self {
             Self::Cpu => Err(gpu::Error::NoDevice),
-            Self::Cuda(ordinal) if ordinal > 0 => gpu::Device::new(ordinal),
-            Self::Cuda(_) | Self::Auto => gpu::Device::new(local % gpu::Device::count().max(1)),
+            Self::Cuda(Some(number)) => gpu::Device::new(number),
+            Self::Cuda(None) | Self::Auto => gpu::Device::new(local % gpu::Device::count().max(1)),
         }
     }
 
-    /// The GPUs for work on several scenes: all that there are for `auto`; none for the CPU.
+    /// The GPUs for work on several scenes: all that there are unless the user names one; none for the CPU.
     ///
     /// # Errors
     /// When a GPU cannot be used, but for the first one of `auto`.
     pub fn open_all(self) -> Result<Vec<Arc<gpu::Device>>, gpu::Error> {
         let mut devices: Vec<_> = self.open()?.into_iter().collect();
-        if self == Self::Auto && !devices.is_empty() {
+        if matches!(self, Self::Auto | Self::Cuda(None)) && !devices.is_empty() {
             for ordinal in 1..gpu::Device::count() {
                 devices.push(gpu::Device::new(ordinal)?);
             }
@@ -87,8 +87,8 @@ mod tests {
     fn names() {
         assert_eq!("auto".parse(), Ok(Device::Auto));
         assert_eq!("cpu".parse(), Ok(Device::Cpu));
-        assert_eq!("cuda".parse(), Ok(Device::Cuda(0)));
-        assert_eq!("cuda:3".parse(), Ok(Device::Cuda(3)));
+        assert_eq!("cuda".parse(), Ok(Device::Cuda(None)));
+        assert_eq!("cuda:3".parse(), Ok(Device::Cuda(Some(3))));
         for wrong in ["", "gpu", "cuda:", "cuda:-1", "cuda:x"] {
             assert!(wrong.parse::<Device>().is_err(), "{wrong}");
         }

@@ -20,6 +20,7 @@ use surrogate::cuda::{
 use surrogate::data::Batch;
 use surrogate::features::Normalisation;
 use surrogate::model::Model;
+use surrogate::pressed::Packing;
 use surrogate::train::weights;
 
 type Failure = Box<dyn std::error::Error>;
@@ -64,11 +65,14 @@ fn time(device: &Device, mut work: impl FnMut() -> Result<(), gpu::Error>) -> Re
     Ok(began.elapsed().as_secs_f64() * 1e6 / (REPEATS * LAUNCHES) as f64)
 }
 
+/// Distance of points but for the offsets (m).
+const SPACING: f64 = 1.0 / 16.0;
+
 /// A column of points 1/16 m apart, as high as wide, each a little off its place.
 fn column(points: usize) -> Vec<[f64; 2]> {
     let columns = (points as f64).sqrt().ceil() as usize;
     let offset = |k: usize| (k as f64 * 0.618_034).fract() * 0.02;
-    let place = |k: usize, n: usize| (n as f64 + 0.5) / 16.0 + offset(k);
+    let place = |k: usize, n: usize| (n as f64 + 0.5) * SPACING + offset(k);
     (0..points).map(|k| [place(k, k % columns), place(3 * k, k / columns)]).collect()
 }
 
@@ -107,6 +111,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         start: 0.0,
         interval: 0.01,
         mirror: false,
+        packing: Packing::new(config.connection_radius, SPACING),
     };
     let positions = column(points);
     let window = vec![positions.clone(); config.frames];

@@ -19,6 +19,7 @@ use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
 use crate::doubts::doubts;
 use crate::features::{Obstacle, Window};
 use crate::inference::Inference;
+use crate::pressed::Packing;
 use crate::simulator::Simulator;
 use crate::start::Start;
 use crate::train::{Precision, weights};
@@ -31,6 +32,11 @@ pub enum RolloutError {
     NotFinite { frame: usize, point: usize },
     #[error("frame {frame}: point {point} leaves the domain by {distance:.3} m")]
     Left { frame: usize, point: usize, distance: f64 },
+    #[error(
+        "frame {frame}: points are pressed together: they have {neighbours:.0} neighbours on average, \
+         {plane:.0} if they filled the plane"
+    )]
+    Pressed { frame: usize, neighbours: f64, plane: f64 },
     #[error("the rollout on the GPU: {message}")]
     Device { message: String },
 }
@@ -38,7 +44,7 @@ pub enum RolloutError {
 /// What predicts frames.
 enum Engine {
     /// The network on the processor.
-    Cpu(Box<Inference>),
+    Cpu(Box<Inference>, Packing),
     /// A rollout on a GPU, some frames ahead.
     Cuda(Ahead),
 }
@@ -67,7 +73,7 @@ impl<'a> Rollout<'a> {
             // Sets the GPU up, kernels and all, before it returns.
             engine: match &simulator.gpu {
                 Some(device) => Engine::Cuda(ahead(device, simulator, start)),
-                None => Engine::Cpu(Box::new(simulator.inference())),
+                None => Engine::Cpu(Box::new(simulator.inference()), packing(simulator, start)),
             },
             obstacles: Constraints::new(&start.scene).obstacles(),
             constraints: Constraints::new(&start.scene),
@@ -102,12 +108,13 @@ impl<'a> Rollout<'a> {
     /// Predicts one frame.
     ///
     /// # Errors
-    /// If a position is not finite or leaves the domain so far that no wall explains it, or the GPU
-    /// fails; the frame is then not made.
+    /// If a position is not finite or leaves the domain so far that no wall explains it, points are
+    /// [pressed together](crate::pressed), or the GPU fails; the frame is then not made.
     pub fn advance(&mut self) -> Result<&[[f64; 2]], RolloutError> {
         let next = match &mut self.engine {
             Engine::Cuda(ahead) => ahead.next_frame()?,
-            Engine::Cpu(network) => {
+            Engine::Cpu(network, packing) => {
+                let packing = *packing;
                 let frames = self.window.iter().flatten().flatten();
                 let positions: &Vec<f32> = &frames.map(|&x| x as f32).collect();
                 let points = self.window[0].len();
@@ -116,7 +123,9 @@ impl<'a> Rollout<'a> {
                 let domain = self.constraints.domain();
                 let accelerations =
                     self.simulator.accelerations(network, &window, domain, self.gravity);
-                self.integrate(&accelerations)?
+                let next = self.integrate(&accelerations)?;
+                packing.check(self.frame + 1, &next)?;
+                next
             }
         };
         self.window.pop_front();
@@ -178,6 +187,11 @@ impl<'a> Rollout<'a> {
     }
 }
 
+/// How densely points may be packed.
+fn packing(simulator: &Simulator, start: &Start) -> Packing {
+    Packing::new(simulator.config.connection_radius, start.scene.domain.spacing())
+}
+
 /// Begins a rollout on a GPU.
 fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahead {
     let interval = simulator.training.frame_interval;
@@ -188,6 +202,7 @@ fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahe
         start: start.time,
         interval,
         mirror: simulator.mirror,
+        packing: packing(simulator, start),
     };
     let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
     let weights = weights(&simulator.model);

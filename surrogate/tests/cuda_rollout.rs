@@ -25,6 +25,7 @@ use surrogate::features::{Normalisation, Obstacle, Window, window_input};
 use surrogate::graph::{RadiusGraph, radius_graph};
 use surrogate::model::Model;
 use surrogate::node_features::NodeFeature;
+use surrogate::pressed::Packing;
 use surrogate::rollout::RolloutError;
 use surrogate::simulator::{Simulator, Training};
 use surrogate::train::weights;
@@ -457,6 +458,8 @@ fn motion() -> Motion {
         start: 0.05,
         interval: 0.01,
         mirror: false,
+        // Points may be as close together as they come.
+        packing: Packing::new(0.25, 1e-3),
     }
 }
 

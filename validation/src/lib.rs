@@ -6,6 +6,7 @@ pub mod block;
 pub mod chart;
 pub mod command;
 pub mod compare;
+pub mod compare_files;
 pub mod computed;
 pub mod context;
 pub mod figure;

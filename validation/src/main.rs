@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use validation::command::Suite;
+use validation::compare_files::{CompareArgs, compare};
 use validation::report::{ReportArgs, report};
 
 /// Measures the solver and the learned simulators, and reports what came out.
@@ -18,6 +19,8 @@ struct Arguments {
 enum Command {
     /// Run what is missing and write the report.
     Report(ReportArgs),
+    /// Say how far runs are from another one of the same scene.
+    Compare(CompareArgs),
     #[command(flatten)]
     Suite(Suite),
 }
@@ -25,6 +28,7 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Report(args) => report(&args),
+        Command::Compare(args) => compare(&args),
         Command::Suite(command) => command.run(),
     };
     result.unwrap_or_else(|report| {

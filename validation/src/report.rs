@@ -99,18 +99,17 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
         let mut sections = Vec::new();
         for section in &chapter.sections {
             let slug = slug(section.title());
-            let mut computed = None;
+            // Until it is computed anew, a section stays as it was.
+            let computed = Computed::kept(&context, &slug);
             if wanted(&**section) {
                 planned.push((&**section, [written.len(), sections.len()]));
+            } else if computed.is_some() {
+                context.rests_on(&computed);
             } else {
-                computed = Computed::kept(&context, &slug);
                 // Neither asked for nor there: no part of this report, which names it.
-                if computed.is_none() {
-                    absent.push(section.title());
-                    continue;
-                }
+                absent.push(section.title());
+                continue;
             }
-            context.rests_on(&computed);
             sections.push(WrittenSection { title: section.title(), slug, computed });
         }
         written.push(Written { title: chapter.title, sections });
@@ -122,6 +121,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     for section in written.iter().flat_map(|chapter| &chapter.sections) {
         put_files(&args.output, section)?;
     }
+    write(&args.output, &context, &written, &absent)?;
 
     for (section, [chapter, place]) in planned {
         let Some(computed) = compute(section, &mut context) else {
@@ -186,7 +186,7 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
     let threads = rayon::current_num_threads();
     let (name, device_name, rate) = match &gpu {
         Some(gpu) => {
-            let number = if let Device::Cuda(number) = device { number } else { 0 };
+            let number = if let Device::Cuda(Some(number)) = device { number } else { 0 };
             // The rate of an H200: an estimate is all that is wanted of it.
             (format!("cuda:{number}"), gpu.name().to_owned(), 2e10)
         }

@@ -29,6 +29,11 @@ pub struct Rollout {
 }
 
 impl Rollout {
+    /// Whether there is nothing of it: it did not begin.
+    pub fn is_refused(&self) -> bool {
+        self.errors.errors.is_empty()
+    }
+
     /// The first of the truth's frames that it predicts, as text.
     pub fn first_frame(&self) -> String {
         self.errors.frames.first().map_or(String::new(), usize::to_string)
@@ -113,7 +118,7 @@ pub fn table(rollouts: &[Rollout]) -> Table {
     );
     for rollout in rollouts {
         let Errors { errors, failure, .. } = &rollout.errors;
-        if errors.is_empty() {
+        if rollout.is_refused() {
             let nothing = [""; 7];
             let named = [rollout.case.as_str(), &rollout.model].into_iter();
             table.row(named.chain(nothing).chain(["refused"]));
@@ -132,15 +137,17 @@ pub fn table(rollouts: &[Rollout]) -> Table {
             number(last.mse),
             number(last.front),
             number(last.height),
-            failure.as_ref().map_or("well", |_| "early").to_owned(),
+            failure
+                .as_ref()
+                .map_or("well".to_owned(), |status| status.replace("failed: ", "early, ")),
         ]);
     }
     table
 }
 
 /// What programs said about rollouts that broke down.
-pub fn failures(rollouts: &[Rollout]) -> Vec<Block> {
-    let failed = rollouts.iter().filter(|rollout| !rollout.message.is_empty());
+pub fn failures<'a>(rollouts: impl IntoIterator<Item = &'a Rollout>) -> Vec<Block> {
+    let failed = rollouts.into_iter().filter(|rollout| !rollout.message.is_empty());
     failed
         .flat_map(|rollout| {
             let what = format!("{} on {} ended early:", rollout.model, rollout.case);
@@ -172,7 +179,11 @@ pub fn chart(title: &str, rollouts: &[&Rollout], floor: Option<&Errors>) -> miet
     let picture =
         Chart { x: Axis::linear("time [s]"), y: Axis::log("MSE [box²]"), series, floor: None }
             .draw()?;
-    let caption = "Mean square distance of points from where they should be, in units of the box.";
+    let mut caption =
+        "Mean square distance of points from where they should be, in units of the box.".to_owned();
+    if rollouts.iter().any(|rollout| rollout.errors.failure.is_some()) {
+        caption += " Where a line ends before the others, the rollout did.";
+    }
     Ok(Block::Figure(Figure::new(title, picture, caption)))
 }
 
@@ -248,6 +259,25 @@ fn pairs(
 mod tests {
     use super::*;
     use surrogate::metrics::FrameError;
+
+    impl Rollout {
+        /// With these errors, a tenth of a second apart.
+        pub fn of_errors(model: &str, mse: &[f64], failure: Option<&str>) -> Self {
+            let error = |(k, &mse): (usize, &f64)| FrameError {
+                time: 0.1 * k as f64,
+                mse,
+                ..FrameError::default()
+            };
+            let errors = Errors {
+                errors: mse.iter().enumerate().map(error).collect(),
+                failure: failure.map(str::to_owned),
+                ..Errors::default()
+            };
+            let [output, truth] = [PathBuf::new(), PathBuf::new()];
+            let (model, case, message) = (model.to_owned(), String::new(), String::new());
+            Self { model, case, output, truth, errors, message }
+        }
+    }
 
     #[test]
     fn given_frames_do_not_count() {

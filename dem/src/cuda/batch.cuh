@@ -71,8 +71,6 @@ struct Header {
     double drift_x, drift_y;
     // Cell area (m²) while stress-free, negative while loaded.
     double free_area;
-    // Area (m²) that area ratios refer to.
-    double reference_area;
     // Row of the table of discs.
     unsigned grading;
     // Whether the list holds images other than the nearest.
@@ -121,9 +119,6 @@ struct Batch {
     Real* tangential;
     unsigned short* incoming;
     const Disc* disc;
-    // Outputs for the material point method: Cauchy stress (Pa), and area over the reference area.
-    Matrix* stress;
-    double* area_ratio;
     // Lowest index of an RVE that failed.
     int* failed;
     // RVE of each block, in launches of even and of odd number.

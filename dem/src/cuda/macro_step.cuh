@@ -51,15 +51,12 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
         const double ratio = h.free_area / determinant(fresh.cell);
         const double solid_fraction = fresh.solid / h.free_area;
         b.state[rve] = free_state(h.free_area, solid_fraction);
-        b.stress[rve] = Matrix{};
-        b.area_ratio[rve] = h.free_area / h.reference_area;
         if (solid_fraction < p.free_solid_fraction) return DONE;
-        const Header old = h;
+        const unsigned steps = h.steps;
         h = fresh;
         h.cell = scaled(fresh.cell, sqrt(ratio));
         h.free_area = -1.0;
-        h.reference_area = old.reference_area;
-        h.steps = old.steps;
+        h.steps = steps;
         return RESTART;
     }
 

@@ -121,8 +121,6 @@ __device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bo
     h.drift_y = drift().y;
     batch.header[rve] = h;
     batch.state[rve] = state;
-    batch.stress[rve] = state.stress;
-    batch.area_ratio[rve] = state.area / h.reference_area;
 }
 
 extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)

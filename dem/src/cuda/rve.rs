@@ -69,8 +69,6 @@ pub struct CudaRveBatch<R: CudaReal> {
     incoming: CudaSlice<u16>,
     disc: CudaSlice<[R; 4]>,
     velocity_gradient: CudaSlice<f64>,
-    stress: CudaSlice<f64>,
-    area_ratio: CudaSlice<f64>,
     failed: CudaSlice<i32>,
     turn: CudaSlice<[u32; 2]>,
     queue: CudaSlice<u32>,
@@ -130,8 +128,6 @@ impl<R: CudaReal> CudaRveBatch<R> {
             incoming: device.upload(&host.incoming)?,
             disc: device.upload(&host.disc)?,
             velocity_gradient: device.zeros(4 * rves)?,
-            stress: device.zeros(4 * rves)?,
-            area_ratio: device.upload(&vec![1.0; rves])?,
             failed: device.upload(&[i32::MAX])?,
             turn: device.upload(&(0..rves as u32).map(|k| [k, k]).collect::<Vec<_>>())?,
             queue: device.zeros(4)?,
@@ -167,30 +163,6 @@ impl<R: CudaReal> CudaRveBatch<R> {
 
     pub fn is_empty(&self) -> bool {
         self.rves == 0
-    }
-
-    /// Areas (m²) that [`area_ratio`](Self::area_ratio) refers to, one per RVE. Until then, those
-    /// at the upload.
-    ///
-    /// # Errors
-    /// A kernel failed.
-    pub fn set_reference_areas(&mut self, areas: &[f64]) -> Result<(), CudaError> {
-        let stream = self.device.stream();
-        let mut header = stream.clone_dtoh(&self.header)?;
-        for (h, area) in header.iter_mut().zip(areas) {
-            h.reference_area = *area;
-        }
-        Ok(stream.memcpy_htod(&header, &mut self.header)?)
-    }
-
-    /// Cauchy stress (Pa) after the last launch, compression positive: xx, xy, yx, yy of each RVE.
-    pub fn stress(&self) -> &CudaSlice<f64> {
-        &self.stress
-    }
-
-    /// Cell area over the reference area after the last launch.
-    pub fn area_ratio(&self) -> &CudaSlice<f64> {
-        &self.area_ratio
     }
 
     /// State of each RVE after the last launch.
@@ -243,8 +215,6 @@ impl<R: CudaReal> CudaRveBatch<R> {
             tangential: address(&self.tangential, stream),
             incoming: address(&self.incoming, stream),
             disc: address(&self.disc, stream),
-            stress: address(&self.stress, stream),
-            area_ratio: address(&self.area_ratio, stream),
             failed: address(&self.failed, stream),
             turn: address(&self.turn, stream),
             queue: address(&self.queue, stream),
@@ -377,8 +347,6 @@ pub(super) struct Arrays {
     pub tangential: u64,
     pub incoming: u64,
     pub disc: u64,
-    pub stress: u64,
-    pub area_ratio: u64,
     pub failed: u64,
     pub turn: u64,
     pub queue: u64,

@@ -40,7 +40,7 @@ pub struct DatasetArgs {
     /// (may be repeated).
     #[arg(long, value_name = "SPLIT[/NAME]")]
     only: Vec<Choice>,
-    /// Where to compute: auto (every GPU that is visible, else the CPU), cpu, cuda or cuda:N.
+    /// Where to compute: auto (every visible GPU, else the CPU), cpu, cuda (every GPU) or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
     /// Scenes at a time on each device [default: 4 on a GPU, whose gaps they fill, 1 on the CPU].

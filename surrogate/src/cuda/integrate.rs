@@ -13,6 +13,7 @@ use super::launch::each;
 use crate::config::ModelConfig;
 use crate::constraints::Constraints;
 use crate::features::Normalisation;
+use crate::pressed::Packing;
 use crate::rollout::RolloutError;
 
 /// The source of the kernel.
@@ -26,7 +27,7 @@ const ROWS: usize = 2 * BLOCK;
 /// No failure.
 const FINE: u64 = u64::MAX;
 
-/// What moves the points besides the network.
+/// What moves the points besides the network, and when it must end.
 pub struct Motion {
     pub constraints: Constraints,
     /// Added to the network's accelerations (m/frame²).
@@ -37,6 +38,8 @@ pub struct Motion {
     /// Takes the mean of accelerations and of the mirror images of those of the mirrored window
     /// ([`mirrored`](crate::simulator::mirrored)).
     pub mirror: bool,
+    /// How densely points may be packed.
+    pub packing: Packing,
 }
 
 /// `Setup` of `integrate.cu`.

@@ -15,6 +15,7 @@ use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
 use super::network::{Capacity, CudaNetwork};
 use crate::config::{ModelConfig, ModelKind};
 use crate::features::{Normalisation, mirrored_obstacle};
+use crate::pressed::Packing;
 use crate::rollout::RolloutError;
 use crate::simulator::mirrored;
 
@@ -74,6 +75,7 @@ pub struct CudaRollout<N> {
     network: N,
     builder: FrameBuilder,
     integrator: Integrator,
+    packing: Packing,
     config: ModelConfig,
     /// Width of the domain, if each frame is followed by its mirror image.
     mirror: Option<f64>,
@@ -135,6 +137,7 @@ impl<N: Network> CudaRollout<N> {
                 .collect::<Result<_, _>>()?,
             inputs: Vec::new(),
             config: config.clone(),
+            packing: motion.packing,
             mirror: motion.mirror.then(|| motion.constraints.domain()[0]),
             builder,
             window: window.iter().cloned().collect(),
@@ -271,7 +274,10 @@ impl<N: Network> CudaRollout<N> {
     /// # Errors
     /// Too little memory for the edges, or a kernel failed.
     pub fn block(&mut self) -> Result<(Frames, Option<RolloutError>), CudaError> {
-        loop {
+        let most = self.packing.most_edges(self.builder.points());
+        // Images have the same edges but for rounding.
+        let most_room = most + most / 64;
+        let needed = loop {
             while self.queued < (self.given + 2) * BLOCK {
                 self.queue_block()?;
             }
@@ -279,15 +285,26 @@ impl<N: Network> CudaRollout<N> {
             landing.wait()?;
             let needed = needed.as_slice()?[0];
             let needed = usize::try_from(needed).unwrap_or(usize::MAX);
-            if needed <= self.room() {
-                break;
+            if needed <= self.room() || self.room() >= most_room {
+                break needed;
             }
             // Again from where the block began, with more room.
-            self.make_room(needed + needed / 4)?;
+            self.make_room(needed.saturating_add(needed / 4).min(most_room))?;
             self.begin()?;
-        }
-        let (frames, failure) =
+        };
+        let (mut frames, mut failure) =
             self.integrator.block(&self.landings[self.given % 2].0, self.frame)?;
+        if needed > most {
+            // One of them, or one after a failure. Those after it may have lacked room.
+            let check = |(k, frame): (usize, &Vec<_>)| {
+                let error = self.packing.check(self.frame + k, frame).err()?;
+                Some((k, error))
+            };
+            if let Some((good, error)) = frames.iter().enumerate().find_map(check) {
+                frames.truncate(good);
+                failure = Some(error);
+            }
+        }
         self.given += 1;
         self.frame += frames.len();
         for frame in frames.iter().rev().take(self.window.len()).rev() {

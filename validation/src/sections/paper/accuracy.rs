@@ -1,5 +1,6 @@
 //! Fig. 9 to 14 and 17 to 22: rollouts of the validation and test cases.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -114,7 +115,8 @@ impl Section for Ablation {
             blocks.push(chart(case, &of_case, None)?);
         }
         blocks.push(Block::Table(table(&rollouts)));
-        blocks.extend(failures(&rollouts));
+        // Why others ended early is in the table.
+        blocks.extend(failures(rollouts.iter().filter(|rollout| rollout.is_refused())));
         let lacking: Vec<&str> = PAPER_NETWORKS
             .into_iter()
             .filter(|name| !models.iter().any(|model| belongs(&model.name, name)))
@@ -136,22 +138,43 @@ pub(super) fn ranking(
     models: &[Model],
     rollouts: &[Rollout],
 ) -> miette::Result<Vec<Block>> {
-    let columns = ["model", "parameters", "steps", "mean MSE", "times the best"];
-    let mut table = Table::new(format!("{title} by mean error"), columns).note(
-        "MSE in units of the box, mean over all cases and frames; none where a rollout ended early.",
-    );
-    let mut ranked: Vec<(&Model, f64)> =
-        models.iter().map(|model| (model, mean_error(rollouts, &model.name))).collect();
-    ranked.sort_by(|(_, a), (_, b)| a.total_cmp(b));
+    let cases = rollouts.iter().filter(|r| r.model == models[0].name).count();
+    let horizon = first_end(rollouts);
+    let mut table = Table::new(
+        format!("{title} by mean error"),
+        [
+            "model",
+            "parameters",
+            "steps",
+            "mean MSE",
+            "times the best",
+            "cases to the end",
+            "mean MSE until one ended early",
+        ],
+    )
+    .note(format!(
+        "MSE in units of the box, mean over all cases and frames; none where a rollout ended early. {}",
+        match horizon {
+            Some(time) => format!(
+                "The first to do so ended at {time:.2} s: errors until then can be compared."
+            ),
+            None => "None did.".to_owned(),
+        }
+    ));
+    let mut ranked: Vec<Ranked> =
+        models.iter().map(|model| Ranked::of(model, rollouts, horizon)).collect();
+    ranked.sort_by(Ranked::compare);
     let mut steps = Vec::new();
-    for (model, error) in &ranked {
+    for Ranked { model, ended_well, error, early } in &ranked {
         let Simulator { config, training, .. } = Simulator::load(&model.path)?;
         table.row([
             model.name.clone(),
             config.parameter_count().to_string(),
             training.steps.to_string(),
             number(*error),
-            number(error / ranked[0].1),
+            number(error / ranked[0].error),
+            format!("{ended_well} of {cases}"),
+            early.map_or(String::new(), number),
         ]);
         steps.push(training.steps);
     }
@@ -160,21 +183,82 @@ pub(super) fn ranking(
         (Some(least), Some(most)) => format!("after {least} to {most} steps, which is not equal"),
         _ => return Ok(Vec::new()),
     };
-    let Some((worst, error)) = ranked.iter().rfind(|(_, error)| error.is_finite()) else {
-        let words = format!("No model of {} gets through all cases {budget}.", ranked.len());
-        return Ok(vec![Block::headline(words), Block::Table(table)]);
+    let all: Vec<&Ranked> = ranked.iter().filter(|ranked| ranked.error.is_finite()).collect();
+    let words = match all.as_slice() {
+        [best, .., worst] => format!(
+            "Of {} trained networks {budget}, {} get through all validation cases: `{}` with the \
+             smallest mean error ({} box²), `{}` with the largest ({} box²).",
+            ranked.len(),
+            all.len(),
+            best.model.name,
+            number(best.error),
+            worst.model.name,
+            number(worst.error)
+        ),
+        [one] => format!(
+            "Of {} trained networks {budget}, only `{}` gets through all validation cases (mean \
+             error {} box²).",
+            ranked.len(),
+            one.model.name,
+            number(one.error)
+        ),
+        [] => {
+            let most = &ranked[0];
+            format!(
+                "None of {} trained networks {budget} gets through all {cases} validation cases; \
+                 `{}` gets through {}.",
+                ranked.len(),
+                most.model.name,
+                most.ended_well
+            )
+        }
     };
-    let (best, least) = &ranked[0];
-    let words = format!(
-        "Of {} trained networks {budget}, `{}` has the smallest mean error on the validation cases \
-         ({} box²), `{}` the largest of those that get through all ({} box²).",
-        ranked.len(),
-        best.name,
-        number(*least),
-        worst.name,
-        number(*error)
-    );
     Ok(vec![Block::headline(words), Block::Table(table)])
+}
+
+/// A model among others.
+struct Ranked<'m> {
+    model: &'m Model,
+    /// Rollouts that did not end early.
+    ended_well: usize,
+    /// Mean error; infinite if one of them did.
+    error: f64,
+    /// Mean error until the first of all models' rollouts ended early.
+    early: Option<f64>,
+}
+
+impl<'m> Ranked<'m> {
+    fn of(model: &'m Model, rollouts: &[Rollout], horizon: Option<f64>) -> Self {
+        let own: Vec<&Rollout> = rollouts.iter().filter(|r| r.model == model.name).collect();
+        let well = |r: &&&Rollout| r.errors.failure.is_none() && !r.errors.errors.is_empty();
+        let until = |horizon: f64| {
+            let errors = own.iter().flat_map(|r| &r.errors.errors);
+            let mse: Vec<f64> = errors.filter(|e| e.time <= horizon).map(|e| e.mse).collect();
+            (!mse.is_empty()).then(|| mse.iter().sum::<f64>() / mse.len() as f64)
+        };
+        Self {
+            model,
+            ended_well: own.iter().filter(well).count(),
+            error: mean_error(rollouts, &model.name),
+            early: horizon.and_then(until),
+        }
+    }
+
+    /// The best first: by the mean error, or else by how many cases they get through.
+    fn compare(&self, other: &Self) -> Ordering {
+        let early = |ranked: &Self| ranked.early.unwrap_or(f64::INFINITY);
+        self.error
+            .total_cmp(&other.error)
+            .then(other.ended_well.cmp(&self.ended_well))
+            .then(early(self).total_cmp(&early(other)))
+    }
+}
+
+/// Time (s) of the last frame of the rollout that ended first of those that ended early.
+fn first_end(rollouts: &[Rollout]) -> Option<f64> {
+    let early = rollouts.iter().filter(|rollout| rollout.errors.failure.is_some());
+    let ends = early.filter_map(|rollout| Some(rollout.errors.errors.last()?.time));
+    ends.min_by(f64::total_cmp)
 }
 
 /// The numbers that the paper's text states.
@@ -330,6 +414,38 @@ fn absent(cases: &[(String, PathBuf)], models: &[Model], set: &str) -> Vec<Block
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_ends_early_comes_last_and_can_still_be_compared() {
+        let rollouts = [
+            Rollout::of_errors("early", &[1.0, 2.0], Some("pressed")),
+            Rollout::of_errors("early", &[1.0, 2.0, 3.0], None),
+            Rollout::of_errors("good", &[2.0, 2.0, 2.0], None),
+            Rollout::of_errors("good", &[2.0, 2.0, 2.0], None),
+            Rollout::of_errors("worse", &[3.0, 3.0, 3.0], Some("pressed")),
+            Rollout::of_errors("worse", &[3.0, 3.0, 3.0], Some("pressed")),
+            Rollout::of_errors("fair", &[1.0, 1.0, 9.0], None),
+            Rollout::of_errors("fair", &[1.0, 1.0, 9.0], None),
+        ];
+        let horizon = first_end(&rollouts);
+        assert_eq!(horizon, Some(0.1));
+        let models =
+            ["worse", "early", "fair", "good"].map(|n| Model::new(n.to_owned(), PathBuf::new()));
+        let mut ranked: Vec<Ranked> =
+            models.iter().map(|model| Ranked::of(model, &rollouts, horizon)).collect();
+        ranked.sort_by(Ranked::compare);
+        let found: Vec<_> = ranked
+            .iter()
+            .map(|r| (r.model.name.as_str(), r.ended_well, r.error, r.early))
+            .collect();
+        let expected = [
+            ("good", 2, 2.0, Some(2.0)),
+            ("fair", 2, 11.0 / 3.0, Some(1.0)),
+            ("early", 1, f64::INFINITY, Some(1.5)),
+            ("worse", 0, f64::INFINITY, Some(3.0)),
+        ];
+        assert_eq!(found, expected);
+    }
 
     #[test]
     fn the_network_nearest_to_the_paper_leads() {

@@ -63,7 +63,8 @@ impl Section for Resolutions {
             blocks.push(chart(case, &of_case, None)?);
         }
         blocks.push(Block::Table(table(&rollouts)));
-        blocks.extend(failures(&rollouts));
+        // Why others ended early is in the table.
+        blocks.extend(failures(rollouts.iter().filter(|rollout| rollout.is_refused())));
         // One case of each data set.
         for model in &models {
             let first = rollouts.iter().find(|rollout| rollout.model == model.name);

@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 
 use surrogate::simulator::Simulator;
 
-use super::accuracy::mean_error;
 use crate::block::{Block, Figure};
 use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::{Context, Model, files_in};
-use crate::rollouts::roll_out;
+use crate::rollouts::{Rollout, roll_out};
 use crate::section::Section;
 
 /// Loss and validation error over the steps of trainings.
@@ -39,7 +38,8 @@ impl Section for Training {
                 "Validation error",
                 "mean MSE of validation rollouts [box²]",
                 "Rollouts of all validation cases from their first frames; of weights that a training had \
-                 on its way, their first second. In units of the box.",
+                 on its way, their first second. In units of the box. Where a rollout of these ended early \
+                 its last error stands for what was not predicted, which would have been worse.",
                 "`surrogate train` validates where the data have `valid/`; weights that it had on its \
                  way, kept in `NAME.stages/` beside `NAME.safetensors`, are rolled out by the report.",
             ),
@@ -65,12 +65,11 @@ impl Section for Training {
     }
 }
 
-/// Time (s) that weights on their way predict: a young network presses points together until each has
-/// hundreds of neighbours, which takes minutes and says no more.
+/// Time (s) that weights on their way predict.
 const LOOK: f64 = 1.0;
 
 /// Steps and mean validation error of the weights that a model had on its way, and of itself; nothing
-/// if there are none, or no validation cases. Where a rollout ended early there is no point.
+/// if there are none, or no validation cases.
 fn of_stages(context: &mut Context, model: &Model) -> miette::Result<Vec<(f64, f64)>> {
     let folder = match model.path.ends_with("best.safetensors") {
         true => model.path.with_file_name("stages"),
@@ -93,8 +92,27 @@ fn of_stages(context: &mut Context, model: &Model) -> miette::Result<Vec<(f64, f
     stages.dedup_by_key(|(steps, _)| *steps);
     let models: Vec<Model> = stages.iter().map(|(_, stage)| stage.clone()).collect();
     let rollouts = roll_out(context, &models, &cases)?;
-    let error = |(steps, stage): &(u64, Model)| (*steps as f64, mean_error(&rollouts, &stage.name));
-    Ok(stages.iter().map(error).filter(|(_, error)| error.is_finite()).collect())
+    let points = stages.iter().filter_map(|(steps, stage)| {
+        let own: Vec<&Rollout> = rollouts.iter().filter(|r| r.model == stage.name).collect();
+        Some((*steps as f64, error_of(&own)?))
+    });
+    Ok(points.collect())
+}
+
+/// Mean error of rollouts of as many frames. The last error of one that ended early stands for the rest;
+/// none if one did not begin.
+fn error_of(rollouts: &[&Rollout]) -> Option<f64> {
+    let errors = |rollout: &Rollout| -> Vec<f64> {
+        rollout.errors.errors.iter().map(|error| error.mse).collect()
+    };
+    let frames = rollouts.iter().map(|rollout| rollout.errors.errors.len()).max()?;
+    let mean = |rollout: &&Rollout| {
+        let known = errors(rollout);
+        let rest = (frames - known.len()) as f64 * known.last()?;
+        Some((known.iter().sum::<f64>() + rest) / frames as f64)
+    };
+    let means: Vec<f64> = rollouts.iter().map(mean).collect::<Option<_>>()?;
+    Some(means.iter().sum::<f64>() / means.len() as f64)
 }
 
 /// The log of a training: in the folder of its own, or beside the weights under their name.
@@ -116,4 +134,18 @@ fn curve(path: &Path, column: &str) -> Option<Vec<(f64, f64)>> {
     };
     let points: Vec<(f64, f64)> = lines.filter_map(point).collect();
     (!points.is_empty()).then_some(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_error_stands_for_what_was_not_predicted() {
+        let [whole, short, none] =
+            [&[1.0, 2.0, 6.0][..], &[1.0, 4.0], &[]].map(|mse| Rollout::of_errors("m", mse, None));
+        assert_eq!(error_of(&[&whole, &short]), Some(3.0));
+        assert_eq!(error_of(&[&whole, &none]), None);
+        assert_eq!(error_of(&[]), None);
+    }
 }
