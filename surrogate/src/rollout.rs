@@ -33,8 +33,8 @@ pub enum RolloutError {
     #[error("frame {frame}: point {point} leaves the domain by {distance:.3} m")]
     Left { frame: usize, point: usize, distance: f64 },
     #[error(
-        "frame {frame}: points are pressed together: they have {neighbours:.0} neighbours on average, \
-         {plane:.0} if they filled the plane"
+        "frame {frame}: points are pressed together ({neighbours:.0} neighbours on average, {plane:.0} \
+         if they filled the plane)"
     )]
     Pressed { frame: usize, neighbours: f64, plane: f64 },
     #[error("the rollout on the GPU: {message}")]

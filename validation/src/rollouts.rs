@@ -137,12 +137,16 @@ pub fn table(rollouts: &[Rollout]) -> Table {
             number(last.mse),
             number(last.front),
             number(last.height),
-            failure
-                .as_ref()
-                .map_or("well".to_owned(), |status| status.replace("failed: ", "early, ")),
+            failure.as_deref().map_or("well".to_owned(), early),
         ]);
     }
     table
+}
+
+/// When and why a rollout ended, from the state of its trajectory, which has numbers in brackets.
+fn early(state: &str) -> String {
+    let why = state.strip_prefix("failed: ").unwrap_or(state);
+    format!("early, {}", why.split(" (").next().unwrap_or(why))
 }
 
 /// What programs said about rollouts that broke down.
@@ -259,6 +263,7 @@ fn pairs(
 mod tests {
     use super::*;
     use surrogate::metrics::FrameError;
+    use surrogate::rollout::RolloutError;
 
     impl Rollout {
         /// With these errors, a tenth of a second apart.
@@ -277,6 +282,16 @@ mod tests {
             let (model, case, message) = (model.to_owned(), String::new(), String::new());
             Self { model, case, output, truth, errors, message }
         }
+    }
+
+    #[test]
+    fn why_a_rollout_ended_is_short() {
+        let error = RolloutError::Pressed { frame: 9, neighbours: 155.0, plane: 50.0 };
+        assert_eq!(
+            early(&format!("failed: {error}")),
+            "early, frame 9: points are pressed together"
+        );
+        assert_eq!(early("interrupted"), "early, interrupted");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What a study finds, as plain data.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::outcome::Outcome;
 use super::threshold::Threshold;
@@ -62,10 +62,17 @@ pub struct Map {
     pub y: Axis,
     /// `outcomes[row][column]` at `y.values[row]` and `x.values[column]`.
     pub outcomes: Vec<Vec<Outcome>>,
-    /// A measured number to go with each outcome; may be empty.
+    /// A measured number to go with each outcome, NaN where there is none; may be empty.
+    #[serde(deserialize_with = "with_gaps")]
     pub numbers: Vec<Vec<f64>>,
     /// How to read it, and the theory it is compared with.
     pub caption: String,
+}
+
+/// Reads NaN, which JSON has not and writes as null.
+fn with_gaps<'de, D: Deserializer<'de>>(file: D) -> Result<Vec<Vec<f64>>, D::Error> {
+    let rows = Vec::<Vec<Option<f64>>>::deserialize(file)?.into_iter();
+    Ok(rows.map(|row| row.into_iter().map(|x| x.unwrap_or(f64::NAN)).collect()).collect())
 }
 
 /// The values of one parameter.
@@ -151,4 +158,27 @@ pub enum StudyError {
     Material(#[from] mpm::MaterialError),
     #[error("{name}: {reason}")]
     Scene { name: String, reason: String },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Else a study with such a map would be made anew with every report.
+    #[test]
+    fn a_map_with_gaps_can_be_kept() {
+        let map = Map {
+            title: "map".into(),
+            x: Axis::new("x", vec![1.0, 2.0]),
+            y: Axis::new("y", vec![3.0]),
+            outcomes: vec![vec![Outcome::Stable, Outcome::of(Some("broken".into()), None)]],
+            numbers: vec![vec![0.5, f64::NAN]],
+            caption: String::new(),
+        };
+        let kept = serde_json::to_string(&map).unwrap();
+        let read: Map = serde_json::from_str(&kept).unwrap();
+        assert_eq!(read.numbers[0][0], 0.5);
+        assert!(read.numbers[0][1].is_nan());
+        assert_eq!(read.outcomes, map.outcomes);
+    }
 }

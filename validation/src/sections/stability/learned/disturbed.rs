@@ -133,8 +133,10 @@ fn mirror(
             curves.push(Curve::measured(format!("{column}, {prediction}"), points.collect()));
             let last = apart(both - 1);
             let symptom = format!("mirror images part by {:.0} % of the motion", 100.0 * last);
-            let start = direct.start(simulator)?;
-            let said = asymmetry(simulator, &start);
+            // What a rollout of this start says, of mirror images first.
+            let of_images = asymmetry(simulator, &direct.start(simulator)?);
+            let said: Vec<String> = of_images.into_iter().chain(straight.said()).collect();
+            let said = (!said.is_empty()).then(|| said.join("; "));
             let outcome = Outcome::of((last > ASYMMETRY).then_some(symptom), said);
             row.push((last, outcome.clone()));
             study.findings.push(Finding {

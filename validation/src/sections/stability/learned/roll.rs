@@ -107,8 +107,7 @@ impl Direct {
     }
 }
 
-/// A prediction and what was said of it. That mirror images differ tells nothing of other errors, so
-/// nobody looks at it here.
+/// A prediction and what was said of it, but for mirror images, which take two more predictions.
 pub struct Rolled {
     /// Frames from the first of the start on.
     pub positions: Frames,
