@@ -160,7 +160,7 @@ fn train_all_in(
     trainer.restore(&scene.weights, [&zeros, &zeros], Some(&scene.weights))?;
     let mut batches = BatchBuilder::new(device, config, &normalisation(), &[[0.0, 10.0]; 2])?;
     let rates = Rates { rate: 1e-4, corrections: [1.0; 2], decay: 0.9 };
-    for unroll in [0, 1, 8] {
+    for unroll in [0, 8] {
         let frames = |last: usize| {
             let at = 2 * POINTS * (config.frames - last)..2 * POINTS * (config.frames + 1 - last);
             positions

@@ -23,13 +23,15 @@ struct Case {
     config: ModelConfig,
     /// Points of each window.
     windows: Vec<usize>,
+    /// Of the points' places and motion.
+    seed: u64,
 }
 
 impl Case {
     fn new(name: &str, windows: &[usize]) -> Self {
         let config = ModelConfig::named(name).unwrap();
         let config = ModelConfig { gns_layers: 3, ..config };
-        Self { config, windows: windows.to_vec() }
+        Self { config, windows: windows.to_vec(), seed: 3 }
     }
 
     fn points(&self) -> usize {
@@ -38,7 +40,7 @@ impl Case {
 
     /// Clusters and a few points apart, moving, so that degrees differ and edges come and go.
     fn positions(&self, frames: usize) -> Vec<Vec<f32>> {
-        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let d = self.config.dimensions;
         let window = |&points: &usize| {
             let start: Vec<f32> = (0..points * d)
@@ -152,18 +154,31 @@ fn tolerance(precision: Precision) -> [f64; 2] {
 /// How far the gradient moves when rounding changes the sign of arguments of LeakyReLU: the most of
 /// several networks whose weights are off by up to 2e-6 of themselves, which moves outputs by as much
 /// as rounding may. Without such arguments the gradient moves no more than the outputs.
-fn kinks(case: &Case, input: &WindowInput<CpuAutodiff>, gradient: &[f32]) -> f64 {
+fn kinks(case: &Case) -> f64 {
+    let (input, _) = case.input();
+    let (.., gradient) = reference(case, &input, &case.model());
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut moved = || {
         let mut list = weights(&case.model());
         list.iter_mut().for_each(|w| *w *= 1.0 + rng.random_range(-2e-6..2e-6));
         let model = with_weights(case.model(), &list);
-        distance(&reference(case, input, &model).2, gradient) / norm(gradient).max(1e-30)
+        distance(&reference(case, &input, &model).2, &gradient) / norm(&gradient).max(1e-30)
     };
     (0..4).map(|_| moved()).fold(0.0, f64::max)
 }
 
+/// Twice what kinks may do is added to the tolerance of the gradient in f32; that of bf16 has room for
+/// them.
 fn compare(case: &Case, precision: Precision) {
+    if gpu::for_tests().is_none() {
+        return;
+    }
+    let kinked = precision == Precision::F32 && case.config.leaky_slope != 1.0;
+    compare_within(case, precision, if kinked { 2.0 * kinks(case) } else { 0.0 });
+}
+
+/// Compares output, loss and gradient; `kinks` is added to the tolerance of the gradient.
+fn compare_within(case: &Case, precision: Precision, kinks: f64) {
     let Some(device) = gpu::for_tests() else { return };
     let (input, frames) = case.input();
     let (output, loss, gradient) = reference(case, &input, &case.model());
@@ -184,9 +199,7 @@ fn compare(case: &Case, precision: Precision) {
         device.stream().clone_dtoh(output).unwrap()
     };
     let [most, mut most_gradient] = tolerance(precision);
-    if precision == Precision::F32 && case.config.leaky_slope != 1.0 {
-        most_gradient += 2.0 * kinks(case, &input, &gradient);
-    }
+    most_gradient += kinks;
     let count = output.len();
     let relative =
         |found: &[f32], expected: &[f32]| distance(found, expected) / norm(expected).max(1e-30);
@@ -235,6 +248,21 @@ fn without_kinks() {
     }
 }
 
+/// Nor do kinks matter where rounding changes the sign of no argument. In a graph of so few points a
+/// million arguments are not so near to 0, but for some: the first of the graphs is taken in which the
+/// gradient of the Burn model moves no more with its weights than without kinks.
+#[test]
+fn far_from_kinks() {
+    if gpu::for_tests().is_none() {
+        return;
+    }
+    for name in PAPER_NETWORKS {
+        let graphs = (0..20).map(|seed| Case { seed, ..Case::new(name, &[20]) });
+        let case = graphs.into_iter().find(|case| kinks(case) < 1.5e-5).expect("a graph");
+        compare_within(&case, Precision::F32, 0.0);
+    }
+}
+
 #[rstest]
 fn three_dimensions_and_the_gns(#[values(Precision::F32, Precision::Bf16)] precision: Precision) {
     for name in ["frame4-msg1", "frame4-msg1-hidden1-edgemsg", "gns"] {
@@ -263,7 +291,7 @@ fn unusual_sizes() {
             frames: 3,
             ..base.config.clone()
         };
-        compare(&Case { config, windows }, Precision::F32);
+        compare(&Case { config, windows, ..base.clone() }, Precision::F32);
     }
     let mut dense = Case { windows: vec![150], ..base };
     dense.config.connection_radius = 0.6;

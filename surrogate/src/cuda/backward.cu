@@ -165,7 +165,6 @@ __device__ __forceinline__ void backward(const Backward& a, Weights& weights, co
             }
         }
     }
-
 }
 
 // The block's sums for LayerNorm's scale and shift, with 256 numbers of shared memory for each warp.
@@ -216,24 +215,19 @@ __device__ Matrix16 matrix_of(const Backward& a, int n) {
     return {a.weights + (n - parts) * matrix, n - parts < a.units / matrix ? matrix : 0};
 }
 
-// Chains of at most `length` MLPs on the same rows, as in forward.cu.
-extern "C" __global__ void __launch_bounds__(CHAIN_THREADS, 1)
-    mlp_backward_chain(const __grid_constant__ BackwardBatch batch, int length) {
+// The same for weights that pass through shared memory.
+extern "C" __global__ void __launch_bounds__(STREAM_THREADS, 1)
+    mlp_backward_streamed(const __grid_constant__ BackwardBatch batch) {
     extern __shared__ uint4 shared[];
-    const Backward* chain = batch.item + blockIdx.y * length;
-    int count = 0;
-    while (count < length && chain[count].weights) count++;
-    const u32 rows = read_early(chain->count);
-    Stream<Backward> weights(chain, count, shared, Tiles<true>(rows).rounds());
-    float* const sums_of_warps = (float*)(shared + RING * weights.SLOT);
-    float* const scales = sums_of_warps + CHAIN_THREADS / 32 * 2 * WIDTH;
-    for (int k = 0; k < count; k++) load_scale(scales + k * WIDTH, chain[k]);
+    const Backward& a = batch.item[blockIdx.y];
+    const u32 rows = read_early(a.count);
+    Stream<Backward> weights(a, shared, Tiles<true>(rows).rounds());
+    float* sums_of_warps = (float*)(shared + RING * weights.SLOT);
+    float* scale = sums_of_warps + STREAM_THREADS / 32 * 2 * WIDTH;
+    load_scale(scale, a);
     wait_for_kernel_before();
     __syncthreads();
-#pragma unroll 1
-    for (int k = 0; k < count; k++) {
-        float sums[4][2] = {};
-        backward(chain[k], weights, scales + k * WIDTH, rows, sums);
-        write_norm_sums(sums_of_warps, chain[k], sums);
-    }
+    float sums[4][2] = {};
+    backward(a, weights, scale, rows, sums);
+    write_norm_sums(sums_of_warps, a, sums);
 }

@@ -11,8 +11,6 @@ use super::room::{Passed, Saved};
 /// Which buffers hold the gradients that are passed on.
 struct Turn<'a> {
     list: &'a List,
-    /// What nodes have to go through before the next messages.
-    nodes: Vec<Backward>,
     /// The layer whose messages' parts have yet to be added to the gradient of the node states.
     parts: Option<usize>,
     /// Of the node states after a layer,
@@ -41,9 +39,9 @@ impl CudaNetwork {
             input32: [passed.node[0], 0],
             ..self.mlp_backward(self.layout.decoder, &self.room.decoder, list)
         };
+        self.kernels.backward_nodes(&[decoder], self.nodes())?;
         let mut turn = Turn {
             list,
-            nodes: vec![decoder],
             parts: None,
             node: 0,
             edge: passed.edge[0],
@@ -71,7 +69,7 @@ impl CudaNetwork {
                 count: view.nodes,
                 ..self.mlp_backward(node, &room.node_encoder, list)
             };
-            nodes.push(vec![if first { self.adding_parts(encoder, &mut turn) } else { encoder }]);
+            nodes.push(if first { self.adding_parts(encoder, &mut turn) } else { encoder });
             edges.push(Backward {
                 output: if layout.residual { turn.edge } else { room.edge_gradient },
                 // Edges that the frame before has too come from the fusion.
@@ -81,9 +79,9 @@ impl CudaNetwork {
                 ..self.mlp_backward(edge, &room.edge_encoder, list)
             });
         }
-        self.kernels.backward_edges(&edges, self.edges().most)?;
+        self.kernels.backward_edges(&edges, self.edges())?;
         meanwhile()?;
-        self.kernels.backward_chains(nodes, self.nodes())
+        self.kernels.backward_nodes(&nodes, self.nodes())
     }
 
     /// Has an MLP add to the gradient of its output what came from the messages that read it.
@@ -120,8 +118,7 @@ impl CudaNetwork {
             ..self.mlp_backward(mlps.update, &room.update, turn.list)
         };
         let update = self.adding_parts(update, turn);
-        turn.nodes.push(update);
-        self.kernels.backward_chains(vec![std::mem::take(&mut turn.nodes)], self.nodes())?;
+        self.kernels.backward_nodes(&[update], self.nodes())?;
 
         let output = if turn.messages_used { turn.edge } else { 0 };
         if !residual {
@@ -143,7 +140,7 @@ impl CudaNetwork {
             accumulate: i32::from(residual && turn.messages_used),
             ..self.mlp_backward(mlps.message, &room.message, turn.list)
         };
-        self.kernels.backward_edges(&[message], self.edges().most)?;
+        self.kernels.backward_edges(&[message], self.edges())?;
         (turn.messages_used, turn.next) = (true, 0);
 
         let gradients = [room.sender_gradient, room.receiver_gradient];
@@ -176,7 +173,7 @@ impl CudaNetwork {
                 input: turn.edge,
                 ..self.mlp_backward(fusion, &room.edge_fusion, turn.list)
             };
-            self.kernels.backward_edges(&[fusion], self.edges().most)?;
+            self.kernels.backward_edges(&[fusion], self.edges())?;
             (turn.messages_used, turn.next) = (true, room.next);
         }
         let output32 = passed.node[turn.node];
@@ -188,8 +185,7 @@ impl CudaNetwork {
             ..self.mlp_backward(self.layout.node_fusion, &room.node_fusion, turn.list)
         };
         let fusion = self.adding_parts(fusion, turn);
-        turn.nodes.push(fusion);
-        Ok(())
+        self.kernels.backward_nodes(&[fusion], self.nodes())
     }
 
     /// What backward launches of an MLP have in common.

@@ -281,24 +281,16 @@ __device__ Matrix16 matrix_of(const Forward& a, int n) {
             features && n == states ? feature_matrix : matrix};
 }
 
-// Chains of at most `length` MLPs on the same rows, each of which may read what those before it have
-// written: a lane reads the numbers that it wrote itself. Chains that are shorter end with MLPs without
-// weights.
-extern "C" __global__ void __launch_bounds__(CHAIN_THREADS, 1)
-    mlp_forward_chain(const __grid_constant__ ForwardBatch batch, int length) {
+// The same for weights that pass through shared memory.
+extern "C" __global__ void __launch_bounds__(STREAM_THREADS, 1)
+    mlp_forward_streamed(const __grid_constant__ ForwardBatch batch) {
     extern __shared__ uint4 shared[];
-    const Forward* chain = batch.item + blockIdx.y * length;
-    int count = 0;
-    while (count < length && chain[count].weights) count++;
-    const u32 rows = read_early(chain->count);
-    Stream<Forward> weights(chain, count, shared, Tiles<true>(rows).rounds());
-    float* const all_vectors = (float*)(shared + RING * weights.SLOT);
-    float* vectors = all_vectors;
-    for (int k = 0; k < count; vectors += vectors_of(chain[k]), k++) load_vectors(vectors, chain[k]);
+    const Forward& a = batch.item[blockIdx.y];
+    const u32 rows = read_early(a.count);
+    Stream<Forward> weights(a, shared, Tiles<true>(rows).rounds());
+    float* vectors = (float*)(shared + RING * weights.SLOT);
+    load_vectors(vectors, a);
     wait_for_kernel_before();
     __syncthreads();
-    vectors = all_vectors;
-#pragma unroll 1
-    for (int k = 0; k < count; vectors += vectors_of(chain[k]), k++)
-        forward(chain[k], weights, vectors, rows);
+    forward(a, weights, vectors, rows);
 }

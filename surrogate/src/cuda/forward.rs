@@ -18,8 +18,8 @@ pub(super) struct EdgeState {
 impl CudaNetwork {
     /// Encodes nodes and edges of frames.
     pub(super) fn encode(&self, frames: &[(usize, &View)]) -> Result<(), CudaError> {
-        let nodes = frames.iter().map(|(k, view)| vec![self.node_encoder(*k, view)]);
-        self.kernels.forward_chains(nodes.collect(), self.nodes())?;
+        let nodes: Vec<_> = frames.iter().map(|(k, view)| self.node_encoder(*k, view)).collect();
+        self.kernels.forward(&nodes, self.nodes())?;
         let edges: Vec<_> = frames.iter().map(|(k, view)| self.edge_encoder(*k, view)).collect();
         self.kernels.forward(&edges, self.edges())
     }
@@ -88,68 +88,57 @@ impl CudaNetwork {
     pub(super) fn pass(&self, views: &[View], keep: bool) -> Result<(), CudaError> {
         self.kernels.begin(keep);
         let training = self.room.training.is_some();
-        // Without training frames share their room.
-        let at_first = if training { views.len() } else { 1 };
-        self.encode(&views.iter().enumerate().take(at_first).collect::<Vec<_>>())?;
-        self.kernels.forward_chains(vec![self.message_parts(0, &views[0])], self.nodes())?;
+        if training {
+            self.encode(&views.iter().enumerate().collect::<Vec<_>>())?;
+        }
         for layer in 0..self.layout.layers.len() {
             let view = &views[layer.min(views.len() - 1)];
-            if layer > 0 && layer < views.len() {
-                self.fuse_edges(layer..layer + 1, &views[layer - 1], view)?;
-            }
-            self.messages_of(layer..layer + 1, view)?;
-            let next = views.get(layer + 1);
-            if let Some(next) = next.filter(|_| !training) {
-                self.encode(&[(layer + 1, next)])?;
-            }
-            let mut nodes = vec![self.update(layer, view)];
-            match next {
-                Some(next) => {
-                    nodes.push(self.fusion(layer + 1, next));
-                    nodes.extend(self.message_parts(layer + 1, next));
+            if layer < views.len() {
+                if !training {
+                    self.encode(&[(layer, view)])?;
                 }
-                None => nodes.extend(self.after(layer, view)),
+                if layer > 0 {
+                    self.fuse(layer..layer + 1, &views[layer - 1], view)?;
+                }
             }
-            self.kernels.forward_chains(vec![nodes], self.nodes())?;
+            self.message_layers(layer..layer + 1, view)?;
         }
-        Ok(())
+        self.decode(&views[0])
     }
 
-    /// What nodes go on with after a layer that no frame follows: the next layer, or the output.
-    pub(super) fn after(&self, layer: usize, view: &View) -> Vec<Forward> {
-        if layer + 1 < self.layout.layers.len() {
-            return self.message_parts(layer + 1, view);
-        }
+    pub(super) fn decode(&self, view: &View) -> Result<(), CudaError> {
+        let last = self.layout.layers.len() - 1;
         let decoder = Forward {
-            x: [self.room.layers[layer].node, 0],
+            x: [self.room.layers[last].node, 0],
             count: view.nodes,
             narrow: self.address(&self.output),
             ..self.mlp(self.layout.decoder)
         };
-        vec![decoder.saving(&self.room.decoder)]
+        self.kernels.forward(&[decoder.saving(&self.room.decoder)], self.nodes())
     }
 
-    /// S joins the node states of the previous frame with the encoded nodes.
-    pub(super) fn fusion(&self, frame: usize, view: &View) -> Forward {
-        let room = &self.room.frames[frame];
-        let item = Forward {
-            x: [self.room.layers[frame - 1].node, room.node],
-            count: view.nodes,
-            output: room.fused,
-            ..self.mlp(self.layout.node_fusion)
-        };
-        item.saving(&room.node_fusion)
-    }
-
-    /// `edgemsg` joins the previous frame's messages with the features of edges that both frames have,
-    /// for the layers of one frame, or of several that all have the same graph.
-    pub(super) fn fuse_edges(
+    /// S joins the node states of the previous frame with the encoded nodes; `edgemsg` the previous
+    /// frame's messages with the features of edges that both frames have. For the layers of one
+    /// frame, or of several that all have the same graph.
+    pub(super) fn fuse(
         &self,
         frames: Range<usize>,
         before: &View,
         view: &View,
     ) -> Result<(), CudaError> {
+        let nodes = frames.clone().map(|frame| {
+            let room = &self.room.frames[frame];
+            let item = Forward {
+                x: [self.room.layers[frame - 1].node, room.node],
+                count: view.nodes,
+                output: room.fused,
+                ..self.mlp(self.layout.node_fusion)
+            };
+            item.saving(&room.node_fusion)
+        });
+        self.kernels.forward(&nodes.collect::<Vec<_>>(), self.nodes())?;
         let Some(fusion) = self.layout.edge_fusion else { return Ok(()) };
+
         let graph = |v: &View| ([v.edges, v.sender, v.receiver], [v.start, v.sender]);
         let FrameRoom { previous, next, .. } = self.room.frames[frames.start];
         self.kernels.same_edges(graph(view).0, graph(before).1, previous)?;
@@ -171,21 +160,23 @@ impl CudaNetwork {
         self.kernels.forward(&edges.collect::<Vec<_>>(), self.edges())
     }
 
-    /// The parts of sender and receiver in the messages of a layer.
-    pub(super) fn message_parts(&self, layer: usize, view: &View) -> Vec<Forward> {
-        let (mlps, room) = (&self.layout.layers[layer], &self.room.layers[layer]);
-        let part = |(packed, output)| Forward {
-            x: [self.node_state(layer), 0],
-            count: view.nodes,
-            output,
-            ..self.linear(packed)
-        };
-        [(mlps.sender, room.sender), (mlps.receiver, room.receiver)].map(part).to_vec()
-    }
-
-    /// Messages of layers side by side on one graph, and their sums for each node.
-    pub(super) fn messages_of(&self, layers: Range<usize>, view: &View) -> Result<(), CudaError> {
+    /// Layers side by side on one graph.
+    pub(super) fn message_layers(
+        &self,
+        layers: Range<usize>,
+        view: &View,
+    ) -> Result<(), CudaError> {
+        let count = view.nodes;
         let each = || layers.clone().map(|k| (k, &self.layout.layers[k], &self.room.layers[k]));
+
+        let parts = each().flat_map(|(layer, mlps, room)| {
+            [(mlps.sender, room.sender), (mlps.receiver, room.receiver)].map(|(packed, output)| {
+                let state = self.node_state(layer);
+                Forward { x: [state, 0], count, output, ..self.linear(packed) }
+            })
+        });
+        self.kernels.forward(&parts.collect::<Vec<_>>(), self.nodes())?;
+
         let messages = each().map(|(layer, mlps, room)| {
             let edge = self.edge_state(layer);
             let item = Forward {
@@ -202,6 +193,7 @@ impl CudaNetwork {
             item.saving(&room.message)
         });
         self.kernels.forward(&messages.collect::<Vec<_>>(), self.edges())?;
+
         let receive = each().map(|(_, mlps, room)| {
             let mlp = &self.layout.mlps[mlps.message];
             Receive {
@@ -214,21 +206,20 @@ impl CudaNetwork {
                 width: mlp.width as i32,
             }
         });
-        self.kernels.receive(&receive.collect::<Vec<_>>(), self.nodes())
-    }
+        self.kernels.receive(&receive.collect::<Vec<_>>(), self.nodes())?;
 
-    /// The node states after a layer.
-    pub(super) fn update(&self, layer: usize, view: &View) -> Forward {
-        let (mlps, room) = (&self.layout.layers[layer], &self.room.layers[layer]);
-        let state = self.node_state(layer);
-        let item = Forward {
-            x: [state, room.received],
-            count: view.nodes,
-            output: room.node,
-            residual: if self.layout.residual { state } else { 0 },
-            ..self.mlp(mlps.update)
-        };
-        item.saving(&room.update)
+        let updates = each().map(|(layer, mlps, room)| {
+            let state = self.node_state(layer);
+            let item = Forward {
+                x: [state, room.received],
+                count,
+                output: room.node,
+                residual: if self.layout.residual { state } else { 0 },
+                ..self.mlp(mlps.update)
+            };
+            item.saving(&room.update)
+        });
+        self.kernels.forward(&updates.collect::<Vec<_>>(), self.nodes())
     }
 }
 

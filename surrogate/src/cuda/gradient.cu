@@ -69,18 +69,18 @@ __device__ __forceinline__ void fetch(const Product& a, Stage& to, u32 tile, u32
     }
 }
 #else
-// What a thread copies of a tile, on its way: it is split before it is stored.
+// What a thread copies of a tile, on its way: it is split before it is stored. Rows that do not exist are
+// made zero only then: a choice right after a load would wait for it.
 struct Ahead {
     uint4 dz[COPIES][2], x[COPIES][2];
+    bool dz_there[COPIES], x_there[COPIES];
 
-    __device__ __forceinline__ static void load(uint4 (&to)[2], const Stored* from, u32 row, int chunk) {
+    __device__ __forceinline__ static bool load(uint4 (&to)[2], const Stored* from, u32 row, int chunk) {
         const bool there = row != NONE;
-        const uint4* start = (const uint4*)(from + (there ? (size_t)row * WIDTH + 8 * chunk : 0));
+        const uint4* start = (const uint4*)(from + (there ? (size_t)row * WIDTH : 0) + 8 * chunk);
 #pragma unroll
-        for (int k = 0; k < 2; k++) {
-            const uint4 word = start[k];
-            to[k] = there ? word : make_uint4(0, 0, 0, 0);
-        }
+        for (int k = 0; k < 2; k++) to[k] = start[k];
+        return there;
     }
 
     __device__ __forceinline__ void fetch(const Product& a, u32 tile, u32 rows) {
@@ -88,21 +88,26 @@ struct Ahead {
         for (int n = 0; n < COPIES; n++) {
             const int chunk = threadIdx.x % 16;
             const u32 row = tile * ROWS + (threadIdx.x + n * GRADIENT_THREADS) / 16;
-            load(dz[n], a.dz, row < rows ? row : NONE, chunk);
-            if (a.x) load(x[n], a.x, row_of_x(a, row, rows), chunk);
+            dz_there[n] = load(dz[n], a.dz, row < rows ? row : NONE, chunk);
+            if (a.x) x_there[n] = load(x[n], a.x, row_of_x(a, row, rows), chunk);
         }
+    }
+
+    __device__ __forceinline__ static void put(Rows64& to, int local, int chunk, const uint4 (&from)[2],
+                                               bool there) {
+        float v[8];
+        unpack8(from, v);
+#pragma unroll
+        for (int k = 0; k < 8; k++) v[k] = there ? v[k] : 0.f;
+        put8(to, local, chunk, v);
     }
 
     __device__ __forceinline__ void put(const Product& a, Stage& to) const {
 #pragma unroll
         for (int n = 0; n < COPIES; n++) {
             const int local = (threadIdx.x + n * GRADIENT_THREADS) / 16, chunk = threadIdx.x % 16;
-            float v[8];
-            unpack8(dz[n], v);
-            put8(to.dz, local, chunk, v);
-            if (!a.x) continue;
-            unpack8(x[n], v);
-            put8(to.x, local, chunk, v);
+            put(to.dz, local, chunk, dz[n], dz_there[n]);
+            if (a.x) put(to.x, local, chunk, x[n], x_there[n]);
         }
     }
 };
@@ -239,7 +244,7 @@ __device__ __forceinline__ void add_bias(float (&bias)[2], const Rows64& dz) {
 extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
     weight_gradient(const Product* products) {
     wait_for_kernel_before();
-    const Product& a = products[blockIdx.y];
+    const Product a = products[blockIdx.y];
     if ((int)blockIdx.x >= a.blocks) return;
     extern __shared__ __align__(1024) uint4 shared[];
     Stage* stages = (Stage*)shared;

@@ -4,11 +4,11 @@
 // A cell list finds candidates: cells are at least as wide as the radius, so neighbours lie in
 // adjacent cells. Cells whose coordinates differ by a multiple of the grid's side share a bucket,
 // so that points may fly anywhere and no bounding box is needed; a candidate's distance decides in
-// any case, and a window has buckets of its own. A warp serves a receiver, whose row of the graph it
-// counts, then fills and puts in order. No sum depends on the order of atomics.
+// any case, and a window has buckets of its own. A warp serves a receiver, whose neighbours it finds and
+// counts, then puts in order into its row of the graph. No sum depends on the order of atomics.
 //
 // DIMENSIONS is 2 or 3, ROWS the number of receivers of a thread block, FRAMES the most frames of a
-// launch (defined by graph.rs).
+// launch, KEPT the neighbours of a receiver that are kept from the count to the row (defined by graph.rs).
 
 constexpr int LANES = 32;
 constexpr unsigned ALL = 0xffffffffu;
@@ -55,9 +55,11 @@ struct Cells {
     unsigned* rank;
     // Coordinates of the point at each place, and its index as the bits of w.
     float4* sorted;
-    // Neighbours of each receiver, and of all those of a thread block.
+    // The number of neighbours of each receiver, and of all those of a thread block.
     unsigned* neighbours;
     unsigned* block_neighbours;
+    // The first KEPT neighbours of each receiver.
+    unsigned* kept;
     // Buckets of all windows; room for points and thread blocks.
     unsigned buckets, points, blocks;
 
@@ -65,7 +67,8 @@ struct Cells {
         return {count + frame * (buckets + 1), first + frame * buckets,
                 bucket + frame * points,       rank + frame * points,
                 sorted + frame * points,       neighbours + frame * points,
-                block_neighbours + frame * blocks, buckets, points, blocks};
+                block_neighbours + frame * blocks, kept + (size_t)frame * points * KEPT,
+                buckets, points, blocks};
     }
 };
 
@@ -159,44 +162,50 @@ extern "C" __global__ void sort_points(
     cells.sorted[place] = make_float4(x[0], x[1], z, __uint_as_float(i));
 }
 
-// Calls `visit(index, near)` in all lanes of a warp for each candidate of a receiver: its index, and
-// whether it is a neighbour. Lanes without a candidate have none near.
-template <class Visit>
-__device__ void visit_candidates(
+// Finds the neighbours of a receiver, in the order of the cells: the first `room` of them go to a list.
+// Gives their number; for a warp.
+__device__ unsigned find_neighbours(
     const Grid& grid, const float* position, const unsigned* window, const Cells& cells,
-    unsigned receiver, Visit visit) {
-    const int lane = threadIdx.x % LANES;
+    unsigned receiver, unsigned* list, unsigned room) {
+    const unsigned lane = threadIdx.x % LANES;
     const Point point(position + receiver * DIMENSIONS);
     if (!point.is_finite()) {
-        return;
+        return 0;
     }
     // Each lane looks up one bucket.
     unsigned first = 0, count = 0;
     if (lane < AROUND) {
-        int shift = lane % 3 - 1 + (lane / 3 % 3 - 1) * int(grid.side);
+        int shift = int(lane) % 3 - 1 + (int(lane) / 3 % 3 - 1) * int(grid.side);
         if (DIMENSIONS == 3) {
-            shift += (lane / 9 - 1) * int(grid.side * grid.side);
+            shift += (int(lane) / 9 - 1) * int(grid.side * grid.side);
         }
         const unsigned bucket = (point.cell(grid) + unsigned(shift)) & (grid.buckets - 1);
         const unsigned place = window[receiver] * grid.buckets + bucket;
         first = cells.first[place];
         count = cells.count[place];
     }
+    unsigned number = 0;
     for (int bucket = 0; bucket < AROUND; ++bucket) {
         const unsigned begin = __shfl_sync(ALL, first, bucket);
-        const unsigned number = __shfl_sync(ALL, count, bucket);
-        for (unsigned batch = 0; batch < number; batch += LANES) {
+        const unsigned candidates = __shfl_sync(ALL, count, bucket);
+        for (unsigned batch = 0; batch < candidates; batch += LANES) {
             const unsigned k = batch + lane;
             unsigned index = receiver;
             bool near = false;
-            if (k < number) {
+            if (k < candidates) {
                 const float4 other = cells.sorted[begin + k];
                 index = __float_as_uint(other.w);
                 near = index != receiver && distance_squared(point, other) <= grid.radius_squared;
             }
-            visit(index, near);
+            const unsigned found = __ballot_sync(ALL, near);
+            const unsigned place = number + __popc(found & ((1u << lane) - 1));
+            if (near && place < room) {
+                list[place] = index;
+            }
+            number += __popc(found);
         }
     }
+    return number;
 }
 
 extern "C" __global__ void __launch_bounds__(ROWS * LANES) count_edges(
@@ -210,10 +219,8 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) count_edges(
     }
     __syncthreads();
     if (receiver < grid.points) {
-        unsigned number = 0;
-        visit_candidates(grid, position, window, cells, receiver, [&](unsigned, bool near) {
-            number += __popc(__ballot_sync(ALL, near));
-        });
+        unsigned* kept = cells.kept + (size_t)receiver * KEPT;
+        const unsigned number = find_neighbours(grid, position, window, cells, receiver, kept, KEPT);
         if (threadIdx.x % LANES == 0) {
             cells.neighbours[receiver] = number;
             atomicAdd(&sum, number);
@@ -285,17 +292,13 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) fill_edges(
     if (number == 0) {
         return;
     }
-    // In the order of the cells first, in what will hold the reverse edges.
-    unsigned* unordered = graph.reverse + start;
-    unsigned place = 0;
-    visit_candidates(grid, position, window, cells, receiver, [&](unsigned index, bool near) {
-        const unsigned found = __ballot_sync(ALL, near);
-        if (near) {
-            unordered[place + __popc(found & ((1u << lane) - 1))] = index;
-        }
-        place += __popc(found);
-    });
-    __syncwarp();
+    const unsigned* unordered = cells.kept + (size_t)receiver * KEPT;
+    if (number > KEPT) {
+        // Once more, into what will hold the reverse edges.
+        find_neighbours(grid, position, window, cells, receiver, graph.reverse + start, number);
+        __syncwarp();
+        unordered = graph.reverse + start;
+    }
     for (unsigned k = lane; k < number; k += LANES) {
         const unsigned sender = unordered[k];
         unsigned smaller = 0;

@@ -17,13 +17,21 @@ pub const GRAPH_SOURCE: &str = include_str!("graph.cu");
 /// Receivers of a thread block: a warp each.
 const ROWS: u32 = 16;
 const LANES: u32 = 32;
+/// Neighbours of a receiver that are kept, more than it has at usual densities; those of a receiver with
+/// more are searched twice.
+const KEPT: usize = 64;
 
 /// Most frames of a launch.
 pub(super) const FRAMES: usize = 8;
 
 /// Definitions that the source needs.
 pub fn graph_defines(dimensions: usize) -> Vec<String> {
-    vec![format!("DIMENSIONS={dimensions}"), format!("ROWS={ROWS}"), format!("FRAMES={FRAMES}")]
+    vec![
+        format!("DIMENSIONS={dimensions}"),
+        format!("ROWS={ROWS}"),
+        format!("FRAMES={FRAMES}"),
+        format!("KEPT={KEPT}"),
+    ]
 }
 
 /// `Grid` of `graph.cu`.
@@ -62,7 +70,7 @@ impl Grid {
 #[repr(C)]
 #[derive(Clone, Copy)]
 struct CellsAddress {
-    arrays: [sys::CUdeviceptr; 7],
+    arrays: [sys::CUdeviceptr; 8],
     buckets: u32,
     points: u32,
     blocks: u32,
@@ -126,6 +134,7 @@ struct Work {
     sorted: CudaSlice<f32>,
     neighbours: CudaSlice<u32>,
     block_neighbours: CudaSlice<u32>,
+    kept: CudaSlice<u32>,
 }
 
 impl Work {
@@ -152,6 +161,7 @@ impl Work {
             sorted: device.zeros(frames * 4 * points)?,
             neighbours: device.zeros(frames * points)?,
             block_neighbours: device.zeros(frames * points.div_ceil(ROWS as usize))?,
+            kept: device.zeros(frames * points * KEPT)?,
         })
     }
 }
@@ -278,6 +288,7 @@ impl GraphBuilder {
                 address(&work.sorted, stream),
                 address(&work.neighbours, stream),
                 address(&work.block_neighbours, stream),
+                address(&work.kept, stream),
             ],
             buckets: windows * self.grid.buckets,
             points: work.points as u32,

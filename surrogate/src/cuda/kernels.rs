@@ -13,7 +13,7 @@ use gpu::Device;
 
 use super::arguments::{Address, Backward, Forward, Receive};
 use super::error::CudaError;
-use super::network::View;
+use super::network::{MOST_LAYERS, View};
 use super::profile::Profile;
 
 /// Columns of a state.
@@ -71,23 +71,23 @@ pub const SOURCES: [(&str, &str); 7] = [
     ("optimiser.cu", source!("optimiser.cu")),
 ];
 
-/// Threads of a block that takes rows through a chain of MLPs, at most: of each four warps.
-const CHAIN_THREADS: u32 = 256;
+/// Threads of a block through which weights pass, at most, and of a team of its warps.
+const STREAM_THREADS: u32 = 256;
 const TEAM_THREADS: u32 = 128;
-/// Vectors of 128 f32 for a chain: biases and LayerNorms, or sums of LayerNorms' gradients.
-const CHAIN_VECTORS: usize = 70;
+/// Vectors of 128 f32 beside them: biases and LayerNorms, or sums of a LayerNorm's gradients.
+const STREAM_VECTORS: usize = MOST_LAYERS + 5;
 
-/// Matrices that are in shared memory, or on their way there, while a chain is computed: as many as
+/// Matrices that are in shared memory, or on their way there, while weights pass through it: as many as
 /// there is room for, but more than four would only keep others out.
 fn ring(precision: Precision, shared: usize) -> usize {
-    let room = shared - CHAIN_VECTORS * WIDTH * 4;
+    let room = shared - STREAM_VECTORS * WIDTH * 4;
     (room / (16 * UNIT * precision.parts())).clamp(1, 4)
 }
 
 /// Definitions that the sources need on a GPU with so many bytes of shared memory for a block.
 pub fn defines(precision: Precision, shared: usize) -> Vec<String> {
     vec![
-        format!("CHAIN_THREADS={CHAIN_THREADS}"),
+        format!("STREAM_THREADS={STREAM_THREADS}"),
         format!("RING={}", ring(precision, shared)),
         format!("PARTS={}", precision.parts()),
         format!("THREADS={}", precision.threads()),
@@ -112,15 +112,8 @@ pub struct Rows {
     pub most: usize,
 }
 
-impl Rows {
-    /// The name of a forward launch.
-    fn forward(self) -> &'static str {
-        if self.edges { "forward, edges" } else { "forward, nodes" }
-    }
-}
-
 /// MLPs of one forward launch, and of one backward launch; sums of one launch.
-pub const FORWARD_BATCH: usize = 18;
+pub const FORWARD_BATCH: usize = 16;
 pub const BACKWARD_BATCH: usize = 8;
 pub const RECEIVE_BATCH: usize = 8;
 /// Rows of weights that a block adds up.
@@ -154,9 +147,9 @@ pub struct Kernels {
     pub processors: u32,
     /// Times of launches, if they are wanted.
     pub profile: Profile,
-    /// Bytes of a block, and of one that computes chains.
+    /// Bytes of a block, and of one through which weights pass.
     shared: usize,
-    chain_shared: usize,
+    stream_shared: usize,
     /// Whether the GPU can begin a kernel while the one before ends.
     early: bool,
     /// The next launch is the first of a pass: the weights and numbers of rows may be new, which
@@ -166,9 +159,9 @@ pub struct Kernels {
     keep: AtomicBool,
     pack: CudaFunction,
     forward: CudaFunction,
-    forward_chain: CudaFunction,
+    forward_streamed: CudaFunction,
     backward: CudaFunction,
-    backward_chain: CudaFunction,
+    backward_streamed: CudaFunction,
     /// In bf16 on Hopper.
     edges_backward: Option<CudaFunction>,
     product: CudaFunction,
@@ -196,8 +189,8 @@ impl Kernels {
         };
         let hopper = device.architecture() == "sm_90a";
         let product_shared = product_shared(precision, hopper);
-        let chain_shared =
-            ring(precision, shared) * 16 * UNIT * precision.parts() + CHAIN_VECTORS * WIDTH * 4;
+        let stream_shared =
+            ring(precision, shared) * 16 * UNIT * precision.parts() + STREAM_VECTORS * WIDTH * 4;
         let with_shared = |module: &Arc<CudaModule>, name: &str, bytes: usize| {
             let kernel = module.load_function(name)?;
             kernel.set_attribute(
@@ -212,9 +205,9 @@ impl Kernels {
         Ok(Self {
             pack: weights.load_function("pack_weights")?,
             forward: with_shared(forward, "mlp_forward", shared)?,
-            forward_chain: with_shared(forward, "mlp_forward_chain", chain_shared)?,
+            forward_streamed: with_shared(forward, "mlp_forward_streamed", stream_shared)?,
             backward: with_shared(backward, "mlp_backward", shared)?,
-            backward_chain: with_shared(backward, "mlp_backward_chain", chain_shared)?,
+            backward_streamed: with_shared(backward, "mlp_backward_streamed", stream_shared)?,
             edges_backward: if precision == Precision::Bf16 && hopper {
                 Some(with_shared(edges, "edges_backward", EDGES_SHARED)?)
             } else {
@@ -233,7 +226,7 @@ impl Kernels {
             precision,
             profile: Profile::default(),
             shared,
-            chain_shared,
+            stream_shared,
             early: device.context().compute_capability()?.0 >= 9,
             first: AtomicBool::new(true),
             keep: AtomicBool::new(true),
@@ -337,109 +330,90 @@ impl Kernels {
 
     /// MLPs side by side, with the same sizes of weights.
     pub fn forward(&self, items: &[Forward], rows: Rows) -> Result<(), CudaError> {
-        let bytes = items.iter().map(|item| self.fit(item.units, item.layers as usize + 5));
-        let Some(shared) = bytes.collect::<Option<Vec<_>>>() else {
-            return self.forward_chains(items.iter().map(|&item| vec![item]).collect(), rows);
-        };
-        let shared = shared.into_iter().max().unwrap_or(0);
+        let name = if rows.edges { "forward, edges" } else { "forward, nodes" };
+        let fit = items.iter().map(|item| self.fit(item.units, item.layers as usize + 5));
+        let fit = fit.collect::<Option<Vec<_>>>().and_then(|bytes| bytes.into_iter().max());
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
             for (to, from) in batch.0.iter_mut().zip(part) {
-                *to = self.kept(*from);
-            }
-            // Of the multiprocessors, each MLP has its share.
-            let grid = [self.blocks(rows.most, part.len()) as u32, part.len() as u32];
-            let config = config(grid, self.precision.threads(), shared);
-            // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
-            unsafe {
-                self.launch(rows.forward(), &self.forward, arguments![batch], config, true)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Without what only gradients need, if they are not wanted.
-    fn kept(&self, item: Forward) -> Forward {
-        let keep = self.keep.load(Ordering::Relaxed);
-        if keep { item } else { Forward { hidden: 0, deviation: 0, ..item } }
-    }
-
-    /// Chains of MLPs side by side. An MLP may read what those before it in its chain write, in the
-    /// same row.
-    pub fn forward_chains(&self, chains: Vec<Vec<Forward>>, rows: Rows) -> Result<(), CudaError> {
-        let length = chains.iter().map(Vec::len).max().unwrap_or(0);
-        for part in chains.chunks(FORWARD_BATCH / length.max(1)) {
-            let mut batch = ForwardBatch::default();
-            for (to, from) in batch.0.chunks_mut(length).zip(part) {
-                for (to, from) in to.iter_mut().zip(from) {
-                    *to = self.kept(*from);
+                *to = *from;
+                if !self.keep.load(Ordering::Relaxed) {
+                    (to.hidden, to.deviation) = (0, 0);
                 }
             }
+            // Of the multiprocessors, each MLP has its share.
             let blocks = self.blocks(rows.most, part.len());
-            let config = self.chain_config(rows.most, blocks, part.len());
-            let length = length as i32;
+            let (kernel, config) = match fit {
+                Some(shared) => {
+                    let grid = [blocks as u32, part.len() as u32];
+                    (&self.forward, config(grid, self.precision.threads(), shared))
+                }
+                None => (&self.forward_streamed, self.streamed(rows.most, blocks, part.len())),
+            };
             // SAFETY: the addresses in the items are those of live buffers for `rows` rows.
-            unsafe {
-                let arguments = arguments![batch, length];
-                self.launch(rows.forward(), &self.forward_chain, arguments, config, true)?;
-            }
+            unsafe { self.launch(name, kernel, arguments![batch], config, true)? };
         }
         Ok(())
     }
 
-    /// Blocks with as many teams as have rows.
-    fn chain_config(&self, rows: usize, blocks: usize, chains: usize) -> LaunchConfig {
+    /// Blocks through which weights pass, with as many teams as have rows.
+    fn streamed(&self, rows: usize, blocks: usize, together: usize) -> LaunchConfig {
         let teams = rows.div_ceil(64).div_ceil(blocks).max(1) as u32;
-        let threads = (teams * TEAM_THREADS).min(CHAIN_THREADS);
-        config([blocks as u32, chains as u32], threads, self.chain_shared)
+        let threads = (teams * TEAM_THREADS).min(STREAM_THREADS);
+        config([blocks as u32, together as u32], threads, self.stream_shared)
     }
 
     /// MLPs of edges side by side, with the same sizes of weights and `blocks` that share the rows.
-    pub fn backward_edges(&self, items: &[Backward], edges: usize) -> Result<(), CudaError> {
+    pub fn backward_edges(&self, items: &[Backward], rows: Rows) -> Result<(), CudaError> {
+        let fit = items.iter().map(|item| self.fit(item.units, 1));
+        let fit = fit.collect::<Option<Vec<_>>>().and_then(|bytes| bytes.into_iter().max());
         let threads = self.precision.threads();
-        let (kernel, threads, bytes) = match &self.edges_backward {
-            Some(kernel) => (kernel, EDGES_THREADS, Some(EDGES_SHARED)),
-            None => {
-                let bytes = items.iter().map(|item| self.fit(item.units, 1));
-                let bytes = bytes.collect::<Option<Vec<_>>>();
-                // Sums of LayerNorm's parameters, 256 of each warp.
-                let sums = threads as usize / 32 * 256 * 4;
-                let most = bytes.map(|bytes| bytes.into_iter().fold(sums, usize::max));
-                (&self.backward, threads, most)
-            }
-        };
-        let Some(shared) = bytes else {
-            let chains = items.iter().map(|&item| vec![item]).collect();
-            return self.backward_chains(chains, Rows { edges: true, most: edges });
-        };
+        // Sums of LayerNorm's parameters, 256 of each warp.
+        let sums = threads as usize / 32 * 256 * 4;
         for part in items.chunks(BACKWARD_BATCH) {
-            let mut batch = BackwardBatch::default();
-            batch.0[..part.len()].copy_from_slice(part);
-            let config = config([part[0].blocks as u32, part.len() as u32], threads, shared);
+            let grid = [part[0].blocks as u32, part.len() as u32];
+            let (kernel, config) = match (&self.edges_backward, fit) {
+                (Some(kernel), _) => (kernel, config(grid, EDGES_THREADS, EDGES_SHARED)),
+                (None, Some(shared)) => (&self.backward, config(grid, threads, shared.max(sums))),
+                (None, None) => {
+                    let config = self.streamed(rows.most, part[0].blocks as usize, part.len());
+                    (&self.backward_streamed, config)
+                }
+            };
+            // Early, it takes longer by more than its beginning.
             // SAFETY: the addresses in the items are those of live buffers for their rows.
-            unsafe { self.launch("backward, edges", kernel, arguments![batch], config, true)? };
+            unsafe { self.launch_backward("backward, edges", kernel, part, config, false)? };
         }
         Ok(())
     }
 
-    /// Chains of MLPs side by side, as in [`forward_chains`](Self::forward_chains).
-    pub fn backward_chains(&self, chains: Vec<Vec<Backward>>, rows: Rows) -> Result<(), CudaError> {
-        let name = if rows.edges { "backward, edges" } else { "backward, nodes" };
-        let length = chains.iter().map(Vec::len).max().unwrap_or(0);
-        for part in chains.chunks(BACKWARD_BATCH / length.max(1)) {
-            let mut batch = BackwardBatch::default();
-            for (to, from) in batch.0.chunks_mut(length).zip(part) {
-                to[..from.len()].copy_from_slice(from);
-            }
-            let config = self.chain_config(rows.most, part[0][0].blocks as usize, part.len());
-            let length = length as i32;
-            // SAFETY: the addresses in the items are those of live buffers for their rows.
-            unsafe {
-                let arguments = arguments![batch, length];
-                self.launch(name, &self.backward_chain, arguments, config, true)?;
-            }
+    /// MLPs of nodes side by side, whose rows `blocks` share.
+    pub fn backward_nodes(&self, items: &[Backward], rows: Rows) -> Result<(), CudaError> {
+        for part in items.chunks(BACKWARD_BATCH) {
+            let config = self.streamed(rows.most, part[0].blocks as usize, part.len());
+            let kernel = &self.backward_streamed;
+            // SAFETY: as above.
+            unsafe { self.launch_backward("backward, nodes", kernel, part, config, true)? };
         }
         Ok(())
+    }
+
+    /// As many MLPs as one launch takes.
+    ///
+    /// # Safety
+    /// The addresses in the items are those of live buffers for their rows.
+    unsafe fn launch_backward(
+        &self,
+        name: &'static str,
+        kernel: &CudaFunction,
+        items: &[Backward],
+        config: LaunchConfig,
+        early: bool,
+    ) -> Result<(), CudaError> {
+        let mut batch = BackwardBatch::default();
+        batch.0[..items.len()].copy_from_slice(items);
+        // SAFETY: the caller's.
+        unsafe { self.launch(name, kernel, arguments![batch], config, early) }
     }
 
     /// Whether the backward pass of edges gives the gradients of the weights on its way.
@@ -484,8 +458,9 @@ impl Kernels {
         let config = config([(nodes.most as u32).div_ceil(4), 1], 128, 0);
         let View { start, reverse, nodes, .. } = *view;
         let arguments = arguments![start, reverse, nodes, edge, sums, sent, received];
+        // Its blocks would only be in the way if they began before the messages are done with.
         // SAFETY: as above.
-        unsafe { self.launch("collect", &self.collect, arguments, config, true) }
+        unsafe { self.launch("collect", &self.collect, arguments, config, false) }
     }
 
     /// For each edge of a graph (its count, senders and receivers), the same one of another (its

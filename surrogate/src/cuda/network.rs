@@ -15,7 +15,7 @@ use crate::config::{ModelConfig, ModelKind};
 
 /// Hidden layers of an MLP whose biases fit beside a matrix in shared memory, and features whose
 /// products do.
-const MOST_LAYERS: usize = 16;
+pub(super) const MOST_LAYERS: usize = 16;
 const MOST_FEATURES: usize = 32;
 
 /// A network on a GPU.

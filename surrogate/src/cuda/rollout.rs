@@ -59,31 +59,17 @@ impl CudaNetwork {
         let encoded = if self.layout.edge_fusion.is_some() { places } else { places.min(2) };
         let views = (0..encoded).map(|k| (k, if k == 0 { first } else { view }));
         self.encode(&views.collect::<Vec<_>>())?;
-        let start = |layer: usize| {
-            let fusion = (layer > 0).then(|| self.fusion(layer, view));
-            fusion.into_iter().chain(self.message_parts(layer, view)).collect()
-        };
-        self.kernels.forward_chains((0..places).map(start).collect(), self.nodes())?;
         if places > 1 {
-            self.fuse_edges(1..places, before, view)?;
+            self.fuse(1..places, before, view)?;
         }
-        self.messages_of(0..places, view)?;
-        let end = |layer: usize| {
-            let mut nodes = vec![self.update(layer, view)];
-            if layer + 1 >= self.layout.frames {
-                nodes.extend(self.after(layer, view));
-            }
-            nodes
-        };
-        self.kernels.forward_chains((0..places).map(end).collect(), self.nodes())?;
+        self.message_layers(0..places, view)?;
         if places < self.layout.frames {
             return Ok(());
         }
         for layer in places..self.layout.layers.len() {
-            self.messages_of(layer..layer + 1, view)?;
-            self.kernels.forward_chains(vec![end(layer)], self.nodes())?;
+            self.message_layers(layer..layer + 1, view)?;
         }
-        Ok(())
+        self.decode(view)
     }
 
     /// Times of the kernels of [`advance`](Self::advance): name, launches, ms. Waits.

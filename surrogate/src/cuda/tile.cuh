@@ -378,39 +378,33 @@ struct Matrix16 {
     int size;
 };
 
-// Packed weights of MLPs that follow one another, on their way through shared memory: RING matrices
-// have room there, and come while those before them are used. `matrix_of(mlp, n)` is matrix n of an MLP,
-// of size 0 after the last.
+// Packed weights of an MLP on their way through shared memory, once for each tile: RING matrices have
+// room there, and come while those before them are used. `matrix_of(mlp, n)` is matrix n of an MLP, of
+// size 0 after the last.
 template <class Mlp>
 struct Stream {
     static constexpr bool TOGETHER = true;
     static constexpr int SLOT = PARTS * UNIT;
+    const Mlp& mlp;
     uint4* ring;
-    // The matrix to come: number `matrix` of MLP `now` before `end`, for tile `round` of `rounds`.
-    const Mlp *now, *end;
-    int matrix;
-    u32 round, rounds;
+    // The matrix to come, and the tiles for which some are to come.
+    int matrix = 0;
+    u32 tiles;
     // Places in the ring of the matrix to come and of the next to be used.
-    int coming, using_;
+    int coming = 0, using_ = 0;
 
-    // Begins to copy. All threads of the block have to ask for each matrix, for all tiles of the first
-    // MLP, then of the next.
-    __device__ Stream(const Mlp* first, int count, uint4* ring, u32 rounds)
-        : ring(ring), now(first), end(first + (rounds > 0 ? count : 0)), matrix(0), round(0),
-          rounds(rounds), coming(0), using_(0) {
+    // Begins to copy. All threads of the block have to ask for each matrix.
+    __device__ Stream(const Mlp& mlp, uint4* ring, u32 tiles) : mlp(mlp), ring(ring), tiles(tiles) {
         for (int k = 1; k < RING; k++) fetch();
     }
 
     __device__ void fetch() {
-        if (now < end) {
-            const Matrix16 part = matrix_of(*now, matrix++);
+        if (tiles > 0) {
+            const Matrix16 part = matrix_of(mlp, matrix++);
             for (int k = threadIdx.x; k < part.size; k += blockDim.x)
                 copy_async(&ring[coming * SLOT + k], &part.from[k], true);
             coming = coming + 1 < RING ? coming + 1 : 0;
-            if (matrix_of(*now, matrix).size == 0) {
-                matrix = 0;
-                if (++round == rounds) round = 0, now++;
-            }
+            if (matrix_of(mlp, matrix).size == 0) matrix = 0, tiles--;
         }
         end_copies();
     }
