@@ -218,8 +218,9 @@ fn a_part_is_computed_anew_and_the_rest_stays() {
     std::fs::remove_dir_all(&out).unwrap();
     let cost = directory.path().join("models/baseline.cost.toml");
     std::fs::write(&cost, read(&cost).replace("20.0", "40.0")).unwrap();
-    let output =
-        report(directory.path(), &["--models", "models", "--only", "table 6", "-o", "out"]);
+    let note = ["--note", "Of `one` model."];
+    let part = ["--models", "models", "--only", "table 6", "-o", "out"];
+    let output = report(directory.path(), &[note.as_slice(), &part].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let networks = read(&out.join("tables/table-6-networks--networks-of-the-paper.csv"));
     assert_eq!(row(&networks, "baseline,")[5], "40");
@@ -230,6 +231,8 @@ fn a_part_is_computed_anew_and_the_rest_stays() {
     };
     let anew = read(&out.join("index.html"));
     assert_eq!(part(&anew), part(&page));
+    let first = &anew[..anew.find("<nav>").unwrap()];
+    assert!(first.contains("Of <code>one</code> model."));
     assert_ne!(anew, page);
     // Commands of both, and the runs that the other sections rest on.
     let results: Value = serde_json::from_str(&read(&out.join("results.json"))).unwrap();

@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use crate::block::{Block, Figure, Map, Missing, Table};
 use crate::figure::Picture;
-use crate::report::{Written, WrittenSection, figure_file, table_file};
+use crate::report::{NOTE, Written, WrittenSection, figure_file, table_file};
 
 const STYLE: &str = include_str!("style.css");
 const WORDS: &str = include_str!("words.html");
@@ -30,6 +30,9 @@ pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
              direct solver), by a continuum law, and by networks that have learnt from the solver: set \
              beside the paper (Zhao, Chen, Zhao 2025), charted in speed against accuracy, and pushed \
              until they fail. All numbers are measured; what could not be measured is named.</p>\n";
+    for (_, note) in facts.iter().filter(|(name, _)| *name == NOTE) {
+        let _ = writeln!(html, "<p class=\"headline\">{}</p>", inline(note));
+    }
     write_short(&mut html, written);
     html += WORDS;
     html += "</header>\n<nav>";

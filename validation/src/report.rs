@@ -48,10 +48,16 @@ pub struct ReportArgs {
     /// Compute only sections whose titles contain one of these; others stay as they were
     #[arg(long, value_delimiter = ',', value_name = "PART")]
     only: Vec<String>,
+    /// What a reader has to know of this report, for its beginning
+    #[arg(long, value_name = "TEXT")]
+    note: Option<String>,
 }
 
 /// Exit code after Ctrl-C, as shells use it.
 const INTERRUPTED: u8 = 130;
+
+/// The fact that stands at the beginning of the page.
+pub const NOTE: &str = "note";
 
 /// A chapter as far as it has been computed.
 pub struct Written {
@@ -121,7 +127,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     for section in written.iter().flat_map(|chapter| &chapter.sections) {
         put_files(&args.output, section)?;
     }
-    write(&args.output, &context, &written, &absent)?;
+    write(args, &context, &written, &absent)?;
 
     for (section, [chapter, place]) in planned {
         let Some(computed) = compute(section, &mut context) else {
@@ -134,7 +140,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
         entry.computed = Some(computed);
         context.rests_on(&entry.computed);
         put_files(&args.output, entry)?;
-        write(&args.output, &context, &written, &absent)?;
+        write(args, &context, &written, &absent)?;
     }
     context.progress.finish();
     println!("{}", args.output.join("index.html").display());
@@ -221,15 +227,16 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
 
 /// Writes the page and the numbers. `absent` names the sections that are not part of it.
 fn write(
-    output: &Path,
+    args: &ReportArgs,
     context: &Context,
     written: &[Written],
     absent: &[&str],
 ) -> miette::Result<()> {
-    let facts = facts(context, written, absent);
+    let mut facts = facts(context, written, absent);
+    facts.extend(args.note.iter().map(|note| (NOTE, note.clone())));
     let results = results(&facts, context, written);
-    put(output, "results.json", &serde_json::to_vec_pretty(&results).into_diagnostic()?)?;
-    put(output, "index.html", html::page(&facts, written).as_bytes())
+    put(&args.output, "results.json", &serde_json::to_vec(&results).into_diagnostic()?)?;
+    put(&args.output, "index.html", html::page(&facts, written).as_bytes())
 }
 
 /// Writes the tables and figures of a section, whose names begin with the section's.
