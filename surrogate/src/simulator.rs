@@ -38,6 +38,14 @@ pub struct Training {
     pub accuracy: Option<Accuracy>,
 }
 
+impl Training {
+    /// That of a network which has not begun to learn, from windows within runs.
+    pub fn untrained(frame_interval: f64, without_gravity: bool) -> Self {
+        let (before_start, steps, range, accuracy) = (0, 0, None, None);
+        Self { frame_interval, without_gravity, before_start, steps, range, accuracy }
+    }
+}
+
 fn is_zero(count: &usize) -> bool {
     *count == 0
 }
@@ -75,18 +83,27 @@ pub enum SimulatorError {
 const KEY: &str = "training";
 
 impl Simulator {
+    /// On the processor, without mirror images.
+    pub fn new(
+        model: Model<Cpu>,
+        config: ModelConfig,
+        normalisation: Normalisation,
+        training: Training,
+    ) -> Self {
+        let (mirror, device, gpu, precision) = (false, device(), None, Precision::F32);
+        Self { model, config, normalisation, training, mirror, device, gpu, precision }
+    }
+
     /// Loads what [`save`](Self::save) wrote.
     ///
     /// # Errors
     /// If the file cannot be read or is damaged.
     pub fn load(path: &Path) -> Result<Self, SimulatorError> {
-        let device = device();
-        let (model, config, normalisation, extra) = weights::load(path, &device)?;
+        let (model, config, normalisation, extra) = weights::load(path, &device())?;
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
-        let (mirror, gpu, precision) = (false, None, Precision::F32);
-        Ok(Self { model, config, normalisation, training, mirror, device, gpu, precision })
+        Ok(Self::new(model, config, normalisation, training))
     }
 
     /// Writes the weights and everything else, whole or not at all.

@@ -548,23 +548,8 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
     network.set_weights(&weights(&model)).unwrap();
     let past = Past { window: &window, statics, next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
-    let simulator = Simulator {
-        model,
-        config,
-        normalisation: norm,
-        training: Training {
-            frame_interval: motion.interval,
-            without_gravity: true,
-            before_start: 0,
-            steps: 0,
-            range: None,
-            accuracy: None,
-        },
-        mirror,
-        device: Default::default(),
-        gpu: None,
-        precision: Default::default(),
-    };
+    let training = Training::untrained(motion.interval, true);
+    let simulator = Simulator { mirror, ..Simulator::new(model, config, norm, training) };
     let mut network = simulator.inference();
     // Of the largest acceleration.
     let tolerance = if precision == Precision::F32 { 1e-4 } else { 0.2 };

@@ -27,23 +27,9 @@ fn simulator(mirror: bool) -> Simulator {
         connection_radius: RADIUS,
         ..ModelConfig::default()
     };
-    Simulator {
-        model: Model::new(&config, 1, &device()),
-        config,
-        normalisation: Normalisation::about_zero(2, 0.01, 1e-9),
-        training: Training {
-            frame_interval: 0.01,
-            without_gravity: true,
-            before_start: 0,
-            steps: 0,
-            range: None,
-            accuracy: None,
-        },
-        mirror,
-        device: device(),
-        gpu: None,
-        precision: Default::default(),
-    }
+    let (model, training) = (Model::new(&config, 1, &device()), Training::untrained(0.01, true));
+    let normalisation = Normalisation::about_zero(2, 0.01, 1e-9);
+    Simulator { mirror, ..Simulator::new(model, config, normalisation, training) }
 }
 
 /// What is predicted until the rollout ends by itself.

@@ -9,7 +9,7 @@ use surrogate::config::ModelConfig;
 use surrogate::features::Normalisation;
 use surrogate::model::Model;
 use surrogate::simulator::{Simulator, Training};
-use surrogate::train::{Precision, with_weights};
+use surrogate::train::with_weights;
 use tempfile::TempDir;
 
 use crate::helpers::{config, data, fails, scene, simulate, succeeds, surrogate, train};
@@ -128,23 +128,9 @@ fn a_broken_model_says_where_it_broke() {
     for (model, size, reason) in
         [(healthy, 1e9, "leaves the domain by"), (sick, 1e-3, "is not finite")]
     {
-        let simulator = Simulator {
-            model,
-            config: config.clone(),
-            normalisation: Normalisation::about_zero(2, 1e-3, size),
-            training: Training {
-                frame_interval: 0.01,
-                without_gravity: false,
-                before_start: 0,
-                steps: 0,
-                range: None,
-                accuracy: None,
-            },
-            mirror: false,
-            device: device(),
-            gpu: None,
-            precision: Precision::F32,
-        };
+        let normalisation = Normalisation::about_zero(2, 1e-3, size);
+        let training = Training::untrained(0.01, false);
+        let simulator = Simulator::new(model, config.clone(), normalisation, training);
         simulator.save(&here.join("model.safetensors")).unwrap();
         let rollout = ["rollout", "model.safetensors", "--scene", "scene.toml", "-o", "out.h5"];
         let error = fails(surrogate(here).args(rollout).arg("--overwrite"));

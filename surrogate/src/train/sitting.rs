@@ -17,7 +17,7 @@ use super::log::Log;
 use super::place::{Engine, EngineBatch, open};
 use super::ranks::{self, AllReduce};
 use super::{TrainArgs, progress, weights};
-use crate::backend::{Cpu, device};
+use crate::backend::Cpu;
 use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
 use crate::model::Model;
@@ -346,22 +346,15 @@ impl Sitting {
     }
 
     fn simulator(&self, model: Model<Cpu>) -> Simulator {
-        Simulator {
-            model,
-            config: self.preparation.config.clone(),
-            normalisation: self.preparation.normalisation.clone(),
-            training: Training {
-                frame_interval: self.frame_interval,
-                without_gravity: self.config.data.subtract_gravity,
-                before_start: self.config.data.before_start,
-                steps: self.steps_before + self.engine.step_number(),
-                range: self.range,
-                accuracy: None,
-            },
-            mirror: false,
-            device: device(),
-            gpu: self.engine.gpu(),
-            precision: Precision::F32,
-        }
+        let training = Training {
+            before_start: self.config.data.before_start,
+            steps: self.steps_before + self.engine.step_number(),
+            range: self.range,
+            ..Training::untrained(self.frame_interval, self.config.data.subtract_gravity)
+        };
+        let Preparation { config, normalisation, .. } = &self.preparation;
+        let (config, normalisation) = (config.clone(), normalisation.clone());
+        let gpu = self.engine.gpu();
+        Simulator { gpu, ..Simulator::new(model, config, normalisation, training) }
     }
 }

@@ -3,7 +3,6 @@
 use rstest::rstest;
 use surrogate::features::Window;
 use surrogate::simulator::{Simulator, Training};
-use surrogate::train::Precision;
 
 use super::{Cpu, cloud, model, normalisation, small};
 
@@ -13,23 +12,10 @@ fn the_mirrored_window_has_the_mirrored_accelerations(
     #[values(false, true)] mirror: bool,
 ) {
     let config = small(name, 2);
-    let simulator = Simulator {
-        model: model::<Cpu>(&config),
-        config,
-        normalisation: normalisation(2),
-        training: Training {
-            frame_interval: 0.01,
-            without_gravity: true,
-            before_start: 0,
-            steps: 0,
-            range: None,
-            accuracy: None,
-        },
-        mirror,
-        device: Default::default(),
-        gpu: None,
-        precision: Precision::F32,
-    };
+    let training = Training::untrained(0.01, true);
+    let model = model::<Cpu>(&config);
+    let simulator =
+        Simulator { mirror, ..Simulator::new(model, config, normalisation(2), training) };
     let points = 40;
     let run = |positions: &[f32], gravity| {
         let window = Window { positions, points, statics: &[], obstacles: &[] };
