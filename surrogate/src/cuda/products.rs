@@ -71,7 +71,6 @@ impl Products {
         let blocks = assign(&mut parts, |_, _| (0, 0));
         let weight_sums = device.zeros(blocks.weight * WIDTH * WIDTH)?;
         let bias_sums = device.zeros(blocks.bias * WIDTH)?;
-        // Those of edges first.
         let mut targets = network.norm_targets();
         let mut weight_from = at(&weight_sums, device);
         let mut bias_from = at(&bias_sums, device);
@@ -112,6 +111,7 @@ impl Products {
                 bias_from += (4 * count.bias * WIDTH) as u64;
             }
         }
+        // Those of edges first.
         let fused = network.kernels.fused();
         let (edges, nodes): (Vec<_>, Vec<_>) = targets.into_iter().partition(|t| fused && t.0);
         let counts = [edges.len(), nodes.len()];

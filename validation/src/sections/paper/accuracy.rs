@@ -230,7 +230,7 @@ struct Ranked<'m> {
 impl<'m> Ranked<'m> {
     fn of(model: &'m Model, rollouts: &[Rollout], horizon: Option<f64>) -> Self {
         let own: Vec<&Rollout> = rollouts.iter().filter(|r| r.model == model.name).collect();
-        let well = |r: &&&Rollout| r.errors.failure.is_none() && !r.errors.errors.is_empty();
+        let well = |r: &&&Rollout| r.errors.failure.is_none() && !r.is_refused();
         let until = |horizon: f64| {
             let errors = own.iter().flat_map(|r| &r.errors.errors);
             let mse: Vec<f64> = errors.filter(|e| e.time <= horizon).map(|e| e.mse).collect();
