@@ -145,7 +145,9 @@ fn a_report_has_a_page_tables_figures_and_numbers() {
     let lead = first.find("class=\"leads\"").unwrap();
     assert!(first[lead..].contains("#accuracy-stated-in-the-paper-s-text"), "{first}");
     for curve in ["loss", "validation-error"] {
-        let file = format!("figures/fig-8-training-curves--{curve}-over-training-steps.svg");
+        let file = format!(
+            "figures/fig-8-training-curves--{curve}-over-training-steps-the-paper-s-networks.svg"
+        );
         assert!(out.join(&file).is_file(), "{file}");
     }
 

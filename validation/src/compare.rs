@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use dempm::trajectory::{Trajectory, TrajectoryError};
-use surrogate::metrics::{Errors, FrameError};
+use surrogate::metrics::{Errors, FrameError, mean_square_distance};
 
 use crate::work::{Run, hash, read_json, write_json};
 
@@ -58,6 +58,26 @@ pub fn kept_difference(run: &Run, truth: &Path, key: &str) -> miette::Result<Err
     Ok(found)
 }
 
+/// Mean square distances, in units of the box, of the last frame of `path` from those frames of `truth`
+/// that it would have had next, until a time (s): errors of one that stopped and stays where it is.
+///
+/// # Errors
+/// If a file cannot be read.
+pub fn errors_if_held(path: &Path, truth: &Path, until: f64) -> Result<Vec<f64>, TrajectoryError> {
+    let [one, truth] = [Trajectory::open(path)?, Trajectory::open(truth)?];
+    let header = truth.header();
+    let stride = (one.header().frame_interval / header.frame_interval).round() as usize;
+    let held = positions(&one, one.frames() - 1)?;
+    let next = (one.frames()..).map(|frame| frame * stride);
+    let times = truth.time();
+    next.take_while(|&frame| frame < times.len() && times[frame] <= until * (1.0 + ROUNDING))
+        .map(|frame| {
+            let distance = mean_square_distance(&held, &positions(&truth, frame)?);
+            Ok(distance / header.domain[0].powi(2))
+        })
+        .collect()
+}
+
 fn positions(trajectory: &Trajectory, frame: usize) -> Result<Vec<[f64; 2]>, TrajectoryError> {
     let flat = trajectory.positions(frame..frame + 1)?.into_raw_vec_and_offset().0;
     Ok(flat.as_chunks().0.to_vec())
@@ -99,6 +119,10 @@ pub fn common_times(one: &[f64], other: &[f64]) -> Vec<(usize, usize)> {
 
 #[cfg(test)]
 mod tests {
+    use dempm::scene::Scene;
+    use dempm::simulation::Simulation;
+    use dempm::trajectory::{Frame, Header, TrajectoryWriter};
+
     use super::*;
 
     #[test]
@@ -109,6 +133,34 @@ mod tests {
         assert_eq!(groups, [vec![0, 1, 2, 3], vec![4]]);
         let moved = start.map(|[x, y]| [x + 1.0, y]);
         assert_eq!(means(&moved, &groups), [[2.0, 1.0], [3.5, 0.5]]);
+    }
+
+    #[test]
+    fn what_stays_where_it_is_falls_behind() {
+        const SCENE: &str = "duration = 0.1\nframe_interval = 0.01\n[domain]\nsize = [4.0, 1.0]\n\
+                             [[column]]\nsize = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n";
+        let simulation = Simulation::new(Scene::parse(SCENE, "scene.toml").unwrap()).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        // All points move by 0.2 m a frame; the other run has every second frame and ends at the third of its own.
+        let write = |name: &str, frames: &[u32], interval: f64| {
+            let path = folder.path().join(name);
+            let header = Header { frame_interval: interval, ..simulation.header(String::new()) };
+            let mut writer =
+                TrajectoryWriter::create(&path, &header, &simulation.static_points()).unwrap();
+            for &k in frames {
+                let mut frame = Frame { time: 0.01 * f64::from(k), ..simulation.frame() };
+                frame.position.iter_mut().for_each(|x| x[0] += 0.2 * f64::from(k));
+                writer.push(frame).unwrap();
+            }
+            writer.commit().unwrap();
+            path
+        };
+        let truth = write("truth.h5", &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], 0.01);
+        let short = write("short.h5", &[0, 2, 4], 0.02);
+        let errors = errors_if_held(&short, &truth, 0.08).unwrap();
+        // Frames 6 and 8, 0.4 and 0.8 m on, in a box 4 m wide. Positions are kept in single precision.
+        assert_eq!(errors.len(), 2);
+        assert!((errors[0] - 0.01).abs() < 1e-6 && (errors[1] - 0.04).abs() < 1e-6, "{errors:?}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use surrogate::config::PAPER_NETWORKS;
 use surrogate::simulator::Simulator;
 
-use super::networks::{baseline_and_others, belongs};
+use super::networks::{baseline_and_others, belongs, on_finest_data};
 use super::ratio;
 use super::times::baseline;
 use crate::block::{Block, Table};
@@ -99,8 +99,7 @@ impl Section for Ablation {
         // All on the finest data, and a training of its own goes before one that was made to be used.
         let trained = |name: &&str| {
             let of_name = context.models.iter().filter(|model| belongs(&model.name, name));
-            let finest =
-                of_name.filter(|m| m.name.ends_with("-data1") || !m.name.contains("-data"));
+            let finest = of_name.filter(|model| on_finest_data(model));
             finest.min_by_key(|model| !model.name.ends_with("-data1")).cloned()
         };
         let models: Vec<Model> = PAPER_NETWORKS.iter().filter_map(trained).collect();

@@ -170,8 +170,14 @@ pub fn ablation(models: &[Model]) -> Vec<Model> {
     others.cloned().collect()
 }
 
-fn of_paper(model: &Model) -> bool {
+/// Whether a model is a training of one of the paper's networks.
+pub fn of_paper(model: &Model) -> bool {
     PAPER_NETWORKS.iter().any(|name| belongs(&model.name, name))
+}
+
+/// Whether a model's name says nothing of data with coarser frames than the paper's data set 1.
+pub fn on_finest_data(model: &Model) -> bool {
+    model.name.ends_with("-data1") || !model.name.contains("-data")
 }
 
 #[cfg(test)]

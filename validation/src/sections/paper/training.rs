@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use surrogate::simulator::Simulator;
 
+use super::networks::{of_paper, on_finest_data};
 use crate::block::{Block, Figure};
 use crate::chart::{Axis, Chart, Mark, Series};
+use crate::compare::errors_if_held;
 use crate::context::{Context, Model, files_in};
 use crate::rollouts::{Rollout, roll_out};
 use crate::section::Section;
@@ -19,27 +21,28 @@ impl Section for Training {
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let models = context.models.clone();
         let (mut validation, mut loss) = (Vec::new(), Vec::new());
-        for model in context.models.clone() {
-            let known = log_of(&model, "validation.csv").and_then(|path| curve(&path, "mse"));
+        for model in &models {
+            let known = log_of(model, "validation.csv").and_then(|path| curve(&path, "mse"));
             let known = known.filter(|points| points.len() > 1);
             let points = match known {
                 Some(points) => points,
-                None => of_stages(context, &model)?,
+                None => of_stages(context, model)?,
             };
             validation.push(Series::new(&model.name, Mark::Line, points));
-            let points = log_of(&model, "log.csv").and_then(|path| curve(&path, "loss"));
+            let points = log_of(model, "log.csv").and_then(|path| curve(&path, "loss"));
             loss.push(Series::new(&model.name, Mark::Line, points.unwrap_or_default()));
         }
         let mut blocks = Vec::new();
-        for (mut series, title, axis, caption, remedy) in [
+        for (series, title, axis, caption, remedy) in [
             (
                 validation,
                 "Validation error",
                 "mean MSE of validation rollouts [box²]",
                 "Rollouts of all validation cases from their first frames; of weights that a training had \
-                 on its way, their first second. In units of the box. Where a rollout of these ended early \
-                 its last error stands for what was not predicted, which would have been worse.",
+                 on its way, their first 1.5 s. In units of the box. What one of these that ended early did \
+                 not predict counts as if it had stayed where it was.",
                 "`surrogate train` validates where the data have `valid/`; weights that it had on its \
                  way, kept in `NAME.stages/` beside `NAME.safetensors`, are rolled out by the report.",
             ),
@@ -47,26 +50,41 @@ impl Section for Training {
                 loss,
                 "Loss",
                 "loss",
-                "Losses of networks with different noise cannot be compared; rollouts can.",
+                "Losses of networks with different noise cannot be compared; rollouts can. One that begins to \
+                 predict the frames of its windows by itself (pushforward) has more to learn from then on.",
                 "`surrogate train` writes `log.csv`; beside `NAME.safetensors` it is `NAME.log.csv`.",
             ),
         ] {
             // One point is no curve.
-            series.retain(|series| series.points.len() > 1);
-            if series.is_empty() {
+            if series.iter().all(|series| series.points.len() < 2) {
                 blocks.push(Block::missing(title, "no model came with it.", remedy));
-                continue;
             }
-            let chart = Chart { x: Axis::linear("step"), y: Axis::log(axis), series, floor: None };
-            let title = format!("{title} over training steps");
-            blocks.push(Block::Figure(Figure::new(title, chart.draw()?, caption)));
+            for (group, belongs) in GROUPS {
+                let curves = models.iter().zip(&series);
+                let curves = curves.filter(|(model, s)| belongs(model) && s.points.len() > 1);
+                let series: Vec<Series> = curves.map(|(_, series)| series.clone()).collect();
+                if series.is_empty() {
+                    continue;
+                }
+                let chart =
+                    Chart { x: Axis::linear("step"), y: Axis::log(axis), series, floor: None };
+                let title = format!("{title} over training steps: {group}");
+                blocks.push(Block::Figure(Figure::new(title, chart.draw()?, caption)));
+            }
         }
         Ok(blocks)
     }
 }
 
-/// Time (s) that weights on their way predict.
-const LOOK: f64 = 1.0;
+/// What models a chart shows, so that it can be read.
+type Group = (&'static str, fn(&Model) -> bool);
+const GROUPS: [Group; 2] = [
+    ("the paper's networks", |model| of_paper(model) && on_finest_data(model)),
+    ("other data and models", |model| !of_paper(model) || !on_finest_data(model)),
+];
+
+/// Time (s) until which weights on their way predict.
+const LOOK: f64 = 1.5;
 
 /// Steps and mean validation error of the weights that a model had on its way, and of itself; nothing
 /// if there are none, or no validation cases.
@@ -83,7 +101,7 @@ fn of_stages(context: &mut Context, model: &Model) -> miette::Result<Vec<(f64, f
     for path in weights.into_iter().chain([model.path.clone()]) {
         let simulator = Simulator::load(&path)?;
         let steps = simulator.training.steps;
-        let frames = (LOOK / simulator.training.frame_interval).round() as usize;
+        let frames = (LOOK / simulator.training.frame_interval).round() as usize + 1;
         let frames = Some(frames.max(simulator.first_frames() + 1));
         let name = format!("{}, step {steps}", model.name);
         stages.push((steps, Model { frames, ..Model::new(name, path) }));
@@ -92,27 +110,27 @@ fn of_stages(context: &mut Context, model: &Model) -> miette::Result<Vec<(f64, f
     stages.dedup_by_key(|(steps, _)| *steps);
     let models: Vec<Model> = stages.iter().map(|(_, stage)| stage.clone()).collect();
     let rollouts = roll_out(context, &models, &cases)?;
-    let points = stages.iter().filter_map(|(steps, stage)| {
-        let own: Vec<&Rollout> = rollouts.iter().filter(|r| r.model == stage.name).collect();
-        Some((*steps as f64, error_of(&own)?))
-    });
-    Ok(points.collect())
+    let mut points = Vec::new();
+    for (steps, stage) in &stages {
+        let own = rollouts.iter().filter(|rollout| rollout.model == stage.name);
+        let errors = own.map(error_of).collect::<miette::Result<Option<Vec<f64>>>>()?;
+        points.extend(errors.and_then(|errors| mean(&errors)).map(|mean| (*steps as f64, mean)));
+    }
+    Ok(points)
 }
 
-/// Mean error of rollouts of as many frames. The last error of one that ended early stands for the rest;
-/// none if one did not begin.
-fn error_of(rollouts: &[&Rollout]) -> Option<f64> {
-    let errors = |rollout: &Rollout| -> Vec<f64> {
-        rollout.errors.errors.iter().map(|error| error.mse).collect()
-    };
-    let frames = rollouts.iter().map(|rollout| rollout.errors.errors.len()).max()?;
-    let mean = |rollout: &&Rollout| {
-        let known = errors(rollout);
-        let rest = (frames - known.len()) as f64 * known.last()?;
-        Some((known.iter().sum::<f64>() + rest) / frames as f64)
-    };
-    let means: Vec<f64> = rollouts.iter().map(mean).collect::<Option<_>>()?;
-    Some(means.iter().sum::<f64>() / means.len() as f64)
+/// Mean error of a rollout until [`LOOK`]; one that ended early stays where it was. None if it did not begin.
+fn error_of(rollout: &Rollout) -> miette::Result<Option<f64>> {
+    if rollout.is_refused() {
+        return Ok(None);
+    }
+    let mut errors: Vec<f64> = rollout.errors.errors.iter().map(|error| error.mse).collect();
+    errors.extend(errors_if_held(&rollout.output, &rollout.truth, LOOK)?);
+    Ok(mean(&errors))
+}
+
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 /// The log of a training: in the folder of its own, or beside the weights under their name.
@@ -134,18 +152,4 @@ fn curve(path: &Path, column: &str) -> Option<Vec<(f64, f64)>> {
     };
     let points: Vec<(f64, f64)> = lines.filter_map(point).collect();
     (!points.is_empty()).then_some(points)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_last_error_stands_for_what_was_not_predicted() {
-        let [whole, short, none] =
-            [&[1.0, 2.0, 6.0][..], &[1.0, 4.0], &[]].map(|mse| Rollout::of_errors("m", mse, None));
-        assert_eq!(error_of(&[&whole, &short]), Some(3.0));
-        assert_eq!(error_of(&[&whole, &none]), None);
-        assert_eq!(error_of(&[]), None);
-    }
 }
