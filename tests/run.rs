@@ -3,7 +3,7 @@
 mod common;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -71,7 +71,7 @@ fn a_scene_becomes_a_trajectory_and_a_summary() {
     };
     assert!(mean(&last, 1) < mean(&first, 1));
     assert!(mean(&last, 0) > mean(&first, 0));
-    assert!(!directory.path().join("tiny.ckpt").exists(), "a finished run leaves no checkpoint");
+    assert!(!directory.path().join("tiny.h5.ckpt").exists(), "a finished run leaves no checkpoint");
 }
 
 /// Killed without warning at some moment, the file is readable and the resumed run is bit by bit
@@ -86,7 +86,12 @@ fn a_killed_run_resumes_bitwise() {
         command.args(more).stdout(Stdio::null()).stderr(Stdio::null());
         command
     };
-    assert!(run("whole.h5", &[]).status().unwrap().success());
+    let summary = |output: Output| {
+        assert!(output.status.success());
+        let text = String::from_utf8(output.stdout).unwrap();
+        text.lines().find(|line| line.contains("stable macro step")).unwrap().to_owned()
+    };
+    let whole = summary(run("whole.h5", &[]).stdout(Stdio::piped()).output().unwrap());
 
     let cut = directory.path().join("cut.h5");
     let mut child = run("cut.h5", &[]).spawn().unwrap();
@@ -97,9 +102,11 @@ fn a_killed_run_resumes_bitwise() {
         kill(&mut child);
         kills += 1;
         frames = Trajectory::open(&cut).expect("readable after kill -9").frames() + 6;
-        child = run("cut.h5", &["--resume"]).spawn().unwrap();
+        child = run("cut.h5", &["--resume"]).stdout(Stdio::piped()).spawn().unwrap();
     }
     assert!(kills > 0, "the run was too short to be killed");
+    // What it says of all frames holds for those before, too.
+    assert_eq!(summary(child.wait_with_output().unwrap()), whole);
     assert_eq!(bits(&cut), bits(&directory.path().join("whole.h5")));
 }
 
@@ -115,7 +122,7 @@ fn ctrl_c_leaves_a_checkpoint() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    while !directory.path().join("stopped.ckpt").exists() {
+    while !directory.path().join("stopped.h5.ckpt").exists() {
         assert!(child.try_wait().unwrap().is_none(), "ended early");
         sleep(Duration::from_millis(5));
     }
@@ -143,6 +150,39 @@ fn nothing_is_overwritten_by_accident() {
     let error = fails(run().arg("--resume"), 1);
     assert!(error.contains("nothing to resume"), "{error}");
     assert!(run().arg("--overwrite").status().unwrap().success());
+
+    // What is read is not replaced, whoever asks for it.
+    let text = std::fs::read(&scene).unwrap();
+    let mut into_scene = dempm(directory.path());
+    into_scene.arg("run").arg(&scene).arg("-o").arg(&scene).arg("--overwrite");
+    let kept = ["kept.h5", "-o", "./kept.h5"];
+    let mut plot = dempm(directory.path());
+    plot.arg("plot").args(kept);
+    let mut export = dempm(directory.path());
+    export.args(["export", "--to", "npz"]).args(kept);
+    for command in [&mut into_scene, &mut plot, &mut export] {
+        let error = fails(command, 1);
+        assert!(error.contains("is what is read"), "{error}");
+    }
+    assert_eq!(text, std::fs::read(&scene).unwrap());
+    Trajectory::open(&directory.path().join("kept.h5")).unwrap();
+}
+
+/// Two trajectories whose names differ after a dot only: each has its own checkpoint.
+#[test]
+fn every_trajectory_has_its_own_checkpoint() {
+    let directory = TempDir::new().unwrap();
+    let scene = scene(directory.path(), 20.0);
+    for output in ["mu0.3", "mu0.5"] {
+        let mut command = dempm(directory.path());
+        command.arg("run").arg(&scene).args(["-o", output]).stderr(Stdio::null());
+        let mut child = command.spawn().unwrap();
+        while !directory.path().join(format!("{output}.ckpt")).exists() {
+            assert!(child.try_wait().unwrap().is_none(), "ended early");
+            sleep(Duration::from_millis(5));
+        }
+        kill(&mut child);
+    }
 }
 
 #[test]
@@ -156,7 +196,7 @@ fn a_checkpoint_of_another_scene_is_refused() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    while !directory.path().join("one.ckpt").exists() {
+    while !directory.path().join("one.h5.ckpt").exists() {
         sleep(Duration::from_millis(5));
     }
     child.kill().unwrap();
@@ -167,9 +207,9 @@ fn a_checkpoint_of_another_scene_is_refused() {
     let error = fails(&mut resume, 1);
     assert!(error.contains("another scene"), "{error}");
     // A damaged checkpoint is an error too, not a crash.
-    std::fs::write(directory.path().join("one.ckpt"), b"not a checkpoint").unwrap();
+    std::fs::write(directory.path().join("one.h5.ckpt"), b"not a checkpoint").unwrap();
     let error = fails(&mut resume, 1);
-    assert!(error.contains("one.ckpt"), "{error}");
+    assert!(error.contains("one.h5.ckpt"), "{error}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::State;
-use crate::trajectory::{WriteError, write_atomically};
+use crate::trajectory::{WriteError, beside, write_atomically};
 
 const MAGIC: &str = "DEMPM checkpoint";
 const VERSION: u32 = 1;
@@ -44,9 +44,10 @@ struct Read {
     state: State,
 }
 
-/// The checkpoint that belongs to a trajectory file.
+/// The checkpoint that belongs to a trajectory file: `NAME.ckpt` beside `NAME`, as names may have dots
+/// of their own.
 pub fn path_beside(trajectory: &Path) -> PathBuf {
-    trajectory.with_extension("ckpt")
+    beside(trajectory, ".ckpt")
 }
 
 /// Writes the state of a run of `scene` (its text), whole or not at all.

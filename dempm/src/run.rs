@@ -11,6 +11,7 @@ use indicatif::{MultiProgress, ProgressDrawTarget};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::device::Device;
+use crate::overwrite::refuse_input;
 use crate::scene::{Material, Scene};
 use crate::sitting::{Options, Outcome, sit};
 
@@ -54,6 +55,7 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
         Some(path) => path.clone(),
         None => default_output(&args.scene),
     };
+    refuse_input(&output, &[&args.scene])?;
     let Place { device, ranks } = place(&scene, args.device, &launch)?;
     let bars = MultiProgress::new();
     if !speaks {

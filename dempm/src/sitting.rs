@@ -12,10 +12,11 @@ use miette::{IntoDiagnostic, bail};
 
 use crate::checkpoint;
 use crate::output::{News, Output};
+use crate::record::STABLE_STEP;
 use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;
-use crate::trajectory::{TrajectoryLock, TrajectoryWriter, utc_now};
+use crate::trajectory::{Trajectory, TrajectoryLock, TrajectoryWriter, utc_now};
 use crate::watch::Watch;
 
 /// Checkpoints take at most this part of the time.
@@ -118,14 +119,24 @@ impl Sitting {
             Some(device) => simulation.move_to(device, options.ranks.as_ref()),
             None => Ok(()),
         };
+        let mut watch = Watch::default();
         let (simulation, writer) = if options.resume {
-            if path.exists() && !checkpoint.exists() {
-                bail!("{}: nothing to resume, there is no checkpoint beside it", path.display());
+            if !checkpoint.exists() {
+                bail!(
+                    help = "without --resume the run begins",
+                    "{}: nothing to resume, there is no checkpoint {}",
+                    path.display(),
+                    checkpoint.display()
+                );
             }
             let state = checkpoint::read(&checkpoint, &scene.text)?;
             let mut simulation = Simulation::resume(scene, state)?;
             place(&mut simulation)?;
             let frames = simulation.frames_so_far();
+            if writes && let Some(bounds) = Trajectory::open(&path)?.budget().get(STABLE_STEP) {
+                // The start is not watched: nothing has moved.
+                watch.resume(bounds.iter().copied().take(frames).skip(1));
+            }
             let writer = writes.then(|| TrajectoryWriter::resume(&path, frames)).transpose()?;
             (simulation, writer)
         } else {
@@ -189,7 +200,7 @@ impl Sitting {
             total,
             saved: Instant::now(),
             save_cost: Duration::ZERO,
-            watch: Watch::default(),
+            watch,
         })
     }
 

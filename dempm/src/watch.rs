@@ -83,6 +83,11 @@ impl Watch {
         self.stable_step.unwrap_or(f64::INFINITY)
     }
 
+    /// Takes the bounds on the macro step (s) in the frames before a run was resumed.
+    pub fn resume(&mut self, bounds: impl Iterator<Item = f64>) {
+        self.stable_step = bounds.reduce(f64::min);
+    }
+
     /// What there is to say about the present frame of a simulation.
     pub fn observe(&mut self, simulation: &Simulation, frame: &Frame) -> Vec<String> {
         let mut said = Vec::new();

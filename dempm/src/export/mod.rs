@@ -8,6 +8,7 @@ mod vtp;
 use std::path::{Path, PathBuf};
 
 use crate::dataset::{DataSet, DatasetError, Metadata};
+use crate::overwrite::refuse_input;
 use crate::trajectory::{Trajectory, TrajectoryError, WriteError};
 
 /// The arguments of `dempm export`.
@@ -73,6 +74,7 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
         Format::Gns => folder_beside(&args.file, "gns"),
         Format::Lagrangebench => folder_beside(&args.file, "lagrangebench"),
     });
+    refuse_input(&output, &[&args.file])?;
     let open = || Trajectory::open(&args.file);
     match args.to {
         Format::Vtk => vtp::write(&open()?, &output)?,

@@ -11,6 +11,9 @@ pub(super) fn frames(
     args: &PlotArgs,
 ) -> miette::Result<Option<Vec<usize>>> {
     let count = trajectory.frames();
+    if let Some(time) = args.times.iter().find(|time| !time.is_finite()) {
+        bail!("--times {time}: there is no frame at that time");
+    }
     if !args.times.is_empty() {
         let nearest = |&time: &f64| {
             let distance = |index: &usize| (trajectory.time()[*index] - time).abs();

@@ -101,7 +101,7 @@ pub(super) fn directory_of(path: &Path) -> &Path {
 }
 
 /// The file beside `path` whose name has this at its end.
-pub(super) fn beside(path: &Path, ending: &str) -> PathBuf {
+pub(crate) fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.file_name().map_or_else(OsString::new, OsString::from);
     name.push(ending);
     path.with_file_name(name)

@@ -16,6 +16,7 @@ mod reader;
 mod vtk;
 mod writer;
 
+pub(crate) use atomic::beside;
 pub use atomic::{WriteError, write_atomically};
 pub use clock::utc_now;
 pub use error::{Result, TrajectoryError};
