@@ -43,11 +43,12 @@ pub fn bench(args: &BenchArgs) -> miette::Result<()> {
     let time = Duration::from_millis(if args.full { 5000 } else { 1000 });
     let extent = Extent { full: args.full, time };
     let gpu = args.device.open().into_diagnostic()?;
+    let scenes = scenes::scenes(&args.scene, extent)?;
     println!("{}\n", machine(gpu.as_ref()));
     println!("### One macro step of RVEs in steady simple shear\n");
     print!("{}", kernel::report(gpu.as_ref(), extent)?);
     println!("\n### Scenes\n");
-    print!("{}", scenes::report(gpu.as_ref(), &args.scene, extent)?);
+    print!("{}", scenes::report(gpu.as_ref(), scenes, extent)?);
     Ok(())
 }
 

@@ -6,6 +6,8 @@ use std::time::Instant;
 
 use super::Extent;
 use super::markdown::table;
+use miette::bail;
+
 use crate::dataset::paper_scene;
 use crate::scene::{Material, Scene};
 use crate::simulation::Simulation;
@@ -19,11 +21,11 @@ const ON_GPU_FULL: &[&str] = &["col2x2", "col3x3barriers", "col10x2", "col5x5"];
 /// The table of the scenes on the CPU and, if there is one, the GPU.
 pub fn report(
     gpu: Option<&Arc<gpu::Device>>,
-    chosen: &[String],
+    scenes: Vec<(Scene, bool, bool)>,
     extent: Extent,
 ) -> miette::Result<String> {
     let mut rows = Vec::new();
-    for (scene, on_cpu, on_gpu) in scenes(chosen, extent)? {
+    for (scene, on_cpu, on_gpu) in scenes {
         if on_cpu {
             rows.push(measure(scene.clone(), None, extent)?);
         }
@@ -50,7 +52,7 @@ pub fn report(
 }
 
 /// The scenes, and whether they are measured on the CPU and on the GPU.
-fn scenes(chosen: &[String], extent: Extent) -> miette::Result<Vec<(Scene, bool, bool)>> {
+pub fn scenes(chosen: &[String], extent: Extent) -> miette::Result<Vec<(Scene, bool, bool)>> {
     if !chosen.is_empty() {
         return chosen.iter().map(|name| Ok((named(name)?, true, true))).collect();
     }
@@ -81,8 +83,13 @@ fn measure(
     if let Some(device) = device {
         simulation.move_to(device, None)?;
     }
-    // The first steps search all neighbours.
-    (0..10).try_for_each(|_| simulation.advance())?;
+    // The first steps search all neighbours; on a GPU each of these goes to the next frame.
+    let half = simulation.scene.steps() / 2;
+    for _ in 0..10 {
+        if simulation.state.step < half {
+            simulation.advance()?;
+        }
+    }
     simulation.record_wall_time();
     let before = simulation.state.wall_time.clone();
     let first = simulation.state.step;
@@ -91,6 +98,9 @@ fn measure(
         simulation.advance()?;
     }
     let steps = (simulation.state.step - first) as f64;
+    if steps == 0.0 {
+        bail!("{}: too short to be measured", simulation.scene.title);
+    }
     let step = start.elapsed().as_secs_f64() / steps;
     simulation.record_wall_time();
     let discs = match &simulation.scene.material {

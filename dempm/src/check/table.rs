@@ -121,25 +121,28 @@ impl Needs {
         cost.push(Row("time", duration(self.seconds), "estimate".into()));
         let mut sections = vec![("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];
         // Only packings have cheaper settings.
-        if self.rve.is_some() {
-            sections
-                .push(("Cheaper settings, as far as the validation report measured", cheaper()));
+        if let Some(rve) = &self.rve {
+            let heading = "Cheaper settings, as the validation report measured them elsewhere";
+            sections.push((heading, cheaper(rve.discs)));
         }
         sections
     }
 }
 
-/// What is cheaper than packings of 400 discs, and how far off.
-fn cheaper() -> Vec<Row> {
+/// What is cheaper than packings of so many discs, and how far it was from a reference on its scene.
+fn cheaper(discs: usize) -> Vec<Row> {
     let row = |advice: advice::Advice| {
         let advice::Advice { scene, goal, tolerance, error, setting, speed_up } = advice;
         Row(
             goal,
             format!("within {tolerance}"),
-            format!("{setting}: {error} off, {speed_up:.0} times faster ({scene})"),
+            format!(
+                "{setting}: {error} off, {speed_up:.1} times as fast as the reference ({scene})"
+            ),
         )
     };
-    advice::measured().into_iter().map(row).collect()
+    let measured = advice::measured().into_iter();
+    measured.filter(|advice| advice.is_cheaper_than(discs)).map(row).collect()
 }
 
 impl fmt::Display for Needs {

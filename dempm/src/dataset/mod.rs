@@ -22,6 +22,7 @@ use crate::scene::Scene;
 use choice::Choice;
 pub use error::DatasetError;
 pub use metadata::Metadata;
+pub use report::quoted;
 pub use split::{DataSet, Split, open_finished};
 pub use statistics::{Statistics, Welford};
 
@@ -109,7 +110,8 @@ pub fn dataset(args: &DatasetArgs) -> miette::Result<ExitCode> {
     match done {
         work::Done::All => Ok(ExitCode::SUCCESS),
         work::Done::Interrupted => {
-            eprintln!("interrupted; the same command continues");
+            let how = if args.overwrite { " without --overwrite" } else { "" };
+            eprintln!("interrupted; the same command{how} continues");
             Ok(ExitCode::from(INTERRUPTED))
         }
         work::Done::Failed(names) => bail!("failed: {}", names.join(", ")),

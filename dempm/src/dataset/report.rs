@@ -178,7 +178,7 @@ pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), WriteError> {
 }
 
 /// A text as a field of a CSV file (RFC 4180).
-fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
