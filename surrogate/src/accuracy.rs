@@ -37,8 +37,12 @@ impl Accuracy {
         for (errors, truth) in runs {
             if errors.failure.is_some() {
                 broken += 1;
-            } else if let (Some(last), motion) = (errors.errors.last(), motion(errors, truth)?) {
-                found.push((last.mse / motion).sqrt());
+            } else if let Some(last) = errors.last() {
+                let motion = motion(last.time, truth)?;
+                // What does not move has no part of its motion.
+                if motion > 0.0 {
+                    found.push((last.mse / motion).sqrt());
+                }
             }
         }
         let runs = found.len() + broken;
@@ -69,10 +73,9 @@ impl Accuracy {
     }
 }
 
-/// Mean square motion from the first frame to the last that was predicted, in units of the box.
-fn motion(errors: &Errors, truth: &Path) -> Result<f64, TrajectoryError> {
+/// Mean square motion from the first frame to that at a time (s), in units of the box.
+fn motion(time: f64, truth: &Path) -> Result<f64, TrajectoryError> {
     let truth = Trajectory::open(truth)?;
-    let time = errors.last().time;
     let frame = truth.time().iter().position(|found| *found >= time).unwrap_or(0);
     let [first, last] = [truth.frame(0)?.position, truth.frame(frame)?.position];
     Ok(mean_square_distance(&first, &last) / truth.header().domain[0].powi(2))

@@ -90,16 +90,16 @@ impl Errors {
         self.errors.iter().map(|e| e.mse).sum::<f64>() / self.errors.len() as f64
     }
 
-    /// Largest MSE of all frames, and its frame.
-    pub fn peak(&self) -> (f64, usize) {
+    /// Largest MSE of all frames, and its frame; none if there are no frames.
+    pub fn peak(&self) -> Option<(f64, usize)> {
         let frames = self.errors.iter().zip(&self.frames);
         let largest = frames.max_by(|(a, _), (b, _)| a.mse.total_cmp(&b.mse));
-        largest.map_or((f64::NAN, 0), |(error, &frame)| (error.mse, frame))
+        largest.map(|(error, &frame)| (error.mse, frame))
     }
 
-    /// The errors of the last frame.
-    pub fn last(&self) -> FrameError {
-        self.errors.last().copied().unwrap_or_default()
+    /// The errors of the last frame, if there is one.
+    pub fn last(&self) -> Option<FrameError> {
+        self.errors.last().copied()
     }
 }
 

@@ -10,7 +10,7 @@ use crate::graph::radius_graph;
 use crate::rollout::RolloutError;
 
 /// Most neighbours that points may have on average, in units of those of points that fill the plane.
-/// Direct runs have less than one: the 118 that the model that ships has learnt from, 0.49 to 0.94.
+/// Direct runs have less than one: 118, most of which the model that ships has learnt from, 0.49 to 0.94.
 const MOST: f64 = 3.0;
 
 /// How many neighbours points can have.

@@ -8,8 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use dempm::device::Device;
+use dempm::overwrite::refuse_input;
 use dempm::scene::Scene;
-use dempm::trajectory::{Frame, TrajectoryWriter};
+use dempm::trajectory::{Frame, TrajectoryLock, TrajectoryWriter};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
@@ -265,12 +266,25 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
+    let inputs = [Some(&args.model), args.scene.as_ref(), args.from.as_ref()];
+    refuse_input(
+        &args.output,
+        &inputs.into_iter().flatten().map(PathBuf::as_path).collect::<Vec<_>>(),
+    )?;
+    let _lock = TrajectoryLock::take(&args.output)?;
     let (mirror, precision) = (args.mirror, args.precision);
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     simulator.place(args.device).into_diagnostic().wrap_err("--device")?;
     let began = Instant::now();
     let start = match (&args.scene, &args.from) {
-        (Some(scene), _) => Start::from_scene(Scene::load(scene)?, &simulator)?,
+        (Some(path), _) => {
+            let scene = Scene::load(path)?;
+            let (own, asked) = (simulator.training.frame_interval, scene.frame_interval);
+            if (own - asked).abs() > 1e-6 * own {
+                eprintln!("frames are {own} s apart, as the model's, not {asked} s as the scene's");
+            }
+            Start::from_scene(scene, &simulator)?
+        }
         (None, Some(from)) => Start::from_trajectory(from, args.start, &simulator)?,
         (None, None) => bail!("give a --scene or a trajectory to start --from"),
     };

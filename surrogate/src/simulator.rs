@@ -77,6 +77,8 @@ pub enum SimulatorError {
     #[error("{path}: the weights lack `extra.{KEY}` in their metadata, or it is damaged")]
     #[diagnostic(help("`surrogate train` writes it; docs/weights.md says what is in it"))]
     Training { path: String },
+    #[error("{path}: a network in {dimensions} dimensions: rollouts are in two")]
+    Dimensions { path: String, dimensions: usize },
 }
 
 /// The entry of a file of weights that holds [`Training`].
@@ -100,6 +102,10 @@ impl Simulator {
     /// If the file cannot be read or is damaged.
     pub fn load(path: &Path) -> Result<Self, SimulatorError> {
         let (model, config, normalisation, extra) = weights::load(path, &device())?;
+        if config.dimensions != 2 {
+            let (path, dimensions) = (path.display().to_string(), config.dimensions);
+            return Err(SimulatorError::Dimensions { path, dimensions });
+        }
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;

@@ -19,7 +19,7 @@ pub struct StatsArgs {
     /// Take every n-th frame
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
     stride: u64,
-    /// Model (safetensors) to write the ranges of these data into, with which it was trained
+    /// Model (safetensors) without ranges to write those of these data into, with which it was trained
     #[arg(long, value_name = "MODEL")]
     into: Option<PathBuf>,
 }
@@ -77,7 +77,15 @@ fn add_range(data: &DataSet, path: &Path) -> miette::Result<()> {
             path.display()
         );
     }
-    simulator.training.range = Range::of(data, simulator.config.connection_radius)?;
+    let range = Range::of(data, simulator.config.connection_radius)?;
+    if simulator.training.range.is_some() && simulator.training.range != range {
+        bail!(
+            help = "rollouts say by these what of a start is outside of what the model has learnt from",
+            "{}: knows the ranges of its training data already, and these are others",
+            path.display()
+        );
+    }
+    simulator.training.range = range;
     simulator.save(path)?;
     println!("{}: knows the ranges of these data", path.display());
     Ok(())

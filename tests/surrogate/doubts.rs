@@ -9,7 +9,7 @@ use surrogate::simulator::{Simulator, Training};
 use surrogate::start::Start;
 use tempfile::TempDir;
 
-use crate::helpers::{config, data, fails, scene, succeeds, surrogate, train, warns};
+use crate::helpers::{config, data, fails, scene, simulate, succeeds, surrogate, train, warns};
 
 /// A model knows what its training data held, or is told.
 #[test]
@@ -54,6 +54,15 @@ fn a_model_knows_its_training_data() {
         "{error}"
     );
     succeeds(&mut stats());
+    assert_eq!(Simulator::load(&path).unwrap().training, trained.training);
+
+    // Ranges of other data do not take the place of those.
+    let wide = scene(0.0, 1.0, "").replace("size = [0.25, 0.375]", "size = [0.5, 0.375]");
+    simulate(&wide, &here.join("other/wide.h5"));
+    let mut other = surrogate(here);
+    other.args(["stats", "other", "--into", "run/last.safetensors"]);
+    let error = fails(&mut other);
+    assert!(error.contains("knows the ranges of its training data already"), "{error}");
     assert_eq!(Simulator::load(&path).unwrap().training, trained.training);
 }
 

@@ -63,6 +63,19 @@ fn errors_name_the_file_and_what_is_wrong() {
     let short = ["rollout", "run/last.safetensors", "--from", "data/valid/between.h5"];
     let error = fails(surrogate(here).args(short).args(["--start", "39", "-o", "late.h5"]));
     expect(&error, &["between.h5", "from frame 39 on", "3"]);
+
+    // What is read is not replaced, and what the model knows of itself is not lost.
+    let model = std::fs::read(here.join("run/last.safetensors")).unwrap();
+    let into = ["-o", "run/last.safetensors", "--overwrite"];
+    expect(
+        &fails(surrogate(here).args(short).args(into)),
+        &["last.safetensors", "is what is read"],
+    );
+    let eval = ["eval", "run/last.safetensors", "--data", "data/test", "--frames", "2", "--record"];
+    std::fs::create_dir(data.join("test")).unwrap();
+    std::fs::copy(data.join("valid/between.h5"), data.join("test/between.h5")).unwrap();
+    expect(&fails(surrogate(here).args(eval)), &["--frames 2", "starts from"]);
+    assert_eq!(model, std::fs::read(here.join("run/last.safetensors")).unwrap());
 }
 
 #[test]

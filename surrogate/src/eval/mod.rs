@@ -154,6 +154,13 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
     for path in trajectories_in(&args.data)? {
         let began = Instant::now();
         let rollout = errors(&simulator, &path, args.frames)?;
+        if rollout.errors.is_empty() && rollout.failure.is_none() {
+            let given = simulator.first_frames();
+            bail!(
+                "{}: nothing to compare: the model starts from {given} frames",
+                args.frames.map_or(path.display().to_string(), |n| format!("--frames {n}"))
+            );
+        }
         let per_frame = began.elapsed().as_secs_f64() / rollout.errors.len().max(1) as f64;
         eprintln!("{}: {} frames, {per_frame:.3} s each", rollout.case, rollout.errors.len());
         let twin =
@@ -181,7 +188,10 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
     println!("written: {}/{{summary.csv, frames.csv, errors.svg}}", args.output.display());
     if args.record {
         let runs = cases.iter().map(|case| (&case.rollout, case.path.as_path()));
-        simulator.training.accuracy = Accuracy::of(runs)?;
+        let Some(accuracy) = Accuracy::of(runs)? else {
+            bail!("--record: nothing moves in {}", args.data.display());
+        };
+        simulator.training.accuracy = Some(accuracy);
         simulator.save(&args.model)?;
         println!("recorded in {}", args.model.display());
     }

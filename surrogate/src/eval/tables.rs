@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use dempm::dataset::quoted;
 use plotters::prelude::SeriesLabelPosition;
 
 use super::Case;
@@ -22,7 +23,12 @@ pub fn frames_table(cases: &[Case]) -> String {
             let _ = writeln!(
                 text,
                 "{},{frame},{:.6},{:.6e},{:.6e},{:.6e},{:.6e}",
-                errors.case, e.time, e.mse, e.front, e.height, e.centre
+                quoted(&errors.case),
+                e.time,
+                e.mse,
+                e.front,
+                e.height,
+                e.centre
             );
         }
     }
@@ -33,60 +39,70 @@ pub fn frames_table(cases: &[Case]) -> String {
 struct Row<'a> {
     case: &'a str,
     mean: f64,
-    peak: f64,
-    peak_frame: usize,
-    last: FrameError,
-    failure: &'a str,
+    /// The largest MSE and its frame, and the last errors; none if no frame was predicted.
+    peak: Option<(f64, usize)>,
+    last: Option<FrameError>,
+    failure: String,
 }
 
 impl<'a> Row<'a> {
     fn of(errors: &'a Errors) -> Self {
-        let (peak, peak_frame) = errors.peak();
         Self {
             case: &errors.case,
             mean: errors.mean(),
-            peak,
-            peak_frame,
+            peak: errors.peak(),
             last: errors.last(),
-            failure: errors.failure.as_deref().unwrap_or(""),
+            failure: errors.failure.clone().unwrap_or_default(),
         }
     }
 
     /// What stands in the columns, given how to write a mean square and a length.
     fn cells(&self, mse: fn(f64) -> String, length: fn(f64) -> String) -> [String; 9] {
+        let last = |of: fn(FrameError) -> f64, write: fn(f64) -> String| {
+            self.last.map_or(String::new(), |last| write(of(last)))
+        };
         [
             self.case.to_owned(),
             mse(self.mean),
-            mse(self.peak),
-            self.peak_frame.to_string(),
-            mse(self.last.mse),
-            length(self.last.front),
-            length(self.last.height),
-            length(self.last.centre),
-            self.failure.to_owned(),
+            self.peak.map_or(String::new(), |(peak, _)| mse(peak)),
+            self.peak.map_or(String::new(), |(_, frame)| frame.to_string()),
+            last(|last| last.mse, mse),
+            last(|last| last.front, length),
+            last(|last| last.height, length),
+            last(|last| last.centre, length),
+            self.failure.clone(),
         ]
     }
 
-    /// The mean of several rows, the latest peak, and no sign of the front's error.
+    /// The mean of several rows, the latest peak, and no sign of the front's error; of those that
+    /// predicted anything.
     fn mean(case: &'a str, rows: &[Self]) -> Self {
-        let mean = |value: &dyn Fn(&Self) -> f64| {
-            rows.iter().map(value).sum::<f64>() / rows.len().max(1) as f64
-        };
+        let peaks: Vec<(f64, usize)> = rows.iter().filter_map(|row| row.peak).collect();
+        let lasts: Vec<FrameError> = rows.iter().filter_map(|row| row.last).collect();
+        let of = |value: fn(&FrameError) -> f64| mean(lasts.iter().map(value)).unwrap_or_default();
+        let nothing = rows.len() - lasts.len();
         Self {
             case,
-            mean: mean(&|row| row.mean),
-            peak: mean(&|row| row.peak),
-            peak_frame: rows.iter().map(|row| row.peak_frame).max().unwrap_or(0),
-            last: FrameError {
-                time: mean(&|row| row.last.time),
-                mse: mean(&|row| row.last.mse),
-                front: mean(&|row| row.last.front.abs()),
-                height: mean(&|row| row.last.height),
-                centre: mean(&|row| row.last.centre),
+            mean: mean(rows.iter().map(|row| row.mean)).unwrap_or_default(),
+            peak: mean(peaks.iter().map(|peak| peak.0)).zip(peaks.iter().map(|peak| peak.1).max()),
+            last: (!lasts.is_empty()).then(|| FrameError {
+                time: of(|last| last.time),
+                mse: of(|last| last.mse),
+                front: of(|last| last.front.abs()),
+                height: of(|last| last.height),
+                centre: of(|last| last.centre),
+            }),
+            failure: match nothing {
+                0 => String::new(),
+                _ => format!("without {nothing} that predicted nothing"),
             },
-            failure: "",
         }
     }
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
+    let count = values.len();
+    (count > 0).then(|| values.sum::<f64>() / count as f64)
 }
 
 /// A row for everything that was compared, then the means of rollouts and of noise floors.
@@ -109,7 +125,7 @@ pub fn summary_table(cases: &[Case]) -> String {
         .to_owned();
     let number = |x: f64| format!("{x:.6e}");
     for row in rows(cases) {
-        text += &row.cells(number, number).join(",");
+        text += &row.cells(number, number).map(|cell| quoted(&cell)).join(",");
         text.push('\n');
     }
     text
@@ -149,5 +165,35 @@ pub fn chart(cases: &[Case]) -> Chart {
         y: "MSE [box²]".to_owned(),
         lines: rollouts.chain(floors).collect(),
         legend: SeriesLabelPosition::LowerRight,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case(name: &str, mse: &[f64], failure: Option<&str>) -> Case {
+        let errors = mse.iter().map(|&mse| FrameError { mse, ..FrameError::default() }).collect();
+        let rollout = Errors {
+            case: name.to_owned(),
+            frames: (6..6 + mse.len()).collect(),
+            errors,
+            failure: failure.map(str::to_owned),
+        };
+        Case { path: name.into(), rollout, floor: None }
+    }
+
+    #[test]
+    fn what_predicted_nothing_is_not_perfect() {
+        let cases =
+            [case("a,b", &[1.0, 3.0], None), case("lost", &[], Some("frame 6: 9, at most 5"))];
+        let table = summary_table(&cases);
+        let rows: Vec<&str> = table.lines().collect();
+        let row = "\"a,b\",2.000000e0,3.000000e0,7,3.000000e0,0.000000e0,0.000000e0,0.000000e0,";
+        assert_eq!(rows[1], row);
+        assert_eq!(rows[2], "lost,inf,,,,,,,\"frame 6: 9, at most 5\"");
+        // The means are of the other one, and say so.
+        let mean = "mean,inf,3.000000e0,7,3.000000e0,0.000000e0,0.000000e0,0.000000e0,";
+        assert_eq!(rows[3], format!("{mean}without 1 that predicted nothing"));
     }
 }
