@@ -288,6 +288,15 @@ fn a_folder_that_is_not_there_is_refused() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("nowhere: there is no such folder"));
 }
 
+#[test]
+fn a_section_that_there_is_not_is_refused() {
+    let directory = TempDir::new().unwrap();
+    let output = report(directory.path(), &["--only", "table 7,scalling"]);
+    assert_eq!(output.status.code(), Some(1));
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(error.contains("`scalling`") && error.contains("Table 7"), "{error}");
+}
+
 /// Says in the page's own text what a browser finds wrong with it.
 const INSPECTION: &str = "<script>
 window.errors = [];

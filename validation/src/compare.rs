@@ -6,7 +6,7 @@ use std::path::Path;
 use dempm::trajectory::{Trajectory, TrajectoryError};
 use surrogate::metrics::{Errors, FrameError, mean_square_distance};
 
-use crate::work::{Run, hash, read_json, write_json};
+use crate::work::{DIFFERENCE, Run, hash, read_json, write_json};
 
 /// Relative difference of times that is rounding.
 const ROUNDING: f64 = 1e-6;
@@ -49,7 +49,7 @@ pub fn difference(path: &Path, truth: &Path) -> Result<Errors, TrajectoryError> 
 /// # Errors
 /// As [`difference`], and if it cannot be kept.
 pub fn kept_difference(run: &Run, truth: &Path, key: &str) -> miette::Result<Errors> {
-    let file = run.output.with_file_name(format!("difference-{}.json", hash(&[key])));
+    let file = run.output.with_file_name(format!("{DIFFERENCE}{}.json", hash(&[key])));
     if let Some(known) = read_json(&file) {
         return Ok(known);
     }

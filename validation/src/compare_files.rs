@@ -29,16 +29,15 @@ pub struct CompareArgs {
 /// # Errors
 /// If a file cannot be read, begins with other material or has no time in common.
 pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
+    let rows = args.runs.iter().map(|run| rows(run, &args.truth));
+    let rows = rows.collect::<miette::Result<String>>()?;
     println!("Differences from {}:\n", args.truth.display());
     println!(
         "| run | time [s] | MSE [box²] | front [m] | height profile [m] | centre of mass [m] | kinetic energy |"
     );
     println!("|---|---|---|---|---|---|---|");
-    for run in &args.runs {
-        print!("{}", rows(run, &args.truth)?);
-    }
     println!(
-        "\nMSE: mean square distance of points, the width of the box is 1. Front: of the foremost point. Height\n\
+        "{rows}\nMSE: mean square distance of points, the width of the box is 1. Front: of the foremost point. Height\n\
          profile: root mean square. Kinetic energy: in parts of its largest value over time."
     );
     Ok(ExitCode::SUCCESS)
@@ -46,6 +45,12 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
 
 fn rows(run: &Path, truth: &Path) -> miette::Result<String> {
     let found = difference(run, truth)?;
+    for path in [run, truth] {
+        let file = Trajectory::open(path)?;
+        if file.status() != "finished" {
+            eprintln!("{}: {}, {} frames", path.display(), file.status(), file.frames());
+        }
+    }
     if found.errors.is_empty() {
         let why = found.failure.as_deref().unwrap_or("they have no time in common");
         bail!("{} cannot be compared with {}: {why}", run.display(), truth.display());

@@ -74,7 +74,8 @@ pub struct Context {
     pub suite: Suite,
     /// `cpu`, `cuda` or `cuda:N`, as `dempm run` takes it.
     pub device: String,
-    /// The device in words; a GPU's name.
+    /// The device in words, on which times depend: the name of a GPU, or of the processor with the
+    /// number of threads.
     pub device_name: String,
     pub work: Work,
     pub progress: Progress,
@@ -178,8 +179,12 @@ impl Context {
         start: &Start<'a>,
         again: usize,
     ) -> miette::Result<Job<'a>> {
-        let mut key = format!("{} {}", self.hardware(), self.hash(&model.path)?);
+        let mut key = format!("{} {}", self.device_name, self.hash(&model.path)?);
         let mut arguments = vec![model.path.display().to_string(), "--overwrite".to_owned()];
+        // Left alone, it takes the first GPU, or the processor for a network that no GPU can hold.
+        if self.device != "cpu" && self.device != "cuda:0" {
+            arguments.extend(["--device".to_owned(), self.device.clone()]);
+        }
         if model.precision == Precision::Bf16 {
             arguments.extend(["--precision", "bf16"].map(str::to_owned));
             key += "bf16";
@@ -274,19 +279,11 @@ impl Context {
         Job {
             subcommand: "run",
             program: "dempm",
-            key: self.hardware(),
+            key: self.device_name.clone(),
             input: Some(Input { name: "scene.toml", text: scene, option: None }),
             output: "trajectory.h5",
             arguments: vec!["--device".to_owned(), self.device.clone()],
             resumes: true,
-        }
-    }
-
-    /// What times depend on.
-    pub fn hardware(&self) -> String {
-        match self.device.as_str() {
-            "cpu" => format!("cpu, {} threads", rayon::current_num_threads()),
-            _ => self.device_name.clone(),
         }
     }
 

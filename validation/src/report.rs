@@ -97,6 +97,13 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
         section.always() || args.only.is_empty() || args.only.iter().any(named)
     };
     let chapters = sections::all();
+    let titles: Vec<&str> =
+        chapters.iter().flat_map(|c| &c.sections).map(|section| section.title()).collect();
+    for part in &args.only {
+        if !titles.iter().any(|title| title.to_lowercase().contains(&part.to_lowercase())) {
+            bail!(help = titles.join("\n"), "--only: no section has `{part}` in its title");
+        }
+    }
     let mut written = Vec::new();
     let mut absent = Vec::new();
     // What is to be computed, and its place in the report.

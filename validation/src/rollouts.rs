@@ -118,14 +118,13 @@ pub fn table(rollouts: &[Rollout]) -> Table {
     );
     for rollout in rollouts {
         let Errors { errors, failure, .. } = &rollout.errors;
-        if rollout.is_refused() {
+        let (Some((peak, frame)), Some(last)) = (rollout.errors.peak(), rollout.errors.last())
+        else {
             let nothing = [""; 7];
             let named = [rollout.case.as_str(), &rollout.model].into_iter();
             table.row(named.chain(nothing).chain(["refused"]));
             continue;
-        }
-        let (peak, frame) = rollout.errors.peak();
-        let last = rollout.errors.last();
+        };
         let mean = errors.iter().map(|e| e.mse).sum::<f64>() / errors.len() as f64;
         table.row([
             rollout.case.clone(),

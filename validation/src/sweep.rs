@@ -8,7 +8,7 @@ use std::rc::Rc;
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
 use dempm::trajectory::Trajectory;
-use miette::Context as _;
+use miette::{Context as _, bail};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -148,7 +148,7 @@ impl Case {
     /// What the result of a setting depends on.
     fn key(&self, context: &Context, scene: &str) -> String {
         let [one, other] = self.references();
-        format!("{}\n{scene}\n{one}\n{other}", context.hardware())
+        format!("{}\n{scene}\n{one}\n{other}", context.device_name)
     }
 
     /// Scenes of the settings whose results are not kept.
@@ -284,7 +284,9 @@ fn error(run: &Run, references: &[&Run]) -> miette::Result<Error> {
     for reference in references {
         let errors = kept_difference(run, &reference.output, &reference.id)?;
         let width = Trajectory::open(&reference.output)?.header().domain[0];
-        let last = errors.last();
+        let Some(last) = errors.last() else {
+            bail!("{} has no time in common with its reference", run.output.display());
+        };
         mean.mse += part * errors.mean();
         mean.front += part * last.front.abs();
         mean.height += part * last.height;

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use dempm::dataset::quoted;
 use serde::{Deserialize, Serialize};
 
 /// A table of texts. A cell that could not be filled is empty, never a guess.
@@ -43,14 +44,6 @@ impl Table {
             let _ = writeln!(text, "{}", cells.join(","));
         }
         text
-    }
-}
-
-fn quoted(cell: &str) -> String {
-    if cell.contains([',', '"', '\n']) {
-        format!("\"{}\"", cell.replace('"', "\"\""))
-    } else {
-        cell.to_owned()
     }
 }
 

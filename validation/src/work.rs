@@ -80,6 +80,18 @@ impl About {
 #[diagnostic(help("the same command continues"))]
 pub struct Interrupted;
 
+/// A program that did not end by itself: that says nothing of what it was to compute.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[error("{program} was ended from outside ({status})")]
+#[diagnostic(help("the same command tries again; was there too little memory?"))]
+struct Killed {
+    program: String,
+    status: String,
+}
+
+/// Exit code of a program after Ctrl-C or a request to terminate.
+const INTERRUPTED: i32 = 130;
+
 /// The directory, and who runs the programs.
 pub struct Work {
     root: PathBuf,
@@ -305,6 +317,7 @@ impl Work {
     fn make(&self, job: &Job, folder: &Path, tick: impl Fn(Duration)) -> miette::Result<Run> {
         self.check()?;
         let failed = || format!("cannot run {} {}", job.program, job.subcommand);
+        forget_differences(folder).into_diagnostic().wrap_err_with(failed)?;
         let mut arguments = vec![job.subcommand.to_owned()];
         if let Some(input) = &job.input {
             let path = folder.join(input.name);
@@ -361,6 +374,11 @@ impl Work {
             std::thread::sleep(Duration::from_millis(50));
         };
         self.check()?;
+        if matches!(status.code(), None | Some(INTERRUPTED)) {
+            return Err(
+                Killed { program: job.program.to_owned(), status: status.to_string() }.into()
+            );
+        }
         let text = |name: &str| {
             let bytes = fs::read(folder.join(name)).unwrap_or_default();
             String::from_utf8_lossy(&bytes).trim().to_owned()
@@ -386,6 +404,21 @@ impl Work {
 
 /// The file that says how a run ended.
 const RECORD: &str = "run.json";
+
+/// Beginning of the names of files that hold how far the run of a folder is from others.
+pub const DIFFERENCE: &str = "difference-";
+
+/// Removes what was computed from an earlier run in this folder.
+fn forget_differences(folder: &Path) -> std::io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.starts_with(DIFFERENCE) {
+            fs::remove_file(&path)?;
+        }
+    }
+    Ok(())
+}
 
 /// A short hash of texts and of where one ends and the next begins.
 pub fn hash(parts: &[&str]) -> String {
@@ -461,5 +494,16 @@ mod tests {
         assert!(!work.has(&job));
         File::create(folder.join("trajectory.h5")).unwrap();
         assert_eq!(work.record(&job).unwrap().output, folder.join("trajectory.h5"));
+    }
+
+    #[test]
+    fn what_was_computed_from_an_earlier_run_is_forgotten() {
+        let folder = tempfile::tempdir().unwrap();
+        let [old, kept] = ["difference-1.json", "stderr.txt"].map(|name| folder.path().join(name));
+        for path in [&old, &kept] {
+            fs::write(path, "").unwrap();
+        }
+        forget_differences(folder.path()).unwrap();
+        assert!(!old.exists() && kept.exists());
     }
 }

@@ -384,9 +384,9 @@ fn value(rollout: &Rollout, which: Which) -> Option<f64> {
             Some(errors.errors[place].mse)
         }
         // A rollout that ended early has neither.
-        _ if errors.failure.is_some() || errors.errors.is_empty() => None,
-        Which::Peak => Some(errors.peak().0),
-        Which::Last => Some(errors.last().mse),
+        _ if errors.failure.is_some() => None,
+        Which::Peak => Some(errors.peak()?.0),
+        Which::Last => Some(errors.last()?.mse),
     }
 }
 
