@@ -23,13 +23,13 @@ const FORMAT: u32 = 1;
 /// Why a weights file could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsError {
-    #[error("{path}: {source}")]
+    #[error("{path}: cannot read or write it")]
     Io { path: PathBuf, source: std::io::Error },
-    #[error("{path}: not a safetensors file: {source}")]
+    #[error("{path}: not a safetensors file")]
     Format { path: PathBuf, source: SafeTensorError },
     #[error("{path}: not a weights file of this program: {reason}")]
     Metadata { path: PathBuf, reason: String },
-    #[error("{path}: {source}")]
+    #[error("{path}: not a network of this program")]
     Config { path: PathBuf, source: ConfigError },
     #[error("{path}: {parameters} numbers in tensors, but the network it names has {expected}")]
     Size { path: PathBuf, parameters: usize, expected: usize },

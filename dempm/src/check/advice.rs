@@ -1,14 +1,15 @@
 //! What cheaper settings cost in accuracy, as it was measured.
 
 /// What `tables/what-a-scene-needs--recommendations.csv` of `validation report` says of settings of the
-/// solver, with the device and the packings of the reference in the name of the scene: the quick suite on two
+/// solver, with the packings of the reference and the device beside the name of the scene: the quick suite on two
 /// cores (processor seconds), the full one on a GPU (`docs/report`).
 const MEASURED: &str = include_str!("recommendations.csv");
 
-/// The cheapest setting within a tolerance on one scene.
+/// The cheapest setting within a tolerance of a reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Advice {
-    pub scene: &'static str,
+    /// The reference, and what it was compared on.
+    pub reference: &'static str,
     /// What was to be right.
     pub goal: &'static str,
     /// Tolerance and measured error, parts of the runout.
@@ -25,20 +26,20 @@ pub(super) fn measured() -> Vec<Advice> {
 }
 
 impl Advice {
-    /// Whether it is another setting than packings of so many discs, or fewer of them.
+    /// Whether it has fewer discs than so many, or something else that is cheaper.
     pub fn is_cheaper_than(&self, discs: usize) -> bool {
-        let own = self.setting.strip_suffix(" discs").and_then(|own| own.parse::<usize>().ok());
-        own.is_none_or(|own| own < discs)
+        let Some((own, more)) = self.setting.split_once(" discs") else { return true };
+        own.parse::<usize>().is_ok_and(|own| own < discs || (own == discs && !more.is_empty()))
     }
 }
 
 fn parse(line: &'static str) -> Option<Advice> {
     let cells: Vec<&str> = line.split(',').collect();
-    let &[scene, goal, tolerance, setting, error, seconds, reference] = &cells[..] else {
+    let &[reference, goal, tolerance, setting, error, seconds, slowest] = &cells[..] else {
         return None;
     };
-    let [seconds, reference]: [f64; 2] = [seconds.parse().ok()?, reference.parse().ok()?];
-    Some(Advice { scene, goal, tolerance, error, setting, speed_up: reference / seconds })
+    let [seconds, slowest]: [f64; 2] = [seconds.parse().ok()?, slowest.parse().ok()?];
+    Some(Advice { reference, goal, tolerance, error, setting, speed_up: slowest / seconds })
 }
 
 #[cfg(test)]
@@ -57,6 +58,8 @@ mod tests {
     fn what_a_scene_has_already_is_no_advice() {
         let advice = parse("column,shape,5 %,200 discs,3.7 %,64,129").unwrap();
         assert!(advice.is_cheaper_than(400) && !advice.is_cheaper_than(200));
+        let longer = parse("column,shape,5 %,200 discs + long substeps,3.7 %,64,129").unwrap();
+        assert!(longer.is_cheaper_than(200) && !longer.is_cheaper_than(100));
         let law = parse("column,shape,5 %,mu(I) + cells of 0.25 m,3.7 %,1,129").unwrap();
         assert!(law.is_cheaper_than(10));
     }

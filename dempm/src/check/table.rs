@@ -8,7 +8,7 @@ use super::{COLLISIONAL, Needs, advice};
 struct Row(&'static str, String, String);
 
 impl Needs {
-    fn sections(&self) -> Vec<(&'static str, Vec<Row>)> {
+    fn sections(&self) -> Vec<(String, Vec<Row>)> {
         let percent = |part: f64| format!("{:.0} % of the limit", 100.0 * part);
         let mut size = vec![
             Row(
@@ -119,30 +119,32 @@ impl Needs {
         cost.push(Row("memory", bytes(self.memory), "points and packings".into()));
         cost.push(Row("trajectory", bytes(self.output), "before compression".into()));
         cost.push(Row("time", duration(self.seconds), "estimate".into()));
-        let mut sections = vec![("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];
+        let sections = [("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];
+        let mut sections: Vec<_> =
+            sections.into_iter().map(|(heading, rows)| (heading.to_owned(), rows)).collect();
         // Only packings have cheaper settings.
         if let Some(rve) = &self.rve {
-            let heading = "Cheaper settings, as the validation report measured them elsewhere";
-            sections.push((heading, cheaper(rve.discs)));
+            sections.extend(cheaper(rve.discs));
         }
         sections
     }
 }
 
-/// What is cheaper than packings of so many discs, and how far it was from a reference on its scene.
-fn cheaper(discs: usize) -> Vec<Row> {
-    let row = |advice: advice::Advice| {
-        let advice::Advice { scene, goal, tolerance, error, setting, speed_up } = advice;
-        Row(
-            goal,
-            format!("within {tolerance}"),
-            format!(
-                "{setting}: {error} off, {speed_up:.1} times as fast as the reference ({scene})"
-            ),
-        )
-    };
-    let measured = advice::measured().into_iter();
-    measured.filter(|advice| advice.is_cheaper_than(discs)).map(row).collect()
+/// What is cheaper than packings of so many discs, for each reference that the validation report compared
+/// with.
+fn cheaper(discs: usize) -> Vec<(String, Vec<Row>)> {
+    let mut sections: Vec<(String, Vec<Row>)> = Vec::new();
+    for advice in advice::measured().into_iter().filter(|advice| advice.is_cheaper_than(discs)) {
+        let advice::Advice { reference, goal, tolerance, error, setting, speed_up } = advice;
+        let heading = format!("Cheaper than {reference}, as the validation report measured");
+        let note = format!("{setting}: {error} off, {speed_up:.1} times as fast");
+        let row = Row(goal, format!("within {tolerance}"), note);
+        match sections.last_mut() {
+            Some((last, rows)) if *last == heading => rows.push(row),
+            _ => sections.push((heading, vec![row])),
+        }
+    }
+    sections
 }
 
 impl fmt::Display for Needs {
