@@ -102,12 +102,14 @@ fn ranges(trajectory: &Trajectory, text: &mut Text) -> Result<()> {
     for field in trajectory.fields() {
         let components = field.components();
         let mut bounds = vec![[f64::NAN; 2]; components.len()];
+        let mut broken = 0;
         for index in 0..trajectory.frames() {
             let values = trajectory.field::<f64>(field, index..index + 1)?;
             for (place, &value) in values.iter().flatten().enumerate() {
                 let [low, high] = &mut bounds[place % components.len()];
                 *low = low.min(value);
                 *high = high.max(value);
+                broken += usize::from(value.is_nan());
             }
         }
         let megabytes = trajectory.stored_bytes(field) as f64 / 1e6;
@@ -121,6 +123,9 @@ fn ranges(trajectory: &Trajectory, text: &mut Text) -> Result<()> {
                 field.unit()
             );
             let _ = writeln!(text.0, "{}", line.trim_end());
+        }
+        if broken > 0 {
+            let _ = writeln!(text.0, "{:<24}{broken:>14} values are no numbers", "");
         }
     }
     for (name, values) in trajectory.budget() {

@@ -274,7 +274,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     let _lock = TrajectoryLock::take(&args.output)?;
     let (mirror, precision) = (args.mirror, args.precision);
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
-    simulator.place(args.device).into_diagnostic().wrap_err("--device")?;
+    simulator.place(args.device).into_diagnostic().wrap_err("--device, --precision")?;
     let began = Instant::now();
     let start = match (&args.scene, &args.from) {
         (Some(path), _) => {

@@ -94,6 +94,11 @@ fn add_range(data: &DataSet, path: &Path) -> miette::Result<()> {
 fn list(data: &DataSet, purpose: &str) {
     for recording in data.recordings() {
         let (path, points) = (recording.path().display(), recording.points());
-        println!("{path:<40}{points:>6} points{:>6} frames{purpose}", recording.frames());
+        let unfinished = match recording.status() {
+            "finished" => String::new(),
+            status => format!("  not finished: {status}"),
+        };
+        let frames = recording.frames();
+        println!("{path:<40}{points:>6} points{frames:>6} frames{purpose}{unfinished}");
     }
 }

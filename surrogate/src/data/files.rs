@@ -80,6 +80,11 @@ impl Recording {
         self.trajectory.header()
     }
 
+    /// `finished`, or what became of its run.
+    pub fn status(&self) -> &str {
+        self.trajectory.status()
+    }
+
     /// The number of frames.
     pub fn frames(&self) -> usize {
         self.trajectory.frames()

@@ -149,7 +149,7 @@ enum FloorError {
 pub fn eval(args: &EvalArgs) -> miette::Result<()> {
     let (mirror, precision) = (args.mirror, args.precision);
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
-    simulator.place(args.device).into_diagnostic().wrap_err("--device")?;
+    simulator.place(args.device).into_diagnostic().wrap_err("--device, --precision")?;
     let mut cases = Vec::new();
     for path in trajectories_in(&args.data)? {
         let began = Instant::now();
