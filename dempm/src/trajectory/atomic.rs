@@ -1,12 +1,13 @@
 //! Files that are written whole or not at all.
 
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// A file that could not be written; the file that stood there before, if any, is untouched.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[derive(Debug, thiserror::Error)]
 #[error("{}: cannot {action}", path.display())]
 pub struct WriteError {
     /// The file that was to be written.
@@ -15,6 +16,15 @@ pub struct WriteError {
     pub action: &'static str,
     /// Why.
     pub source: io::Error,
+}
+
+impl miette::Diagnostic for WriteError {
+    fn help(&self) -> Option<Box<dyn Display + '_>> {
+        let full = [io::ErrorKind::StorageFull, io::ErrorKind::QuotaExceeded];
+        full.contains(&self.source.kind()).then_some(Box::new(
+            "make room on that disk and give the same command again, `dempm run` with --resume",
+        ))
+    }
 }
 
 impl From<WriteError> for io::Error {
@@ -83,7 +93,9 @@ impl Draft {
 impl Drop for Draft {
     fn drop(&mut self) {
         if !self.published {
-            // There may be none yet. The error that matters is the one that led here.
+            // There may be none yet. The error that matters is the one that led here. Emptied first,
+            // because a file that is still open somewhere keeps its space on the disk.
+            let _ = File::options().write(true).truncate(true).open(&self.temporary);
             let _ = fs::remove_file(&self.temporary);
         }
     }

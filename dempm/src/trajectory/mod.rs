@@ -12,8 +12,10 @@ mod frame;
 mod header;
 mod layout;
 mod lock;
+mod output_file;
 mod reader;
 mod vtk;
+mod write_through;
 mod writer;
 
 pub use atomic::{WriteError, write_atomically};
@@ -23,5 +25,7 @@ pub use frame::{Frame, Points};
 pub use header::Header;
 pub use layout::{FORMAT, FORMAT_VERSION, Field};
 pub use lock::TrajectoryLock;
+pub(crate) use output_file::OutputFile;
 pub use reader::Trajectory;
+pub(crate) use write_through::{WriteThrough, system_error};
 pub use writer::TrajectoryWriter;
