@@ -50,6 +50,19 @@ pub fn write_atomically<T, E: From<WriteError>>(
     Ok(value)
 }
 
+/// Says before the work is done whether [`write_atomically`] would find a place for its result.
+///
+/// # Errors
+/// If the directory cannot be made or takes no files, or `path` is a directory.
+pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+    let draft = Draft::new(path)?;
+    if path.is_dir() {
+        return Err(failed(path, "write it")(io::ErrorKind::IsADirectory.into()));
+    }
+    // Dropped, the draft removes its file.
+    File::create(draft.temporary()).map(drop).map_err(failed(path, "write it"))
+}
+
 /// A file in the making, `NAME.tmp` beside `NAME`: removed again unless it is published.
 #[derive(Debug)]
 pub(super) struct Draft {
@@ -135,6 +148,19 @@ mod tests {
         assert_eq!(failure.unwrap_err().to_string(), "disk full");
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_place_is_tried_without_a_trace() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("kept.txt");
+        fs::write(&path, "old").unwrap();
+        check_writable(&path).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+        assert!(check_writable(&path.join("below")).is_err());
+        let error = check_writable(directory.path()).unwrap_err();
+        assert_eq!(error.source.kind(), io::ErrorKind::IsADirectory);
     }
 
     #[test]

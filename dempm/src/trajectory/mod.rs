@@ -18,7 +18,7 @@ mod vtk;
 mod write_through;
 mod writer;
 
-pub use atomic::{WriteError, write_atomically};
+pub use atomic::{WriteError, check_writable, write_atomically};
 pub use clock::utc_now;
 pub use error::{Result, TrajectoryError};
 pub use frame::{Frame, Points};
