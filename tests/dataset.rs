@@ -242,6 +242,69 @@ fn only_some_splits_and_metadata_when_the_training_set_is_there() {
     assert!(!set.join("metadata.json").exists());
 }
 
+/// A file cut short, and one that shows its damage only to who reads all of it.
+#[test]
+fn a_damaged_file_does_not_stop_the_others() {
+    let list = "scene = \"base.toml\"\n[[train]]\ngrid.column.0.corner = [[0.0, 0.0], [1.0, 0.0]]\n\
+                [[test]]\n";
+    let directory = folder(BASE, list);
+    let run = || dempm(directory.path(), &["dataset", "list.toml", "-o", "set"]);
+    succeeds(&mut run());
+    let file = |name: &str| directory.path().join("set").join(name);
+    let whole = bits(&file("train/001.h5"));
+    let bytes = std::fs::read(file("train/001.h5")).unwrap();
+    std::fs::write(file("train/001.h5"), &bytes[..bytes.len() / 2]).unwrap();
+    std::fs::remove_file(file("test/000.h5")).unwrap();
+
+    let output = run().output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    let table = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("001.h5") && error.contains("delete it"), "{error}");
+    assert!(error.contains("failed: train/001") && error.contains("test/000 done"), "{error}");
+    let damaged = table.lines().find(|line| line.starts_with("train/001")).unwrap();
+    assert!(damaged.contains("damaged, delete it"), "{table}");
+    assert!(table.contains("no metadata.json yet"), "{table}");
+
+    // With the damage comes at times a checkpoint, which is of no use without its trajectory.
+    std::fs::remove_file(file("train/001.h5")).unwrap();
+    std::fs::write(file("train/001.ckpt"), "old").unwrap();
+    std::fs::write(file("train/001.h5.ckpt"), "old").unwrap();
+    succeeds(&mut run());
+    assert_eq!(bits(&file("train/001.h5")), whole);
+
+    // The values of one frame: the header is as it was.
+    let mut bytes = std::fs::read(file("train/001.h5")).unwrap();
+    let chunk = chunk_of_frame(&file("train/001.h5"), 7);
+    bytes[chunk].iter_mut().for_each(|byte| *byte ^= 0x55);
+    std::fs::write(file("train/001.h5"), bytes).unwrap();
+    let output = run().output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    let table = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(error.contains("failed: train/001"), "{error}");
+    assert!(table.contains("damaged, delete it") && table.contains("HDF5 refuses"), "{table}");
+}
+
+/// Where the positions of a frame lie in a file.
+fn chunk_of_frame(path: &Path, frame: usize) -> std::ops::Range<usize> {
+    let file = hdf5::File::open(path).unwrap();
+    let chunk = file.dataset("position").unwrap().chunk_info(frame).unwrap();
+    chunk.addr as usize..chunk.addr as usize + chunk.size as usize
+}
+
+#[test]
+fn training_runs_of_different_intervals_are_refused_before_they_run() {
+    let list = "scene = \"base.toml\"\n[[train]]\ngrid.column.0.corner = [[0.0, 0.0], [1.0, 0.0]]\n\
+                grid.frame_interval = [0.01, 0.02]\n";
+    let directory = folder(BASE, list);
+    let error = fails(&mut dempm(directory.path(), &["dataset", "list.toml", "-o", "set"]));
+    for part in ["list.toml", "train/000", "train/001", "frame_interval", "0.02"] {
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    assert!(!directory.path().join("set").exists());
+}
+
 #[test]
 fn wrong_lists_are_refused_with_file_and_key() {
     for (list, parts) in [

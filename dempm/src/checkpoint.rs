@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::State;
-use crate::trajectory::{WriteError, beside, write_atomically};
+use crate::trajectory::{OutputFile, WriteError, beside, write_atomically};
 
 const MAGIC: &str = "DEMPM checkpoint";
 const VERSION: u32 = 1;
@@ -58,11 +58,13 @@ pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointEr
     let scene = *blake3::hash(scene.as_bytes()).as_bytes();
     let content = Written { magic: MAGIC, version: VERSION, scene, state };
     write_atomically(path, |temporary| {
-        std::fs::File::create(temporary)
-            .and_then(|file| {
-                let file = std::io::BufWriter::with_capacity(1 << 20, file);
-                let file = postcard::to_io(&content, file).map_err(std::io::Error::other)?;
-                file.into_inner().map(drop).map_err(|e| e.into_error())
+        OutputFile::create(temporary)
+            .and_then(|mut file| {
+                let buffer = std::io::BufWriter::with_capacity(1 << 20, &mut file);
+                let written = postcard::to_io(&content, buffer)
+                    .map(|buffer| buffer.into_inner().map(drop).map_err(|e| e.into_error()));
+                // Its own error says of a full disk only that a buffer is full.
+                written.unwrap_or_else(|error| Err(file.failure_or(error)))
             })
             .map_err(|source| {
                 WriteError { path: path.to_owned(), action: "write it", source }.into()

@@ -11,7 +11,8 @@ use nalgebra::Matrix2;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::trajectory::write_atomically;
+use crate::overwrite::refuse_input;
+use crate::trajectory::{WriteError, check_writable, write_atomically};
 use crate::watch;
 
 /// Drive one RVE along a path, as an element test in a laboratory.
@@ -19,8 +20,8 @@ use crate::watch;
 pub struct ElementArgs {
     /// Test file (TOML): [rve], seed or packing, and the [[stage]]s of the path
     pub test: PathBuf,
-    /// Where to write the path (CSV, stresses tension positive); the test's name with .csv if
-    /// left out
+    /// Where to write the path (CSV, stresses tension positive) [default: the test's name with .csv,
+    /// in the current directory]
     #[arg(short, long)]
     pub output: Option<PathBuf>,
     /// Also write the packing at the start of the path (CSV: cell vectors, then x, y, r)
@@ -71,6 +72,12 @@ fn default_macro_step() -> Spanned<f64> {
 /// When a file cannot be read or written, the test is wrong, or a stage fails.
 pub fn element(args: &ElementArgs) -> miette::Result<()> {
     let test = read_test(&args.test)?;
+    let output = args.output.clone().unwrap_or_else(|| default_output(&args.test));
+    // Before the minutes that a path can take.
+    for path in [Some(&output), args.dump_packing.as_ref()].into_iter().flatten() {
+        refuse_input(path, &[&args.test])?;
+        check_writable(path)?;
+    }
     let mut packing = match &test.packing {
         Some(path) => {
             let path = args.test.parent().unwrap_or(Path::new("")).join(path);
@@ -97,10 +104,16 @@ pub fn element(args: &ElementArgs) -> miette::Result<()> {
     if let Some(doubt) = doubt.filter(|_| args.precision == Precision::F32) {
         eprintln!("{doubt}");
     }
-    let output = args.output.clone().unwrap_or_else(|| args.test.with_extension("csv"));
     write(&output, &path_csv(&rows))?;
     eprintln!("wrote {}", output.display());
     Ok(())
+}
+
+/// The test's name with `.csv`, in the current directory.
+fn default_output(test: &Path) -> PathBuf {
+    let mut name = test.file_stem().unwrap_or_default().to_owned();
+    name.push(".csv");
+    PathBuf::from(name)
 }
 
 fn run<R: Real>(test: &Test, packing: &Packing<f64>) -> miette::Result<Vec<Row>> {
@@ -250,8 +263,7 @@ fn path_csv(rows: &[Row]) -> String {
     text
 }
 
-fn write(path: &Path, text: &str) -> miette::Result<()> {
-    write_atomically(path, |temporary| std::fs::write(temporary, text))
-        .into_diagnostic()
-        .wrap_err_with(|| format!("cannot write {}", path.display()))
+fn write(path: &Path, text: &str) -> Result<(), WriteError> {
+    let failed = |source| WriteError { path: path.to_owned(), action: "write it", source };
+    write_atomically(path, |temporary| std::fs::write(temporary, text).map_err(failed))
 }

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::cargo::cargo_bin_cmd;
+use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 
 /// Few discs and a short path: well under a second.
@@ -47,6 +48,26 @@ fn writes_the_path() {
     assert!((number(1, "syy") + 20e3).abs() < 200.0);
     assert!((number(6, "exy") - 0.005).abs() < 1e-12);
     assert!(number(6, "sxy") > 1e3);
+}
+
+/// Without a name the path lies where the command was given, not beside the test; a place that
+/// takes no file is refused before anything is computed.
+#[test]
+fn the_path_is_written_here_or_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir_all(path("tests")).unwrap();
+    fs::create_dir_all(path("here")).unwrap();
+    fs::write(path("tests/slow-0.5.toml"), TEST).unwrap();
+    element(&path("here")).arg("../tests/slow-0.5.toml").assert().success();
+    assert!(path("here/slow-0.5.csv").exists());
+    assert_eq!(fs::read_dir(path("tests")).unwrap().count(), 1);
+    for more in [["-o", "here"], ["-o", "tests/slow-0.5.toml/x.csv"], ["--dump-packing", "here"]] {
+        let refused = element(folder.path()).arg("tests/slow-0.5.toml").args(more).assert();
+        // No packing was made.
+        let refused = refused.failure().stderr(contains("packing:").not());
+        refused.stderr(contains(more[1]));
+    }
 }
 
 /// A dumped packing, read again and dumped again, is the same file; a path from it starts with

@@ -23,9 +23,20 @@ pub enum DatasetError {
     NothingToTrain,
     #[error("{} and {} differ in {what}", one.display(), other.display())]
     Differ { one: PathBuf, other: PathBuf, what: &'static str },
+    #[error(
+        "{}: train/{one} and train/{other} differ in `frame_interval`, {} s and {} s",
+        path.display(), values.0, values.1
+    )]
+    #[diagnostic(help(
+        "one model learns one interval: give all [[train]] cases the same, or make two data sets"
+    ))]
+    Intervals { path: PathBuf, one: String, other: String, values: (f64, f64) },
     #[error("{}: made from another scene than the one of this name in the list", path.display())]
     #[diagnostic(help("write to another folder, or start again with --overwrite"))]
     OtherScene { path: PathBuf },
+    #[error("{}: cannot be read, it may be damaged", path.display())]
+    #[diagnostic(help("delete it, and the same command makes it again"))]
+    Damaged { path: PathBuf, source: TrajectoryError },
     #[error(transparent)]
     #[diagnostic(transparent)]
     Trajectory(#[from] TrajectoryError),

@@ -79,9 +79,7 @@ pub fn read(path: &Path) -> miette::Result<Vec<Case>> {
                     .map_err(|error| here.error("scene", error.to_string()))?;
                 let shown = format!("{}: {}/{name}", path.display(), split.name());
                 let scene = Scene::parse(&text, &shown)?;
-                let values = varied.iter().map(|(key, value)| format!("{key} = {value}"));
-                let values = values.collect::<Vec<_>>().join(", ");
-                cases.push(Case { split, name, scene, values });
+                cases.push(Case { split, name, scene, values: values(block, &varied) });
             }
         }
     }
@@ -92,6 +90,15 @@ pub fn read(path: &Path) -> miette::Result<Vec<Case>> {
         return Err(DatasetError::Key { path, key, reason }.into());
     }
     Ok(cases)
+}
+
+/// What the block says of a case, each key once: what varies comes after `set` and replaces it.
+fn values(block: &Block, varied: &[Assignment]) -> String {
+    let scene = block.scene.iter().map(|name| ("scene".to_owned(), Value::String(name.clone())));
+    let mut fixed: Vec<Assignment> = scene.chain(leaves(&block.set)).collect();
+    fixed.retain(|(key, _)| !varied.iter().any(|(other, _)| other == key));
+    let all = fixed.iter().chain(varied).map(|(key, value)| format!("{key} = {value}"));
+    all.collect::<Vec<_>>().join(", ")
 }
 
 fn text_of(path: &Path) -> Result<String, DatasetError> {
@@ -260,6 +267,18 @@ mod tests {
         assert_eq!(values, expected);
         assert_eq!(cases[0][2].0, "c.d");
         assert_eq!(block("").unwrap(), [Vec::new()]);
+    }
+
+    #[test]
+    fn cases_are_told_apart_by_set_too() {
+        let block: Block = toml::from_str(
+            "scene = \"wide.toml\"\nset.column.0.size = [1.0, 1.25]\nset.duration = 1.0\n\
+             list.duration = [2.0]\n",
+        )
+        .unwrap();
+        let varied = [("duration".to_owned(), Value::Float(2.0))];
+        let expected = "scene = \"wide.toml\", column.0.size = [1.0, 1.25], duration = 2.0";
+        assert_eq!(values(&block, &varied), expected);
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub struct Case {
     /// Name of its file without ending.
     pub name: String,
     pub scene: Scene,
-    /// What distinguishes it from the other scenes of a list.
+    /// What its block of a list says of it, to tell it from the others.
     pub values: String,
 }
 
@@ -70,6 +70,11 @@ impl Case {
     /// Its trajectory in the data set `folder`.
     pub fn file(&self, folder: &Path) -> PathBuf {
         folder.join(self.split.name()).join(format!("{}.h5", self.name))
+    }
+
+    /// Its split and name, `train/000`.
+    pub fn full_name(&self) -> String {
+        format!("{}/{}", self.split.name(), self.name)
     }
 
     /// Points times steps, a measure of its cost.
@@ -85,6 +90,7 @@ impl Case {
 /// are done).
 pub fn dataset(args: &DatasetArgs) -> miette::Result<ExitCode> {
     let all = cases(&args.scenes)?;
+    same_interval(&all, &args.scenes)?;
     let chosen = chosen(&all, &args.only, &args.scenes)?;
     let devices = args.device.open_all().into_diagnostic()?;
     let usual = if devices.is_empty() { 1 } else { JOBS_ON_A_GPU };
@@ -97,7 +103,7 @@ pub fn dataset(args: &DatasetArgs) -> miette::Result<ExitCode> {
     let interrupted = interrupt_flag()?;
     let done = work::run(&chosen, &args.output, &options, &interrupted)?;
 
-    let rows = report::rows(&all, &args.output)?;
+    let rows = report::rows(&all, &args.output);
     print!("{}", report::table(&rows));
     report::write_csv(&rows, &args.output.join("scenes.csv"))?;
     let trained = |row: &report::Row| row.split != Split::Train || row.is_finished();
@@ -107,15 +113,19 @@ pub fn dataset(args: &DatasetArgs) -> miette::Result<ExitCode> {
     } else {
         println!("no metadata.json yet: the training set is not complete");
     }
-    match done {
-        work::Done::All => Ok(ExitCode::SUCCESS),
+    let mut failed = match done {
         work::Done::Interrupted => {
             let how = if args.overwrite { " without --overwrite" } else { "" };
             eprintln!("interrupted; the same command{how} continues");
-            Ok(ExitCode::from(INTERRUPTED))
+            return Ok(ExitCode::from(INTERRUPTED));
         }
-        work::Done::Failed(names) => bail!("failed: {}", names.join(", ")),
-    }
+        work::Done::All => Vec::new(),
+        work::Done::Failed(names) => names,
+    };
+    // Some damage shows only to who reads every frame.
+    let damaged = rows.iter().filter(|row| row.damaged).map(report::Row::full_name);
+    failed.extend(damaged.filter(|name| !failed.contains(name)).collect::<Vec<_>>());
+    if failed.is_empty() { Ok(ExitCode::SUCCESS) } else { bail!("failed: {}", failed.join(", ")) }
 }
 
 /// The cases that `only` names, or all if it is empty.
@@ -125,6 +135,21 @@ fn chosen(cases: &[Case], only: &[Choice], scenes: &Path) -> miette::Result<Vec<
     }
     let is_chosen = |case: &Case| only.is_empty() || only.iter().any(|choice| choice.has(case));
     Ok(cases.iter().filter(|case| is_chosen(case)).cloned().collect())
+}
+
+/// Refuses a training set that [`Metadata::of`] would refuse, before it has been made.
+fn same_interval(cases: &[Case], scenes: &Path) -> Result<(), DatasetError> {
+    let mut train = cases.iter().filter(|case| case.split == Split::Train);
+    let Some(first) = train.next() else { return Ok(()) };
+    match train.find(|case| case.scene.frame_interval != first.scene.frame_interval) {
+        None => Ok(()),
+        Some(other) => Err(DatasetError::Intervals {
+            path: scenes.to_owned(),
+            one: first.name.clone(),
+            other: other.name.clone(),
+            values: (first.scene.frame_interval, other.scene.frame_interval),
+        }),
+    }
 }
 
 /// The part of the data set that is finished.

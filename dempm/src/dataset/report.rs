@@ -22,6 +22,8 @@ pub struct Row {
     pub front: Option<f64>,
     /// `ok`, what is doubtful, or how far the run is.
     pub checks: String,
+    /// Whether its file is there but cannot be read.
+    pub damaged: bool,
 }
 
 impl Row {
@@ -30,14 +32,29 @@ impl Row {
         self.seconds.is_some()
     }
 
-    fn new(case: &Case, folder: &Path) -> Result<Self, DatasetError> {
+    pub fn full_name(&self) -> String {
+        format!("{}/{}", self.split.name(), self.name)
+    }
+
+    /// What the scene says, and what its file adds.
+    fn new(case: &Case, folder: &Path) -> Self {
+        let mut row = Self::not_begun(case);
+        if let Err(error) = row.read(case, folder) {
+            row.checks = format!("damaged, delete it to have it made again ({error})");
+            row.damaged = true;
+            row.seconds = None;
+        }
+        row
+    }
+
+    fn not_begun(case: &Case) -> Self {
         let scene = &case.scene;
         let points = scene.point_count();
         let discs = match &scene.material {
             crate::scene::Material::Rve(rve) => points * rve.parameters.discs,
             _ => 0,
         };
-        let mut row = Self {
+        Self {
             split: case.split,
             name: case.name.clone(),
             values: case.values.clone(),
@@ -47,31 +64,36 @@ impl Row {
             seconds: None,
             front: None,
             checks: "not begun".to_owned(),
-        };
-        let path = case.file(folder);
+            damaged: false,
+        }
+    }
+
+    fn read(&mut self, case: &Case, folder: &Path) -> Result<(), DatasetError> {
+        let (path, scene) = (case.file(folder), &case.scene);
         if !path.exists() {
-            return Ok(row);
+            return Ok(());
         }
         let trajectory = Trajectory::open(&path)?;
+        if trajectory.header().scene != scene.text {
+            self.checks = "made from another scene".to_owned();
+            return Ok(());
+        }
         if trajectory.status() != "finished" {
             let (frames, all) = (trajectory.frames(), scene.frames() + 1);
-            row.checks = format!("{} ({frames} of {all} frames)", trajectory.status());
-            return Ok(row);
+            self.checks = format!("{} ({frames} of {all} frames)", trajectory.status());
+            return Ok(());
         }
-        row.seconds = Some(trajectory.wall_time().values().sum());
+        self.seconds = Some(trajectory.wall_time().values().sum());
         let last = trajectory.budget().get("front").and_then(|front| front.last());
-        row.front = last.map(|x| (x + 0.5 * scene.domain.spacing()).min(scene.domain.size[0]));
+        self.front = last.map(|x| (x + 0.5 * scene.domain.spacing()).min(scene.domain.size[0]));
         let doubts = doubts(&trajectory)?;
-        row.checks = if doubts.is_empty() { "ok".to_owned() } else { doubts.join("; ") };
-        Ok(row)
+        self.checks = if doubts.is_empty() { "ok".to_owned() } else { doubts.join("; ") };
+        Ok(())
     }
 }
 
 /// The rows of all cases.
-///
-/// # Errors
-/// If a trajectory cannot be read.
-pub fn rows(cases: &[Case], folder: &Path) -> Result<Vec<Row>, DatasetError> {
+pub fn rows(cases: &[Case], folder: &Path) -> Vec<Row> {
     cases.iter().map(|case| Row::new(case, folder)).collect()
 }
 
@@ -128,7 +150,7 @@ pub fn table(rows: &[Row]) -> String {
     let mut lines = vec![head.map(str::to_owned)];
     lines.extend(rows.iter().map(|row| {
         [
-            format!("{}/{}", row.split.name(), row.name),
+            row.full_name(),
             row.points.to_string(),
             row.discs.to_string(),
             row.steps.to_string(),

@@ -42,10 +42,18 @@ pub fn run(
     options: &Options,
     interrupted: &AtomicBool,
 ) -> miette::Result<Done> {
-    let mut open = Vec::new();
+    let (mut open, mut failed) = (Vec::new(), Vec::new());
     for case in cases {
-        if options.overwrite || !is_complete(case, folder)? {
-            open.push(case);
+        match is_complete(case, folder) {
+            _ if options.overwrite => open.push(case),
+            Ok(true) => {}
+            Ok(false) => open.push(case),
+            // One damaged file is no reason not to make the others.
+            Err(error @ DatasetError::Damaged { .. }) => {
+                failed.push(case.full_name());
+                eprintln!("{:?}", Report::new(error));
+            }
+            Err(error) => return Err(error.into()),
         }
     }
     let devices: Vec<Option<Arc<gpu::Device>>> = match options.devices.as_slice() {
@@ -57,14 +65,14 @@ pub fn run(
         // The longest first, so that the last ones to finish are short.
         open.sort_by_key(|case| Reverse(case.work()));
     }
-    let skipped = cases.len() - open.len();
+    let skipped = cases.len() - open.len() - failed.len();
     if skipped > 0 {
         eprintln!("{skipped} of {} scenes are complete", cases.len());
     }
     let queue = Queue {
         open: &open,
         next: AtomicUsize::new(0),
-        failed: Mutex::default(),
+        failed: Mutex::new(failed),
         bars: MultiProgress::new(),
         total: total_bar(&open),
     };
@@ -121,7 +129,9 @@ impl Queue<'_> {
                 return;
             };
             let output = case.file(folder);
-            let resume = !options.overwrite && checkpoint::path_beside(&output).exists();
+            // A checkpoint alone, whose trajectory someone has deleted, is of no use either.
+            let resume =
+                !options.overwrite && output.exists() && checkpoint::path_beside(&output).exists();
             let sitting = sitting::Options {
                 device: device.cloned(),
                 ranks: None,
@@ -132,7 +142,7 @@ impl Queue<'_> {
                 bars: self.bars.clone(),
                 total: Some(self.total.clone()),
             };
-            let name = format!("{}/{}", case.split.name(), case.name);
+            let name = case.full_name();
             match sit(case.scene.clone(), output, &sitting, interrupted) {
                 Ok(Outcome::Finished(_)) => self.say(&format!("{name} done")),
                 Ok(Outcome::Interrupted { step, steps }) => {
@@ -168,7 +178,8 @@ fn is_complete(case: &Case, folder: &Path) -> Result<bool, DatasetError> {
     if !path.exists() {
         return Ok(false);
     }
-    let trajectory = Trajectory::open(&path)?;
+    let trajectory = Trajectory::open(&path)
+        .map_err(|source| DatasetError::Damaged { path: path.clone(), source })?;
     if trajectory.header().scene != case.scene.text {
         return Err(DatasetError::OtherScene { path });
     }

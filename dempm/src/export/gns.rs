@@ -5,7 +5,6 @@
 //! objects can hold, and numpy stores that as a pickle: <https://docs.python.org/3/library/pickle>,
 //! opcodes in `pickletools.py`.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
@@ -14,7 +13,7 @@ use zip::{CompressionMethod, ZipWriter};
 
 use super::{ExportError, frames_f32};
 use crate::export::npz::npy_header;
-use crate::trajectory::{Trajectory, write_atomically};
+use crate::trajectory::{OutputFile, Trajectory, write_atomically};
 
 /// Sand among the particle types of the GNS data sets.
 const SAND: i32 = 6;
@@ -24,8 +23,8 @@ pub(super) fn write(trajectories: &[Trajectory], path: &Path) -> Result<(), Expo
     let path = path.with_extension("npz");
     let at = ExportError::at(&path);
     write_atomically(&path, |temporary| {
-        let file = File::create(temporary).map_err(&at)?;
-        let mut archive = ZipWriter::new(BufWriter::new(file));
+        let mut file = OutputFile::create(temporary).map_err(&at)?;
+        let mut archive = ZipWriter::new(BufWriter::new(&mut file));
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Deflated)
             .large_file(true);

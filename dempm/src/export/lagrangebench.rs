@@ -3,11 +3,10 @@
 
 use std::path::Path;
 
-use hdf5::File;
 use ndarray::{Array1, s};
 
 use super::{ExportError, frames_f32};
-use crate::trajectory::{Trajectory, write_atomically};
+use crate::trajectory::{Trajectory, WriteThrough, write_atomically};
 
 /// `NodeType.FLUID` of LagrangeBench: what moves by itself.
 const FLUID: i64 = 0;
@@ -15,12 +14,12 @@ const FLUID: i64 = 0;
 /// Writes the trajectories of a split to `path` with the suffix `.h5`.
 pub(super) fn write(trajectories: &[Trajectory], path: &Path) -> Result<(), ExportError> {
     let path = path.with_extension("h5");
-    let failed = |source| ExportError::Hdf5 { path: path.clone(), source };
+    let failed = ExportError::hdf5(&path);
     write_atomically(&path, |temporary| {
-        let file = File::create(temporary).map_err(failed)?;
+        let file = WriteThrough::create(temporary, |access| access).map_err(&failed)?;
         for (index, trajectory) in trajectories.iter().enumerate() {
             let points = trajectory.points().mass.len();
-            let group = file.create_group(&format!("{index:05}")).map_err(failed)?;
+            let group = file.create_group(&format!("{index:05}")).map_err(&failed)?;
             let position = group
                 .new_dataset::<f32>()
                 .shape([trajectory.frames(), points, 2])
@@ -28,16 +27,16 @@ pub(super) fn write(trajectories: &[Trajectory], path: &Path) -> Result<(), Expo
                 .shuffle()
                 .deflate(4)
                 .create("position")
-                .map_err(failed)?;
+                .map_err(&failed)?;
             for (frame, positions) in frames_f32(trajectory).enumerate() {
-                position.write_slice(&positions?, s![frame, .., ..]).map_err(failed)?;
+                position.write_slice(&positions?, s![frame, .., ..]).map_err(&failed)?;
             }
             group
                 .new_dataset_builder()
                 .with_data(&Array1::from_elem(points, FLUID))
                 .create("particle_type")
-                .map_err(failed)?;
+                .map_err(&failed)?;
         }
-        file.close().map_err(failed)
+        file.close().map_err(&failed)
     })
 }

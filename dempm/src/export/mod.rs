@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use crate::dataset::{DataSet, DatasetError, Metadata};
 use crate::overwrite::refuse_input;
-use crate::trajectory::{Trajectory, TrajectoryError, WriteError};
+use crate::trajectory::{Trajectory, TrajectoryError, WriteError, system_error};
 
 /// The arguments of `dempm export`.
 #[derive(clap::Args, Clone, Debug)]
@@ -52,13 +52,18 @@ pub(crate) enum ExportError {
     Dataset(#[from] DatasetError),
     #[error("{}: HDF5 refuses to write it", path.display())]
     Hdf5 { path: PathBuf, source: hdf5::Error },
-    #[error("{}: cannot write it", path.display())]
-    Io { path: PathBuf, source: std::io::Error },
 }
 
 impl ExportError {
     fn at(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
-        move |source| Self::Io { path: path.to_owned(), source }
+        move |source| Self::Write(WriteError { path: path.to_owned(), action: "write it", source })
+    }
+
+    fn hdf5(path: &Path) -> impl Fn(hdf5::Error) -> Self + '_ {
+        move |source| match system_error(&source) {
+            Some(source) => Self::at(path)(source),
+            None => Self::Hdf5 { path: path.to_owned(), source },
+        }
     }
 }
 

@@ -1,6 +1,5 @@
 //! Arrays for numpy: a zip archive of `.npy` files under the names of the datasets.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
@@ -8,14 +7,14 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::ExportError;
-use crate::trajectory::{Field, Trajectory, write_atomically};
+use crate::trajectory::{Field, OutputFile, Trajectory, write_atomically};
 
 /// Writes all arrays of a trajectory, frame by frame.
 pub(super) fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
     write_atomically(output, |temporary| {
         let at = ExportError::at(output);
-        let file = File::create(temporary).map_err(&at)?;
-        let mut archive = Archive(ZipWriter::new(BufWriter::new(file)));
+        let mut file = OutputFile::create(temporary).map_err(&at)?;
+        let mut archive = Archive(ZipWriter::new(BufWriter::new(&mut file)));
         write_static(trajectory, &mut archive).map_err(&at)?;
         for field in trajectory.fields() {
             write_field(trajectory, field, &mut archive, output)?;

@@ -1,12 +1,13 @@
 //! Files that are written whole or not at all.
 
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// A file that could not be written; the file that stood there before, if any, is untouched.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[derive(Debug, thiserror::Error)]
 #[error("{}: cannot {action}", path.display())]
 pub struct WriteError {
     /// The file that was to be written.
@@ -15,6 +16,15 @@ pub struct WriteError {
     pub action: &'static str,
     /// Why.
     pub source: io::Error,
+}
+
+impl miette::Diagnostic for WriteError {
+    fn help(&self) -> Option<Box<dyn Display + '_>> {
+        let full = [io::ErrorKind::StorageFull, io::ErrorKind::QuotaExceeded];
+        full.contains(&self.source.kind()).then_some(Box::new(
+            "make room on that disk and give the same command again, `dempm run` with --resume",
+        ))
+    }
 }
 
 impl From<WriteError> for io::Error {
@@ -38,6 +48,19 @@ pub fn write_atomically<T, E: From<WriteError>>(
     let value = fill(draft.temporary())?;
     draft.publish()?;
     Ok(value)
+}
+
+/// Says before the work is done whether [`write_atomically`] would find a place for its result.
+///
+/// # Errors
+/// If the directory cannot be made or takes no files, or `path` is a directory.
+pub fn check_writable(path: &Path) -> Result<(), WriteError> {
+    let draft = Draft::new(path)?;
+    if path.is_dir() {
+        return Err(failed(path, "write it")(io::ErrorKind::IsADirectory.into()));
+    }
+    // Dropped, the draft removes its file.
+    File::create(draft.temporary()).map(drop).map_err(failed(path, "write it"))
 }
 
 /// A file in the making, `NAME.tmp` beside `NAME`: removed again unless it is published.
@@ -83,7 +106,9 @@ impl Draft {
 impl Drop for Draft {
     fn drop(&mut self) {
         if !self.published {
-            // There may be none yet. The error that matters is the one that led here.
+            // There may be none yet. The error that matters is the one that led here. Emptied first,
+            // because a file that is still open somewhere keeps its space on the disk.
+            let _ = File::options().write(true).truncate(true).open(&self.temporary);
             let _ = fs::remove_file(&self.temporary);
         }
     }
@@ -123,6 +148,19 @@ mod tests {
         assert_eq!(failure.unwrap_err().to_string(), "disk full");
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_place_is_tried_without_a_trace() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("kept.txt");
+        fs::write(&path, "old").unwrap();
+        check_writable(&path).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+        assert!(check_writable(&path.join("below")).is_err());
+        let error = check_writable(directory.path()).unwrap_err();
+        assert_eq!(error.source.kind(), io::ErrorKind::IsADirectory);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::atomic::WriteError;
+use super::write_through::system_error;
 
 /// The result of reading or writing a trajectory.
 pub type Result<T> = std::result::Result<T, TrajectoryError>;
@@ -10,7 +11,7 @@ pub type Result<T> = std::result::Result<T, TrajectoryError>;
 /// An error that names the file and the place in it.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum TrajectoryError {
-    /// The file cannot be opened or copied.
+    /// The file cannot be opened.
     #[error("{}: cannot {action}", path.display())]
     Io {
         /// The trajectory file.
@@ -94,5 +95,13 @@ impl TrajectoryError {
     /// Attaches file and item to an error of the HDF5 library: `.map_err(at(path, "/time"))`.
     pub(super) fn at<'a>(path: &'a Path, item: &'a str) -> impl Fn(hdf5::Error) -> Self + 'a {
         move |source| Self::Hdf5 { path: path.to_owned(), item: item.to_owned(), source }
+    }
+
+    /// The same while writing, where it is often the system that refuses, for want of space.
+    pub(super) fn writing<'a>(path: &'a Path, item: &'a str) -> impl Fn(hdf5::Error) -> Self + 'a {
+        move |error| match system_error(&error) {
+            Some(source) => WriteError { path: path.to_owned(), action: "write it", source }.into(),
+            None => Self::at(path, item)(error),
+        }
     }
 }

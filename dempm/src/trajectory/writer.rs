@@ -8,7 +8,7 @@ use hdf5::file::{FileAccessBuilder, LibraryVersion};
 use hdf5::{File, Group, H5Type};
 use ndarray::ArrayView;
 
-use super::atomic::{Draft, write_atomically};
+use super::atomic::{Draft, failed, write_atomically};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::header::{Header, write_scalar, write_text};
@@ -18,6 +18,7 @@ use super::layout::{
 };
 use super::reader::Trajectory;
 use super::vtk;
+use super::write_through::WriteThrough;
 
 /// Appends frames to a trajectory file.
 ///
@@ -42,7 +43,7 @@ pub struct TrajectoryWriter {
 /// A copy of the file on the disk, to which frames are added.
 #[derive(Debug)]
 struct Drafted {
-    file: File,
+    file: WriteThrough,
     draft: Draft,
     /// Pending frames of which it holds the values at points.
     frames: usize,
@@ -72,12 +73,13 @@ impl TrajectoryWriter {
             )));
         }
         write_atomically(path, |temporary| {
-            let file = create_file(temporary).map_err(TrajectoryError::at(path, "the file"))?;
+            let file = WriteThrough::create(temporary, version_110)
+                .map_err(TrajectoryError::writing(path, "the file"))?;
             writer
                 .write_static(&file, header, points)
-                .map_err(TrajectoryError::at(path, "the file"))?;
+                .map_err(TrajectoryError::writing(path, "the file"))?;
             writer.update(&file)?;
-            file.close().map_err(TrajectoryError::at(path, "the file"))
+            file.close().map_err(TrajectoryError::writing(path, "the file"))
         })?;
         Ok(writer)
     }
@@ -191,7 +193,7 @@ impl TrajectoryWriter {
         if let Some(Drafted { file, draft, .. }) = self.drafted.take() {
             self.append_scalars(&file)?;
             self.update(&file)?;
-            file.close().map_err(TrajectoryError::at(&self.path, "the file"))?;
+            file.close().map_err(TrajectoryError::writing(&self.path, "the file"))?;
             draft.publish()?;
         }
         self.kept = self.frames();
@@ -228,13 +230,9 @@ impl TrajectoryWriter {
     /// A copy of the file, cut to the frames to keep.
     fn begin_draft(&self) -> Result<Drafted> {
         let draft = Draft::new(&self.path)?;
-        fs::copy(&self.path, draft.temporary()).map_err(|source| TrajectoryError::Io {
-            path: self.path.clone(),
-            action: "copy it",
-            source,
-        })?;
-        let file = open_for_writing(draft.temporary())
-            .map_err(TrajectoryError::at(&self.path, "the file"))?;
+        fs::copy(&self.path, draft.temporary()).map_err(failed(&self.path, "copy it"))?;
+        let file = WriteThrough::open(draft.temporary(), version_110)
+            .map_err(TrajectoryError::writing(&self.path, "the file"))?;
         self.set_frames(&file, self.kept)?;
         Ok(Drafted { file, draft, frames: 0 })
     }
@@ -245,7 +243,8 @@ impl TrajectoryWriter {
             return Ok(());
         }
         if let Some(shape) = self.shape.as_ref().filter(|_| self.kept + first == 0) {
-            self.create_chosen(file, shape).map_err(TrajectoryError::at(&self.path, "the file"))?;
+            self.create_chosen(file, shape)
+                .map_err(TrajectoryError::writing(&self.path, "the file"))?;
         }
         self.set_frames(file, self.frames())?;
         for (index, frame) in self.pending.iter().enumerate().skip(first) {
@@ -257,9 +256,9 @@ impl TrajectoryWriter {
     /// Sets the length of all datasets that grow along the frames.
     fn set_frames(&self, file: &File, frames: usize) -> Result<()> {
         for_each_growing(file, |dataset, name| {
-            set_frames(dataset, frames).map_err(TrajectoryError::at(&self.path, name))
+            set_frames(dataset, frames).map_err(TrajectoryError::writing(&self.path, name))
         })
-        .map_err(TrajectoryError::at(&self.path, "the file"))?
+        .map_err(TrajectoryError::writing(&self.path, "the file"))?
     }
 
     /// Makes the datasets that the first frame decides on.
@@ -333,7 +332,7 @@ impl TrajectoryWriter {
     ) -> Result<()> {
         file.dataset(name)
             .and_then(|dataset| write_frames(&dataset, first..first + count, values))
-            .map_err(TrajectoryError::at(&self.path, name))
+            .map_err(TrajectoryError::writing(&self.path, name))
     }
 
     /// Writes what depends on the number of frames or changes as the run goes on.
@@ -346,9 +345,9 @@ impl TrajectoryWriter {
             }
             Ok(())
         };
-        put().map_err(TrajectoryError::at(&self.path, WALL_TIME))?;
+        put().map_err(TrajectoryError::writing(&self.path, WALL_TIME))?;
         vtk::write(file, self.frames(), self.points)
-            .map_err(TrajectoryError::at(&self.path, vtk::GROUP))
+            .map_err(TrajectoryError::writing(&self.path, vtk::GROUP))
     }
 
     fn mismatch(&self, reason: String) -> TrajectoryError {
@@ -356,20 +355,8 @@ impl TrajectoryWriter {
     }
 }
 
-/// A new file in the format of HDF5 1.10, the first with virtual datasets. Its metadata carry
-/// checksums, which earlier formats lack: a damaged file gives an error instead of nonsense.
-fn create_file(path: &Path) -> hdf5::Result<File> {
-    File::with_options()
-        .with_fapl(version_110)
-        // Same run, same bytes: no time stamps.
-        .with_fcpl(|create| create.obj_track_times(false))
-        .create(path)
-}
-
-fn open_for_writing(path: &Path) -> hdf5::Result<File> {
-    File::with_options().with_fapl(version_110).open_rw(path)
-}
-
+/// The format of HDF5 1.10, the first with virtual datasets. Its metadata carry checksums, which
+/// earlier formats lack: a damaged file gives an error instead of nonsense.
 fn version_110(access: &mut FileAccessBuilder) -> &mut FileAccessBuilder {
     unlocked(access).libver_bounds(LibraryVersion::V110, LibraryVersion::V110)
 }

@@ -2,6 +2,8 @@
 
 mod damage;
 mod formats;
+#[cfg(unix)]
+mod full_disk;
 mod products;
 mod python;
 mod synthetic;
