@@ -300,7 +300,6 @@ impl TrainConfig {
             ("pushforward.steps", self.pushforward.steps as f64, 0.0, 16.0),
             ("validation.every", self.validation.every as f64, 1.0, 1e12),
             ("model.dimensions", model.dimensions as f64, 2.0, 2.0),
-            ("model.frames", model.frames as f64, 2.0, 100.0),
         ];
         for (key, value, low, high) in limits {
             if !(low..=high).contains(&value) {
@@ -311,6 +310,18 @@ impl TrainConfig {
                 let (file, value) = (file.to_owned(), value.to_string());
                 return Err(ConfigError::Range { file, key, value, range });
             }
+        }
+        let given = model.window() - self.data.before_start;
+        if (1..=given).contains(&self.validation.frames) {
+            return Err(ConfigError::Range {
+                file: file.to_owned(),
+                key: "validation.frames",
+                value: self.validation.frames.to_string(),
+                range: format!(
+                    "0 (all) or at least {}, since rollouts start from {given} frames",
+                    given + 1
+                ),
+            });
         }
         Ok(())
     }
@@ -363,10 +374,27 @@ mod tests {
             ("precision = \"f16\"", "f16"),
             ("start = \"identify\"", "safetensors"),
             ("[validation]\neach = 3", "each"),
+            ("[model]\nframes = 65", "frames"),
         ] {
             let message = message(text);
             assert!(message.contains("training.toml"), "{message}");
             assert!(message.contains(key), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_validation_predicts_a_frame_at_least() {
+        let config = |frames: usize, more: &str| {
+            format!("[validation]\nframes = {frames}\n[data]\n{more}\n[model]\nframes = 4")
+        };
+        for (frames, more) in [(0, ""), (5, ""), (2, "before_start = 3")] {
+            TrainConfig::parse(&config(frames, more), "training.toml").unwrap();
+        }
+        for (frames, more, least) in [(1, "", 5), (4, "", 5), (1, "before_start = 3", 2)] {
+            let error = TrainConfig::parse(&config(frames, more), "training.toml").unwrap_err();
+            let message = error.to_string();
+            assert!(message.contains(&format!("`validation.frames` is {frames}")), "{message}");
+            assert!(message.contains(&format!("at least {least}")), "{message}");
         }
     }
 }
