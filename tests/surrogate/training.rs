@@ -230,6 +230,25 @@ fn a_training_starts_from_a_model() {
     assert!(data.exists() && !here.join("bad").exists(), "nothing is written for a wrong file");
 }
 
+/// A training goes on with less memory or other validations, but not with other data or noise.
+#[test]
+fn a_training_resumes_unless_its_steps_would_be_others() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    data(here);
+    let resume = |steps, more: &str| {
+        let mut command = train(here, &config(here, steps, more), "run");
+        command.arg("--resume");
+        command
+    };
+    succeeds(&mut train(here, &config(here, 20, "[data]\nnoise = 2.0e-4"), "run"));
+    succeeds(&mut resume(30, "[data]\nnoise = 2.0e-4\nmemory = 0"));
+    let error = fails(&mut resume(40, "batch = 3\n[data]\nnoise = 1.0e-4"));
+    let expected = "the configuration has changed since the training began: `batch` is 3, not 2, \
+                    `data.noise` is 0.0001, not 0.0002";
+    assert!(error.contains(expected), "{error}");
+}
+
 /// Frames from before a run follow from the velocities in its first frame.
 #[test]
 fn windows_can_begin_before_the_run() {

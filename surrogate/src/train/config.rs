@@ -326,13 +326,18 @@ impl TrainConfig {
         Ok(())
     }
 
-    /// What a checkpoint compares: all that changes the steps made so far. More steps may be asked
-    /// for where the rate does not depend on their number. Where the weights of the start are does not
-    /// matter; what they are, the checkpoint knows by itself.
+    /// What a checkpoint compares, as JSON: all that changes the steps, or what the best model is the best
+    /// in. How much is held in memory and when it is logged and validated may change. More steps may be
+    /// asked for where the rate does not depend on their number. Where the weights of the start are does
+    /// not matter; what they are, the checkpoint knows by itself.
     pub(super) fn identity(&self) -> String {
+        let default = Self::default();
         let mut same = self.clone();
+        same.log_every = default.log_every;
+        same.data.memory = default.data.memory;
+        same.validation.every = default.validation.every;
         if let Start::Weights(path) = &mut same.start {
-            path.clear();
+            *path = "a model".into();
         }
         if !same.schedule.depends_on_steps() {
             same.steps = 0;
@@ -395,6 +400,18 @@ mod tests {
             let message = error.to_string();
             assert!(message.contains(&format!("`validation.frames` is {frames}")), "{message}");
             assert!(message.contains(&format!("at least {least}")), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_checkpoint_compares_what_changes_the_training() {
+        let identity = |text: &str| TrainConfig::parse(text, "").unwrap().identity();
+        for free in ["log_every = 7", "steps = 9", "[data]\nmemory = 1", "[validation]\nevery = 3"]
+        {
+            assert_eq!(identity(free), identity(""), "{free}");
+        }
+        for fixed in ["seed = 9", "[data]\nnoise = 1.0", "[validation]\nframes = 30"] {
+            assert_ne!(identity(fixed), identity(""), "{fixed}");
         }
     }
 }
