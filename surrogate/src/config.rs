@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::model::MlpShape;
 use crate::node_features::{self, NodeFeature};
@@ -95,6 +96,27 @@ pub struct ConfigError {
     pub range: &'static str,
 }
 
+/// What is not the same in two tables, each as "`width` is 128, not 32"; keys in tables within them as
+/// `data.noise`.
+pub fn differences(mine: &Value, theirs: &Value) -> Vec<String> {
+    let keys = |of: &Value| {
+        of.as_object().into_iter().flat_map(|o| o.keys().cloned()).collect::<BTreeSet<_>>()
+    };
+    let said =
+        |value: &Value| if value.is_null() { "not set".to_owned() } else { value.to_string() };
+    let mut found = Vec::new();
+    for key in &keys(mine) | &keys(theirs) {
+        let (a, b) = (&mine[&key], &theirs[&key]);
+        if a.is_object() && b.is_object() {
+            let within = differences(a, b).into_iter();
+            found.extend(within.map(|text| text.replacen('`', &format!("`{key}."), 1)));
+        } else if a != b {
+            found.push(format!("`{key}` is {}, not {}", said(a), said(b)));
+        }
+    }
+    found
+}
+
 impl ModelConfig {
     /// One of [`PAPER_NETWORKS`] in two dimensions, or `gns`.
     pub fn named(name: &str) -> Option<Self> {
@@ -177,18 +199,7 @@ impl ModelConfig {
     /// What is not the same in another network, each as "width is 128, not 32".
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let values = |config: &Self| serde_json::to_value(config).expect("plain data");
-        let (mine, theirs) = (values(self), values(other));
-        let keys = |of: &serde_json::Value| {
-            of.as_object().into_iter().flat_map(|o| o.keys().cloned()).collect::<BTreeSet<_>>()
-        };
-        let all = &keys(&mine) | &keys(&theirs);
-        let said = |value: &serde_json::Value| {
-            if value.is_null() { "not set".to_owned() } else { value.to_string() }
-        };
-        all.into_iter()
-            .filter(|key| mine[key] != theirs[key])
-            .map(|key| format!("`{key}` is {}, not {}", said(&mine[&key]), said(&theirs[&key])))
-            .collect()
+        differences(&values(self), &values(other))
     }
 
     /// Frames of positions that a prediction needs: those of the network, and those before them that

@@ -89,7 +89,7 @@ pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f3
 
 /// The features of a frame that follow from positions, one after the other: points x columns each.
 /// `frames` are the positions in the frame and the ones before it, the newest last; a point has
-/// `dimensions` numbers.
+/// `dimensions` numbers. A feature that needs more frames than there are is empty.
 pub fn moving_features(
     features: &[NodeFeature],
     frames: &[&[f32]],
@@ -102,7 +102,7 @@ pub fn moving_features(
             (NodeFeature::Acceleration, [.., a, b, c]) => {
                 (0..c.len()).map(|k| (c[k] - b[k]) - (b[k] - a[k])).collect()
             }
-            (_, [.., now]) => overburden(now, dimensions, radius),
+            (NodeFeature::Overburden, [.., now]) => overburden(now, dimensions, radius),
             _ => Vec::new(),
         })
         .collect()
@@ -179,6 +179,14 @@ mod tests {
         assert_eq!(overburden(&deep, 3, 0.1), [1.0, 0.0, 0.0]);
         // Positions that are not numbers have nothing above or below them.
         assert_eq!(overburden(&[f32::NAN, 0.0, 0.0, 1.0], 2, 0.1)[1], 0.0);
+    }
+
+    #[test]
+    fn an_acceleration_needs_three_frames() {
+        let frames: [&[f32]; 3] = [&[0.0, 0.0], &[1.0, 0.0], &[3.0, -1.0]];
+        let moving = |frames| moving_features(&[NodeFeature::Acceleration], frames, 2, 0.1);
+        assert_eq!(moving(&frames), [[1.0, -1.0]]);
+        assert_eq!(moving(&frames[1..]), [[0.0; 0]], "and not an overburden");
     }
 
     #[test]

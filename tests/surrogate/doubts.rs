@@ -86,9 +86,23 @@ fn a_start_is_compared_with_the_training_data() {
     assert!(asymmetry(&simulator, &free).unwrap().contains("--mirror"));
     assert_eq!(asymmetry(&symmetric, &free), None);
     // What is left is the rounding of positions to f32, on either side of the mirror.
-    let (left, before) =
-        (mirror_difference(&symmetric, &free), mirror_difference(&simulator, &free));
-    assert!(left < 1e-2 * before, "{left} of {before}");
+    let apart = |simulator, start| mirror_difference(simulator, start).unwrap();
+    let (left, before) = (apart(&symmetric, &free), apart(&simulator, &free));
+    assert_eq!((left.frames, before.frames), (15, 15));
+    assert!(left.ratio < 1e-2 * before.ratio, "{left:?} of {before:?}");
+
+    // What leaves the domain on the way is compared as far as it comes, or not at all.
+    let thrown = |speed: f64| {
+        let mut thrown = free.clone();
+        let frames = thrown.positions.len();
+        for (frame, positions) in thrown.positions.iter_mut().enumerate() {
+            let back = speed * (frames - 1 - frame) as f64;
+            positions.iter_mut().for_each(|x| x[0] -= back);
+        }
+        mirror_difference(&simulator, &thrown)
+    };
+    assert_eq!(thrown(1.0).map(|apart| apart.frames), Some(2));
+    assert_eq!(thrown(10.0), None);
 
     let mut noisy = start.clone();
     for (frame, positions) in noisy.positions.iter_mut().enumerate() {

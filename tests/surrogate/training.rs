@@ -10,7 +10,9 @@ use surrogate::simulator::Simulator;
 use surrogate::train::weights;
 use tempfile::TempDir;
 
-use crate::helpers::{column, config, data, fails, scene, succeeds, surrogate, train, warns};
+use crate::helpers::{
+    column, config, data, fails, scene, simulate, succeeds, surrogate, train, warns,
+};
 
 #[test]
 fn trajectories_become_a_model_that_continues_them() {
@@ -228,6 +230,100 @@ fn a_training_starts_from_a_model() {
     std::fs::remove_file(here.join(weights)).unwrap();
     refused("", &["more.toml", "`start`", weights]);
     assert!(data.exists() && !here.join("bad").exists(), "nothing is written for a wrong file");
+}
+
+/// What would stop a training at its first validation or checkpoint stops it before its first step, with
+/// the files of an older training as they were.
+#[test]
+fn nothing_is_trained_in_vain() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let data = data(here);
+    let config = config(here, 20, "");
+    succeeds(&mut train(here, &config, "old"));
+    let refused = |output: &str, parts: &[&str]| {
+        let mut command = train(here, &config, output);
+        let error = fails(command.args(["--overwrite", "--checkpoint-interval", "0"]));
+        for part in parts {
+            assert!(error.contains(part), "`{part}` is not in: {error}");
+        }
+    };
+    for (text, parts) in [
+        (scene(0.0, 1.0, "").replace("0.01", "0.02"), ["0.01 s", "0.02 s"]),
+        (scene(0.0, 1.0, "").replace("0.4", "0.02"), ["starts from 3 frames", "only 3"]),
+        (scene(0.0, 1.0, "").replace("0.4", "0.01"), ["there are 2 frames", "starts from 3"]),
+    ] {
+        simulate(&text, &data.join("valid/other.h5"));
+        for output in ["old", "new"] {
+            refused(output, &[&["other.h5"], &parts[..]].concat());
+        }
+    }
+    assert!(here.join("old/checkpoint.bin").exists() && here.join("old/best.safetensors").exists());
+    assert!(!here.join("new").exists());
+
+    std::fs::remove_file(data.join("valid/other.h5")).unwrap();
+    refused("training.toml/new", &["training.toml/new: cannot train into this folder"]);
+}
+
+/// An old training is gone as soon as another one begins in its folder, and a third one is kept out.
+#[test]
+fn a_folder_is_that_of_one_training() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let data = data(here);
+    let short = config(here, 20, "");
+    succeeds(&mut train(here, &short, "run"));
+    let run = here.join("run");
+    let best = run.join("best.safetensors");
+
+    // Models are not overwritten unasked, be there a checkpoint or not.
+    std::fs::rename(run.join("checkpoint.bin"), here.join("aside")).unwrap();
+    let error = fails(&mut train(here, &short, "run"));
+    assert!(
+        error.contains("a training is there already") && error.contains("--overwrite"),
+        "{error}"
+    );
+    std::fs::rename(here.join("aside"), run.join("checkpoint.bin")).unwrap();
+    let from = here.join("from.toml");
+    std::fs::write(&from, "start = \"run/best.safetensors\"").unwrap();
+    let error = fails(train(here, &from, "run").arg("--overwrite"));
+    assert!(error.contains("from.toml") && error.contains("`start`"), "{error}");
+    assert!(best.exists());
+
+    std::fs::remove_dir_all(data.join("valid")).unwrap();
+    let long = config(here, 50_000, "");
+    let mut child = train(here, &long, "run").arg("--overwrite").spawn().unwrap();
+    let began = Instant::now();
+    while best.exists() && began.elapsed() < Duration::from_secs(60) {
+        sleep(Duration::from_millis(5));
+    }
+    let short = config(here, 20, "");
+    let error = fails(train(here, &short, "run").arg("--overwrite"));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!best.exists(), "the old training stays");
+    assert!(error.contains("run/checkpoint.bin: another run is writing it"), "{error}");
+    let error = fails(train(here, &short, "run").arg("--resume"));
+    assert!(error.contains("cannot read the checkpoint"), "{error}");
+}
+
+/// A training goes on with less memory or other validations, but not with other data or noise.
+#[test]
+fn a_training_resumes_unless_its_steps_would_be_others() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    data(here);
+    let resume = |steps, more: &str| {
+        let mut command = train(here, &config(here, steps, more), "run");
+        command.arg("--resume");
+        command
+    };
+    succeeds(&mut train(here, &config(here, 20, "[data]\nnoise = 2.0e-4"), "run"));
+    succeeds(&mut resume(30, "[data]\nnoise = 2.0e-4\nmemory = 0"));
+    let error = fails(&mut resume(40, "batch = 3\n[data]\nnoise = 1.0e-4"));
+    let expected = "the configuration has changed since the training began: `batch` is 3, not 2, \
+                    `data.noise` is 0.0001, not 0.0002";
+    assert!(error.contains(expected), "{error}");
 }
 
 /// Frames from before a run follow from the velocities in its first frame.

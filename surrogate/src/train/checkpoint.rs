@@ -9,11 +9,12 @@ use serde::{Deserialize, Serialize};
 use super::config::TrainConfig;
 use super::engine::State;
 use super::log::Log;
+use crate::config::differences;
 use crate::data::{DataError, DataSet, Statistics, further_features};
 use crate::features::Normalisation;
 
 const MAGIC: &str = "DEMPM surrogate training";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// The state of a training and what it belongs to. Batches are a function of seed and step, so
 /// they need no state.
@@ -31,8 +32,10 @@ pub struct Checkpoint {
 /// What must not change while a training is interrupted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
-    /// The configuration.
+    /// The configuration, as far as it matters.
     pub config: String,
+    /// Processes that make a step together.
+    pub ranks: usize,
     /// Names, points and frames of the training files.
     pub files: Vec<(String, u64, u64)>,
     /// Their statistics: other contents have others.
@@ -63,7 +66,8 @@ impl Identity {
             (name.into_owned(), r.points() as u64, r.frames() as u64)
         });
         Ok(Self {
-            config: format!("{} on {ranks}", config.identity()),
+            config: config.identity(),
+            ranks,
             files: files.collect(),
             normalisation: Normalisation { features_mean, features_std, ..normalisation },
             start,
@@ -89,6 +93,9 @@ pub enum CheckpointError {
     #[error("{}: {what} changed since the training began", path.display())]
     #[diagnostic(help("undo the change, or start again with --overwrite"))]
     Changed { path: PathBuf, what: &'static str },
+    #[error("{}: the configuration has changed since the training began: {differences}", path.display())]
+    #[diagnostic(help("undo the change, or start again with --overwrite"))]
+    Configuration { path: PathBuf, differences: String },
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
@@ -127,9 +134,15 @@ impl Checkpoint {
         if read.magic != MAGIC || read.version != VERSION {
             return Err(format());
         }
-        let changed = |what| CheckpointError::Changed { path: path.to_owned(), what };
         if read.identity.config != identity.config {
-            return Err(changed("the configuration has"));
+            let value = |text: &str| serde_json::from_str(text).unwrap_or_default();
+            let [now, then] = [&identity.config, &read.identity.config].map(|text| value(text));
+            let (path, differences) = (path.to_owned(), differences(&now, &then).join(", "));
+            return Err(CheckpointError::Configuration { path, differences });
+        }
+        let changed = |what| CheckpointError::Changed { path: path.to_owned(), what };
+        if read.identity.ranks != identity.ranks {
+            return Err(changed("the number of processes has"));
         }
         if read.identity.start != identity.start {
             return Err(changed("the weights of `start` have"));

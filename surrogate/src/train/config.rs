@@ -300,7 +300,6 @@ impl TrainConfig {
             ("pushforward.steps", self.pushforward.steps as f64, 0.0, 16.0),
             ("validation.every", self.validation.every as f64, 1.0, 1e12),
             ("model.dimensions", model.dimensions as f64, 2.0, 2.0),
-            ("model.frames", model.frames as f64, 2.0, 100.0),
         ];
         for (key, value, low, high) in limits {
             if !(low..=high).contains(&value) {
@@ -312,16 +311,33 @@ impl TrainConfig {
                 return Err(ConfigError::Range { file, key, value, range });
             }
         }
+        let given = model.window() - self.data.before_start;
+        if (1..=given).contains(&self.validation.frames) {
+            return Err(ConfigError::Range {
+                file: file.to_owned(),
+                key: "validation.frames",
+                value: self.validation.frames.to_string(),
+                range: format!(
+                    "0 (all) or at least {}, since rollouts start from {given} frames",
+                    given + 1
+                ),
+            });
+        }
         Ok(())
     }
 
-    /// What a checkpoint compares: all that changes the steps made so far. More steps may be asked
-    /// for where the rate does not depend on their number. Where the weights of the start are does not
-    /// matter; what they are, the checkpoint knows by itself.
+    /// What a checkpoint compares, as JSON: all that changes the steps, or what the best model is the best
+    /// in. How much is held in memory and when it is logged and validated may change. More steps may be
+    /// asked for where the rate does not depend on their number. Where the weights of the start are does
+    /// not matter; what they are, the checkpoint knows by itself.
     pub(super) fn identity(&self) -> String {
+        let default = Self::default();
         let mut same = self.clone();
+        same.log_every = default.log_every;
+        same.data.memory = default.data.memory;
+        same.validation.every = default.validation.every;
         if let Start::Weights(path) = &mut same.start {
-            path.clear();
+            *path = "a model".into();
         }
         if !same.schedule.depends_on_steps() {
             same.steps = 0;
@@ -363,10 +379,39 @@ mod tests {
             ("precision = \"f16\"", "f16"),
             ("start = \"identify\"", "safetensors"),
             ("[validation]\neach = 3", "each"),
+            ("[model]\nframes = 65", "frames"),
         ] {
             let message = message(text);
             assert!(message.contains("training.toml"), "{message}");
             assert!(message.contains(key), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_validation_predicts_a_frame_at_least() {
+        let config = |frames: usize, more: &str| {
+            format!("[validation]\nframes = {frames}\n[data]\n{more}\n[model]\nframes = 4")
+        };
+        for (frames, more) in [(0, ""), (5, ""), (2, "before_start = 3")] {
+            TrainConfig::parse(&config(frames, more), "training.toml").unwrap();
+        }
+        for (frames, more, least) in [(1, "", 5), (4, "", 5), (1, "before_start = 3", 2)] {
+            let error = TrainConfig::parse(&config(frames, more), "training.toml").unwrap_err();
+            let message = error.to_string();
+            assert!(message.contains(&format!("`validation.frames` is {frames}")), "{message}");
+            assert!(message.contains(&format!("at least {least}")), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_checkpoint_compares_what_changes_the_training() {
+        let identity = |text: &str| TrainConfig::parse(text, "").unwrap().identity();
+        for free in ["log_every = 7", "steps = 9", "[data]\nmemory = 1", "[validation]\nevery = 3"]
+        {
+            assert_eq!(identity(free), identity(""), "{free}");
+        }
+        for fixed in ["seed = 9", "[data]\nnoise = 1.0", "[validation]\nframes = 30"] {
+            assert_ne!(identity(fixed), identity(""), "{fixed}");
         }
     }
 }

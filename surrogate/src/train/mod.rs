@@ -5,6 +5,7 @@ mod checkpoint;
 mod config;
 mod cuda;
 mod engine;
+mod folder;
 mod given;
 mod log;
 mod parameters;
@@ -17,7 +18,7 @@ mod schedule;
 mod sitting;
 mod tcp;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,6 +31,7 @@ pub use self::config::{ConfigError, Precision, TrainConfig};
 pub use self::parameters::{gradients, weights, with_weights};
 pub use self::schedule::{Decay, Schedule};
 use self::sitting::Sitting;
+use crate::model::Start;
 
 /// Arguments of `surrogate train`.
 #[derive(clap::Args)]
@@ -45,7 +47,7 @@ pub struct TrainArgs {
     /// Continue an interrupted training; the result is the same, bit by bit
     #[arg(long)]
     resume: bool,
-    /// Start again even if the folder has a training
+    /// Start again if the folder has a training; that one is removed
     #[arg(long, conflicts_with = "resume")]
     overwrite: bool,
     /// Seconds between checkpoints, at least
@@ -65,12 +67,8 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
     let interval = Duration::try_from_secs_f64(args.checkpoint_interval)
         .into_diagnostic()
         .wrap_err("--checkpoint-interval")?;
-    if !args.resume && !args.overwrite && sitting::checkpoint_in(&args.output).exists() {
-        bail!(
-            help = "--resume continues it, --overwrite starts again",
-            "{}: a training is there already",
-            args.output.display()
-        );
+    if !args.resume {
+        check_folder(args, &config)?;
     }
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&interrupted);
@@ -78,5 +76,33 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
     let mut sitting = Sitting::start(args, config)?;
+    let _lock = sitting.take_folder(args.resume)?;
     sitting.advance(&interrupted, interval)
+}
+
+/// Refuses a new training where an old one is, unless that may be removed and is not what the new one
+/// starts from.
+fn check_folder(args: &TrainArgs, config: &TrainConfig) -> miette::Result<()> {
+    let folder = args.output.display();
+    let Some(file) = folder::files_in(&args.output).next() else { return Ok(()) };
+    if !args.overwrite {
+        let help = if file == folder::checkpoint_in(&args.output) {
+            "--resume continues it, --overwrite removes it and starts again"
+        } else {
+            "without a checkpoint none can be continued; --overwrite removes it and starts again"
+        };
+        bail!(help = help, "{folder}: a training is there already");
+    }
+    let real = |path: &Path| path.canonicalize().ok();
+    if let Start::Weights(start) = &config.start
+        && folder::files_in(&args.output).any(|file| real(&file) == real(start))
+    {
+        bail!(
+            help = "train into another folder, or copy the model to another place",
+            "{}: `start` is {}, which --overwrite removes",
+            args.config.display(),
+            start.display()
+        );
+    }
+    Ok(())
 }

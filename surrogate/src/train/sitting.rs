@@ -1,10 +1,11 @@
 //! A training from its start or a checkpoint to its end or an interrupt.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use dempm::trajectory::TrajectoryLock;
 use gpu::ranks::Launch;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, bail};
@@ -12,6 +13,7 @@ use miette::{IntoDiagnostic, bail};
 use super::checkpoint::{Checkpoint, Identity};
 use super::config::{Precision, TrainConfig};
 use super::engine::{Preparation, State};
+use super::folder::{checkpoint_in, claim, clear};
 use super::given::Given;
 use super::log::Log;
 use super::place::{Engine, EngineBatch, open};
@@ -23,6 +25,7 @@ use crate::eval::errors;
 use crate::model::Model;
 use crate::range::Range;
 use crate::simulator::{Simulator, Training};
+use crate::start::Start;
 
 /// Exit code after Ctrl-C, as shells use it.
 const INTERRUPTED: u8 = 130;
@@ -32,11 +35,6 @@ const AGREE_EVERY: u64 = 16;
 
 /// Steps during which kernels are compiled and room is made, so that they say nothing of the others.
 const FIRST: u64 = 50;
-
-/// The checkpoint of a training in `folder`.
-pub fn checkpoint_in(folder: &Path) -> PathBuf {
-    folder.join("checkpoint.bin")
-}
 
 /// What the next step learns from.
 enum Work {
@@ -176,6 +174,41 @@ impl Sitting {
             folder: folder.to_owned(),
             bar,
         })
+    }
+
+    /// Takes the folder, where this is the process that writes; the files of an old training there go,
+    /// unless this one goes on with it. What would stop the training only later is looked for first, so
+    /// that nothing is lost or written for a training that cannot be.
+    pub fn take_folder(&self, resume: bool) -> miette::Result<Option<TrajectoryLock>> {
+        if self.ranks.rank() > 0 {
+            return Ok(None);
+        }
+        self.check_validation()?;
+        let lock = claim(&self.folder)?;
+        if !resume {
+            clear(&self.folder)?;
+        }
+        Ok(Some(lock))
+    }
+
+    /// Starts the rollouts of all validation files.
+    fn check_validation(&self) -> miette::Result<()> {
+        let simulator = self.simulator(self.engine.model()?);
+        for path in &self.valid {
+            let start = Start::from_trajectory(path, 0, &simulator)?;
+            let given = start.positions.len();
+            if start.frames <= given {
+                bail!(
+                    help = "take it out of valid/, or simulate it for longer",
+                    "{}: a rollout starts from {given} frames, {} s apart, and has to predict at least one \
+                     more, but the file has only {}",
+                    path.display(),
+                    self.frame_interval,
+                    start.frames
+                );
+            }
+        }
+        Ok(())
     }
 
     /// Trains to the end or until `interrupted`.
