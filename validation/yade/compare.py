@@ -81,21 +81,21 @@ def main():
             (folder / name).write_text(text)
             return folder / name
 
-        def dempm(test, *more):
+        def dempm(test, output, *more):
             start = time.perf_counter()
-            command = [args.dempm, "element", str(test), *map(str, more)]
+            command = [args.dempm, "element", str(test), "-o", str(output), *map(str, more)]
             subprocess.run(command, check=True, env=environment, stderr=subprocess.DEVNULL)
             return time.perf_counter() - start
 
         packing = folder / "packing.csv"
-        dempm(write("make.toml", "", 1e-4), "--dump-packing", packing)
+        dempm(write("make.toml", "", 1e-4), folder / "made.csv", "--dump-packing", packing)
         # The time to start and to read is measured by a path of one macro step.
         loaded = 'packing = "packing.csv"'
-        idle = dempm(write("idle.toml", loaded, 1e-4))
+        idle = dempm(write("idle.toml", loaded, 1e-4), folder / "idle.csv")
         test = write("ours.toml", loaded, STRAIN)
         speeds = {}
         for precision in ["f32", "f64"]:
-            seconds = dempm(test, "-o", folder / f"{precision}.csv", "--precision", precision)
+            seconds = dempm(test, folder / f"{precision}.csv", "--precision", precision)
             disc_steps = args.discs * substeps * STRAIN / SHEAR_RATE / MACRO_STEP
             speeds[precision] = disc_steps / (seconds - idle)
 
