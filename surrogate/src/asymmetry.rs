@@ -62,8 +62,8 @@ pub fn mirror_difference(simulator: &Simulator, start: &Start) -> Option<Apart> 
     Some(Apart { frames, ratio: apart / motion.max(usual) })
 }
 
-/// Left and right exchanged.
-fn image(start: &Start) -> Start {
+/// A start with left and right exchanged.
+pub fn image(start: &Start) -> Start {
     let mut image = start.clone();
     let width = start.scene.domain.size[0];
     image.positions.iter_mut().flatten().for_each(|x| x[0] = width - x[0]);

@@ -2,7 +2,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use surrogate::asymmetry::asymmetry;
+use surrogate::asymmetry::{asymmetry, image};
 use surrogate::simulator::Simulator;
 use surrogate::start::{Start, stride};
 
@@ -42,8 +42,8 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let direct = Direct::run("column", &scene, interval, frames)?;
     let mut study = Study {
         method: format!(
-            "A column of 0.75 m collapses for {duration} s. Noise is independent in every frame and \
-             point, so that velocities are disturbed by 1.4 times as much per frame. Failure: an \
+            "A column of 0.75 m collapses for {duration} s. Noise is independent in every given \
+             frame and point, so that velocities between those are disturbed by 1.4 times as much per frame. Failure: an \
              error, or a prediction wrong by more than {WRONG} of the motion. Mirror images should \
              move as mirror images: gravity is symmetric. A model only takes frames of its own \
              interval."
@@ -104,8 +104,7 @@ fn images(
     frames: usize,
 ) -> Result<[Rolled; 2], StudyError> {
     let start = direct.start(simulator)?;
-    let image = Start { positions: mirrored(&start.positions), ..direct.start(simulator)? };
-    let mut reflected = roll(simulator, &image, frames);
+    let mut reflected = roll(simulator, &image(&start), frames);
     reflected.positions = mirrored(&reflected.positions);
     Ok([roll(simulator, &start, frames), reflected])
 }
