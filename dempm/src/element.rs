@@ -12,6 +12,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::overwrite::refuse_input;
+use crate::scene::parameters::outside;
 use crate::trajectory::{WriteError, check_writable, write_atomically};
 use crate::watch;
 
@@ -180,6 +181,9 @@ fn read_test(path: &Path) -> miette::Result<Test> {
         let span = e.span().unwrap_or(0..0);
         at(span, "here".into(), e.message().to_owned())
     })?;
+    if let Some(problem) = outside("rve", &test.rve) {
+        return Err(miette!("{}: {problem}", path.display()));
+    }
     for (key, value) in [("macro_step", &test.macro_step), ("sampling", &test.sampling)] {
         if !(*value.get_ref() > 0.0 && value.get_ref().is_finite()) {
             return Err(at(value.span(), key.into(), format!("{key} must be positive")));

@@ -112,3 +112,16 @@ fn errors_name_file_and_key() {
     fs::write(folder.path().join("bad.csv"), "H,0.1,0,0,0.1\n0.05,0.05\n").unwrap();
     fails(&format!("packing = \"bad.csv\"\n{TEST}"), ["bad.csv", "line 2"]);
 }
+
+/// Packings have the limits that those of scenes have.
+#[test]
+fn a_packing_that_cannot_be_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (key, number) in
+        [("rve.discs", "discs = 0"), ("rve.friction", "discs = 40\nfriction = -1.0")]
+    {
+        fs::write(folder.path().join("test.toml"), TEST.replace("discs = 40", number)).unwrap();
+        let refused = contains("test.toml").and(contains(key)).and(contains("must be"));
+        element(folder.path()).arg("test.toml").assert().failure().stderr(refused);
+    }
+}

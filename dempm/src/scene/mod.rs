@@ -9,7 +9,7 @@ mod estimate;
 mod geometry;
 mod log;
 mod model;
-mod parameters;
+pub(crate) mod parameters;
 mod points;
 mod problem;
 mod range;

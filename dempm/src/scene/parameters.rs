@@ -45,6 +45,24 @@ fn fill(table: Table<'_>, values: &mut toml::Table) {
     table.finish();
 }
 
+/// The first number of some parameters that is outside of its limits, by its key, and what it has to be.
+pub(crate) fn outside(path: &str, parameters: &impl Serialize) -> Option<String> {
+    fn first(path: &str, values: &toml::Table) -> Option<String> {
+        values.iter().find_map(|(key, value)| {
+            let path = format!("{path}.{key}");
+            let number = match value {
+                Value::Table(values) => return first(&path, values),
+                Value::Float(number) => *number,
+                Value::Integer(number) => *number as f64,
+                _ => return None,
+            };
+            let problem = limits(&path).check(number).err()?;
+            Some(format!("`{path}` is {number}, it {problem}"))
+        })
+    }
+    first(path, &toml::Table::try_from(parameters).ok()?)
+}
+
 fn limits(path: &str) -> Limits {
     let listed = LIMITS.iter().find(|(name, _)| *name == path);
     listed.map_or(within(f64::MAX, ""), |(_, limits)| *limits)
