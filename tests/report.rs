@@ -295,6 +295,7 @@ fn a_section_that_there_is_not_is_refused() {
     assert_eq!(output.status.code(), Some(1));
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(error.contains("`scalling`") && error.contains("Table 7"), "{error}");
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
 }
 
 /// Says in the page's own text what a browser finds wrong with it.

@@ -90,12 +90,6 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
         .into_diagnostic()
         .wrap_err("cannot handle Ctrl-C")?;
-    let mut context = context(args, interrupted)?;
-    let wanted = |section: &dyn Section| {
-        let title = section.title().to_lowercase();
-        let named = |part: &String| title.contains(&part.to_lowercase());
-        section.always() || args.only.is_empty() || args.only.iter().any(named)
-    };
     let chapters = sections::all();
     let titles: Vec<&str> =
         chapters.iter().flat_map(|c| &c.sections).map(|section| section.title()).collect();
@@ -104,6 +98,12 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
             bail!(help = titles.join("\n"), "--only: no section has `{part}` in its title");
         }
     }
+    let mut context = context(args, interrupted)?;
+    let wanted = |section: &dyn Section| {
+        let title = section.title().to_lowercase();
+        let named = |part: &String| title.contains(&part.to_lowercase());
+        section.always() || args.only.is_empty() || args.only.iter().any(named)
+    };
     let mut written = Vec::new();
     let mut absent = Vec::new();
     // What is to be computed, and its place in the report.
