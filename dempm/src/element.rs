@@ -12,8 +12,9 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::overwrite::refuse_input;
+use crate::run::default_output;
 use crate::scene::parameters::outside;
-use crate::trajectory::{WriteError, check_writable, write_atomically};
+use crate::trajectory::{check_writable, write_text};
 use crate::watch;
 
 /// Drive one RVE along a path, as an element test in a laboratory.
@@ -73,10 +74,10 @@ fn default_macro_step() -> Spanned<f64> {
 /// When a file cannot be read or written, the test is wrong, or a stage fails.
 pub fn element(args: &ElementArgs) -> miette::Result<()> {
     let test = read_test(&args.test)?;
-    let output = args.output.clone().unwrap_or_else(|| default_output(&args.test));
+    let output = args.output.clone().unwrap_or_else(|| default_output(&args.test, ".csv"));
     // Before the minutes that a path can take.
     for path in [Some(&output), args.dump_packing.as_ref()].into_iter().flatten() {
-        refuse_input(path, &[&args.test])?;
+        refuse_input(path, [&args.test])?;
         check_writable(path)?;
     }
     let mut packing = match &test.packing {
@@ -93,7 +94,7 @@ pub fn element(args: &ElementArgs) -> miette::Result<()> {
         packing.solid_fraction()
     );
     if let Some(path) = &args.dump_packing {
-        write(path, &packing_csv(&packing))?;
+        write_text(path, &packing_csv(&packing))?;
     }
     let rows = match args.precision {
         Precision::F32 => run::<f32>(&test, &packing),
@@ -105,16 +106,9 @@ pub fn element(args: &ElementArgs) -> miette::Result<()> {
     if let Some(doubt) = doubt.filter(|_| args.precision == Precision::F32) {
         eprintln!("{doubt}");
     }
-    write(&output, &path_csv(&rows))?;
+    write_text(&output, &path_csv(&rows))?;
     eprintln!("wrote {}", output.display());
     Ok(())
-}
-
-/// The test's name with `.csv`, in the current directory.
-fn default_output(test: &Path) -> PathBuf {
-    let mut name = test.file_stem().unwrap_or_default().to_owned();
-    name.push(".csv");
-    PathBuf::from(name)
 }
 
 fn run<R: Real>(test: &Test, packing: &Packing<f64>) -> miette::Result<Vec<Row>> {
@@ -265,9 +259,4 @@ fn path_csv(rows: &[Row]) -> String {
         text += "\n";
     }
     text
-}
-
-fn write(path: &Path, text: &str) -> Result<(), WriteError> {
-    let failed = |source| WriteError { path: path.to_owned(), action: "write it", source };
-    write_atomically(path, |temporary| std::fs::write(temporary, text).map_err(failed))
 }

@@ -8,9 +8,11 @@ use miette::bail;
 ///
 /// # Errors
 /// If it is, by whatever path.
-pub fn refuse_input(output: &Path, inputs: &[&Path]) -> miette::Result<()> {
-    let Ok(target) = output.canonicalize() else { return Ok(()) };
-    if inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == target)) {
+pub fn refuse_input(
+    output: &Path,
+    inputs: impl IntoIterator<Item = impl AsRef<Path>>,
+) -> miette::Result<()> {
+    if inputs.into_iter().any(|input| is_same(output, input.as_ref())) {
         bail!(
             help = "give -o another name",
             "{}: is what is read, and would be replaced",
@@ -18,6 +20,11 @@ pub fn refuse_input(output: &Path, inputs: &[&Path]) -> miette::Result<()> {
         );
     }
     Ok(())
+}
+
+/// Whether two paths are of one file, which is there.
+pub fn is_same(one: &Path, other: &Path) -> bool {
+    one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
 }
 
 #[cfg(test)]
@@ -30,9 +37,9 @@ mod tests {
         let [scene, other] = ["scene.toml", "other.h5"].map(|name| folder.path().join(name));
         std::fs::write(&scene, "").unwrap();
         let around = folder.path().join(".").join("scene.toml");
-        assert!(refuse_input(&around, &[&other, &scene]).is_err());
-        assert!(refuse_input(&other, &[&scene]).is_ok());
+        assert!(refuse_input(&around, [&other, &scene]).is_err());
+        assert!(refuse_input(&other, [&scene]).is_ok());
         std::fs::write(&other, "").unwrap();
-        assert!(refuse_input(&other, &[&scene]).is_ok());
+        assert!(refuse_input(&other, [&scene]).is_ok());
     }
 }

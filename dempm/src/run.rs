@@ -38,7 +38,7 @@ pub struct RunArgs {
 }
 
 /// Exit code after Ctrl-C, as shells use it.
-pub(crate) const INTERRUPTED: u8 = 130;
+pub const INTERRUPTED: u8 = 130;
 
 /// Runs a scene; as one of several ranks if a launcher started more than one.
 ///
@@ -53,9 +53,9 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
     }
     let output = match &args.output {
         Some(path) => path.clone(),
-        None => default_output(&args.scene),
+        None => default_output(&args.scene, ".h5"),
     };
-    refuse_input(&output, &[&args.scene])?;
+    refuse_input(&output, [&args.scene])?;
     let Place { device, ranks } = place(&scene, args.device, &launch)?;
     let bars = MultiProgress::new();
     if !speaks {
@@ -87,11 +87,11 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
     }
 }
 
-/// The scene's name with `.h5`, in the current directory. The name may have dots of its own:
+/// The name of an input with another ending, in the current directory. The name may have dots of its own:
 /// `cell-0.125.toml`.
-fn default_output(scene: &Path) -> PathBuf {
-    let mut name = scene.file_stem().unwrap_or_default().to_owned();
-    name.push(".h5");
+pub(crate) fn default_output(input: &Path, ending: &str) -> PathBuf {
+    let mut name = input.file_stem().unwrap_or_default().to_owned();
+    name.push(ending);
     PathBuf::from(name)
 }
 
@@ -120,7 +120,10 @@ fn place(scene: &Scene, device: Device, launch: &Launch) -> miette::Result<Place
 }
 
 /// A flag that Ctrl-C and requests to terminate set.
-pub(crate) fn interrupt_flag() -> miette::Result<Arc<AtomicBool>> {
+///
+/// # Errors
+/// If the process has one already.
+pub fn interrupt_flag() -> miette::Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&interrupted);
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
@@ -130,7 +133,10 @@ pub(crate) fn interrupt_flag() -> miette::Result<Arc<AtomicBool>> {
 }
 
 /// The value of `--checkpoint-interval`.
-pub(crate) fn checkpoint_interval(seconds: f64) -> miette::Result<Duration> {
+///
+/// # Errors
+/// If it is no time.
+pub fn checkpoint_interval(seconds: f64) -> miette::Result<Duration> {
     Duration::try_from_secs_f64(seconds).into_diagnostic().wrap_err("--checkpoint-interval")
 }
 
@@ -140,7 +146,8 @@ mod tests {
 
     #[test]
     fn scenes_whose_names_differ_after_a_dot_have_files_of_their_own() {
-        assert_eq!(default_output(Path::new("a/column.toml")), Path::new("column.h5"));
-        assert_eq!(default_output(Path::new("cell-0.125.toml")), Path::new("cell-0.125.h5"));
+        let default = |scene| default_output(Path::new(scene), ".h5");
+        assert_eq!(default("a/column.toml"), Path::new("column.h5"));
+        assert_eq!(default("cell-0.125.toml"), Path::new("cell-0.125.h5"));
     }
 }

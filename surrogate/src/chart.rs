@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use dempm::trajectory::{WriteError, write_atomically};
+use dempm::trajectory::{WriteError, write_text};
 use plotters::prelude::*;
 use plotters::style::{RGBColor, register_font};
 
@@ -65,11 +65,7 @@ impl Chart {
     pub fn write(&self, path: &Path) -> Result<(), ChartError> {
         let mut text = String::new();
         self.draw(&mut text).map_err(|error| ChartError::Draw(error.to_string()))?;
-        write_atomically(path, |temporary| {
-            std::fs::write(temporary, text).map_err(|source| {
-                WriteError { path: path.to_owned(), action: "write it", source }.into()
-            })
-        })
+        Ok(write_text(path, &text)?)
     }
 
     fn draw(&self, text: &mut String) -> Result<(), Box<dyn std::error::Error + '_>> {

@@ -4,11 +4,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use dempm::device::Device;
 use dempm::overwrite::refuse_input;
+use dempm::run::{INTERRUPTED, interrupt_flag};
 use dempm::scene::Scene;
 use dempm::trajectory::{Frame, TrajectoryLock, TrajectoryWriter};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -254,9 +255,6 @@ pub struct RolloutArgs {
     overwrite: bool,
 }
 
-/// Exit code after Ctrl-C, as shells use it.
-const INTERRUPTED: u8 = 130;
-
 /// Rolls a model out into a trajectory file.
 ///
 /// # Errors
@@ -267,10 +265,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
     let inputs = [Some(&args.model), args.scene.as_ref(), args.from.as_ref()];
-    refuse_input(
-        &args.output,
-        &inputs.into_iter().flatten().map(PathBuf::as_path).collect::<Vec<_>>(),
-    )?;
+    refuse_input(&args.output, inputs.into_iter().flatten())?;
     let _lock = TrajectoryLock::take(&args.output)?;
     let (mirror, precision) = (args.mirror, args.precision);
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
@@ -280,7 +275,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
         (Some(path), _) => {
             let scene = Scene::load(path)?;
             let (own, asked) = (simulator.training.frame_interval, scene.frame_interval);
-            if (own - asked).abs() > 1e-6 * own {
+            if !simulator.training.is_interval(asked) {
                 eprintln!("frames are {own} s apart, as the model's, not {asked} s as the scene's");
             }
             Start::from_scene(scene, &simulator)?
@@ -292,11 +287,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if frames < start.positions.len() {
         bail!("--frames {frames}: the model starts from {} frames", start.positions.len());
     }
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&interrupted);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-        .into_diagnostic()
-        .wrap_err("cannot handle Ctrl-C")?;
+    let interrupted = interrupt_flag()?;
 
     for doubt in doubts(&simulator, &start).into_iter().chain(asymmetry(&simulator, &start)) {
         eprintln!("{doubt}");

@@ -15,6 +15,7 @@ use crate::features::{Normalisation, Window, mirrored_obstacle, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
 use crate::range::Range;
+use crate::start::ROUNDING;
 use crate::train::Precision;
 use crate::weights::{self, WeightsError};
 
@@ -43,6 +44,11 @@ impl Training {
     pub fn untrained(frame_interval: f64, without_gravity: bool) -> Self {
         let (before_start, steps, range, accuracy) = (0, 0, None, None);
         Self { frame_interval, without_gravity, before_start, steps, range, accuracy }
+    }
+
+    /// Whether frames so far apart (s) are those that it was trained on, but for rounding.
+    pub fn is_interval(&self, interval: f64) -> bool {
+        (interval - self.frame_interval).abs() <= ROUNDING * self.frame_interval
     }
 }
 

@@ -11,7 +11,7 @@ use crate::node_features::{Missing, static_features};
 use crate::simulator::Simulator;
 
 /// Relative difference of times that is rounding.
-const ROUNDING: f64 = 1e-6;
+pub(crate) const ROUNDING: f64 = 1e-6;
 
 /// Frames as a model wants them, and where they came from.
 #[derive(Clone)]

@@ -70,7 +70,7 @@ pub fn stats(args: &StatsArgs) -> miette::Result<()> {
 fn add_range(data: &DataSet, path: &Path) -> miette::Result<()> {
     let mut simulator = Simulator::load(path)?;
     let (found, needed) = (data.frame_interval(), simulator.training.frame_interval);
-    if (found - needed).abs() > 1e-6 * needed {
+    if !simulator.training.is_interval(found) {
         bail!(
             help = "--stride N takes every n-th frame of the data",
             "{}: trained on frames {needed} s apart, but these are {found} s apart",

@@ -29,6 +29,12 @@ pub struct CompareArgs {
 /// # Errors
 /// If a file cannot be read, begins with other material or has no time in common.
 pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
+    for path in args.runs.iter().chain([&args.truth]) {
+        let file = Trajectory::open(path)?;
+        if file.status() != "finished" {
+            eprintln!("{}: {}, {} frames", path.display(), file.status(), file.frames());
+        }
+    }
     let rows = args.runs.iter().map(|run| rows(run, &args.truth));
     let rows = rows.collect::<miette::Result<String>>()?;
     println!("Differences from {}:\n", args.truth.display());
@@ -45,12 +51,6 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
 
 fn rows(run: &Path, truth: &Path) -> miette::Result<String> {
     let found = difference(run, truth)?;
-    for path in [run, truth] {
-        let file = Trajectory::open(path)?;
-        if file.status() != "finished" {
-            eprintln!("{}: {}, {} frames", path.display(), file.status(), file.frames());
-        }
-    }
     if found.errors.is_empty() {
         let why = found.failure.as_deref().unwrap_or("they have no time in common");
         bail!("{} cannot be compared with {}: {why}", run.display(), truth.display());

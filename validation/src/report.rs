@@ -6,10 +6,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use dempm::device::Device;
+use dempm::run::{INTERRUPTED, interrupt_flag};
 use dempm::trajectory::write_atomically;
 use miette::{IntoDiagnostic, WrapErr, bail};
 
@@ -53,9 +54,6 @@ pub struct ReportArgs {
     note: Option<String>,
 }
 
-/// Exit code after Ctrl-C, as shells use it.
-const INTERRUPTED: u8 = 130;
-
 /// The fact that stands at the beginning of the page.
 pub const NOTE: &str = "note";
 
@@ -85,24 +83,19 @@ impl WrittenSection {
 /// # Errors
 /// If folders cannot be read or written. What cannot be computed is said in the report.
 pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&interrupted);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-        .into_diagnostic()
-        .wrap_err("cannot handle Ctrl-C")?;
+    let interrupted = interrupt_flag()?;
     let chapters = sections::all();
     let titles: Vec<&str> =
         chapters.iter().flat_map(|c| &c.sections).map(|section| section.title()).collect();
     for part in &args.only {
-        if !titles.iter().any(|title| title.to_lowercase().contains(&part.to_lowercase())) {
+        if !titles.iter().any(|title| is_named(title, part)) {
             bail!(help = titles.join("\n"), "--only: no section has `{part}` in its title");
         }
     }
     let mut context = context(args, interrupted)?;
     let wanted = |section: &dyn Section| {
-        let title = section.title().to_lowercase();
-        let named = |part: &String| title.contains(&part.to_lowercase());
-        section.always() || args.only.is_empty() || args.only.iter().any(named)
+        let named = args.only.iter().any(|part| is_named(section.title(), part));
+        section.always() || args.only.is_empty() || named
     };
     let mut written = Vec::new();
     let mut absent = Vec::new();
@@ -161,6 +154,11 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
 }
 
 /// Computes a section; none if the user interrupts.
+/// Whether a part of `--only` names a section.
+fn is_named(title: &str, part: &str) -> bool {
+    title.to_lowercase().contains(&part.to_lowercase())
+}
+
 fn compute(section: &dyn Section, context: &mut Context) -> Option<Computed> {
     let began = Instant::now();
     let (blocks, failed) = match section.run(context) {

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use dempm::run::INTERRUPTED;
 use dempm::trajectory::{Trajectory, write_atomically};
 use miette::{IntoDiagnostic, WrapErr};
 use rayon::ThreadPoolBuilder;
@@ -88,9 +89,6 @@ struct Killed {
     program: String,
     status: String,
 }
-
-/// Exit code of a program after Ctrl-C or a request to terminate.
-const INTERRUPTED: i32 = 130;
 
 /// The directory, and who runs the programs.
 pub struct Work {
@@ -374,7 +372,7 @@ impl Work {
             std::thread::sleep(Duration::from_millis(50));
         };
         self.check()?;
-        if matches!(status.code(), None | Some(INTERRUPTED)) {
+        if status.code().is_none_or(|code| code == i32::from(INTERRUPTED)) {
             return Err(
                 Killed { program: job.program.to_owned(), status: status.to_string() }.into()
             );

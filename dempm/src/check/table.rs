@@ -120,8 +120,7 @@ impl Needs {
         cost.push(Row("trajectory", bytes(self.output), "before compression".into()));
         cost.push(Row("time", duration(self.seconds), "estimate".into()));
         let sections = [("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];
-        let mut sections: Vec<_> =
-            sections.into_iter().map(|(heading, rows)| (heading.to_owned(), rows)).collect();
+        let mut sections = Vec::from(sections.map(|(heading, rows)| (heading.to_owned(), rows)));
         // Only packings have cheaper settings.
         if let Some(rve) = &self.rve {
             sections.extend(cheaper(rve.discs));

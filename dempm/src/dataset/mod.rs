@@ -72,11 +72,6 @@ impl Case {
         folder.join(self.split.name()).join(format!("{}.h5", self.name))
     }
 
-    /// Its split and name, `train/000`.
-    pub fn full_name(&self) -> String {
-        format!("{}/{}", self.split.name(), self.name)
-    }
-
     /// Points times steps, a measure of its cost.
     fn work(&self) -> u64 {
         self.scene.point_count() as u64 * self.scene.steps() as u64
@@ -123,7 +118,7 @@ pub fn dataset(args: &DatasetArgs) -> miette::Result<ExitCode> {
         work::Done::Failed(names) => names,
     };
     // Some damage shows only to who reads every frame.
-    let damaged = rows.iter().filter(|row| row.damaged).map(report::Row::full_name);
+    let damaged = rows.iter().filter(|row| row.damaged).map(|row| row.split.case(&row.name));
     failed.extend(damaged.filter(|name| !failed.contains(name)).collect::<Vec<_>>());
     if failed.is_empty() { Ok(ExitCode::SUCCESS) } else { bail!("failed: {}", failed.join(", ")) }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::{Case, DatasetError, Split};
 use crate::record::STABLE_STEP;
-use crate::trajectory::{Field, Trajectory, WriteError, write_atomically};
+use crate::trajectory::{Field, Trajectory, WriteError, write_text};
 
 /// One scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,10 +30,6 @@ impl Row {
     /// Whether the run has come to its end.
     pub fn is_finished(&self) -> bool {
         self.seconds.is_some()
-    }
-
-    pub fn full_name(&self) -> String {
-        format!("{}/{}", self.split.name(), self.name)
     }
 
     /// What the scene says, and what its file adds.
@@ -150,7 +146,7 @@ pub fn table(rows: &[Row]) -> String {
     let mut lines = vec![head.map(str::to_owned)];
     lines.extend(rows.iter().map(|row| {
         [
-            row.full_name(),
+            row.split.case(&row.name),
             row.points.to_string(),
             row.discs.to_string(),
             row.steps.to_string(),
@@ -193,10 +189,7 @@ pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), WriteError> {
         ];
         text += &(fields.join(",") + "\n");
     }
-    write_atomically(path, |temporary| {
-        let failed = |source| WriteError { path: path.to_owned(), action: "write it", source };
-        std::fs::write(temporary, &text).map_err(failed)
-    })
+    write_text(path, &text)
 }
 
 /// A text as a field of a CSV file (RFC 4180).

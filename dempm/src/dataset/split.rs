@@ -24,6 +24,11 @@ impl Split {
             Self::Test => "test",
         }
     }
+
+    /// One of its cases, as `train/000`.
+    pub fn case(self, name: &str) -> String {
+        format!("{}/{name}", self.name())
+    }
 }
 
 /// The trajectory files of a data set, by split.

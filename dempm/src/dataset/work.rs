@@ -44,13 +44,13 @@ pub fn run(
 ) -> miette::Result<Done> {
     let (mut open, mut failed) = (Vec::new(), Vec::new());
     for case in cases {
-        match is_complete(case, folder) {
-            _ if options.overwrite => open.push(case),
+        let complete = if options.overwrite { Ok(false) } else { is_complete(case, folder) };
+        match complete {
             Ok(true) => {}
             Ok(false) => open.push(case),
             // One damaged file is no reason not to make the others.
             Err(error @ DatasetError::Damaged { .. }) => {
-                failed.push(case.full_name());
+                failed.push(case.split.case(&case.name));
                 eprintln!("{:?}", Report::new(error));
             }
             Err(error) => return Err(error.into()),
@@ -142,7 +142,7 @@ impl Queue<'_> {
                 bars: self.bars.clone(),
                 total: Some(self.total.clone()),
             };
-            let name = case.full_name();
+            let name = case.split.case(&case.name);
             match sit(case.scene.clone(), output, &sitting, interrupted) {
                 Ok(Outcome::Finished(_)) => self.say(&format!("{name} done")),
                 Ok(Outcome::Interrupted { step, steps }) => {

@@ -79,7 +79,7 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
         Format::Gns => folder_beside(&args.file, "gns"),
         Format::Lagrangebench => folder_beside(&args.file, "lagrangebench"),
     });
-    refuse_input(&output, &[&args.file])?;
+    refuse_input(&output, [&args.file])?;
     let open = || Trajectory::open(&args.file);
     match args.to {
         Format::Vtk => vtp::write(&open()?, &output)?,

@@ -60,14 +60,14 @@ pub fn plot(args: &PlotArgs) -> miette::Result<()> {
         bail!("{}: there are no frames yet, so there is nothing to draw", args.file.display());
     }
     if let Some(output) = &args.animate {
-        refuse_input(output, &[&args.file])?;
+        refuse_input(output, [&args.file])?;
         animation::animate(&trajectory, args, output)?;
         println!("{}", output.display());
     }
     // Who asks for an animation only does not want a picture beside it.
     if args.animate.is_none() || args.output.is_some() {
         let output = args.output.clone().unwrap_or_else(|| args.file.with_extension("png"));
-        refuse_input(&output, &[&args.file])?;
+        refuse_input(&output, [&args.file])?;
         if output.extension().is_some_and(|suffix| !suffix.eq_ignore_ascii_case("png")) {
             bail!("{}: pictures are PNG; --animate makes GIF and MP4", output.display());
         }

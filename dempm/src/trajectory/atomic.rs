@@ -50,6 +50,14 @@ pub fn write_atomically<T, E: From<WriteError>>(
     Ok(value)
 }
 
+/// Writes a file whose contents are all there.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_text(path: &Path, text: &str) -> Result<(), WriteError> {
+    write_atomically(path, |temporary| fs::write(temporary, text).map_err(failed(path, "write it")))
+}
+
 /// Says before the work is done whether [`write_atomically`] would find a place for its result.
 ///
 /// # Errors

@@ -19,7 +19,7 @@ mod write_through;
 mod writer;
 
 pub(crate) use atomic::beside;
-pub use atomic::{WriteError, check_writable, write_atomically};
+pub use atomic::{WriteError, check_writable, write_atomically, write_text};
 pub use clock::utc_now;
 pub use error::{Result, TrajectoryError};
 pub use frame::{Frame, Points};

@@ -5,8 +5,8 @@ use std::mem::ManuallyDrop;
 use std::ops::Deref;
 use std::path::Path;
 
-use hdf5::File;
 use hdf5::file::FileAccessBuilder;
+use hdf5::{File, FileBuilder};
 
 /// An HDF5 file being written, which says at once when the disk does not take it.
 ///
@@ -25,11 +25,9 @@ impl WriteThrough {
         path: &Path,
         choose: impl Fn(&mut FileAccessBuilder) -> &mut FileAccessBuilder,
     ) -> hdf5::Result<Self> {
-        let file = File::with_options()
-            .with_fapl(|access| choose(keep_nothing_back(access)))
-            // Same run, same bytes: no time stamps.
-            .with_fcpl(|create| create.obj_track_times(false))
-            .create(path)?;
+        // Same run, same bytes: no time stamps.
+        let mut options = options(choose);
+        let file = options.with_fcpl(|create| create.obj_track_times(false)).create(path)?;
         Ok(Self(ManuallyDrop::new(file)))
     }
 
@@ -38,10 +36,7 @@ impl WriteThrough {
         path: &Path,
         choose: impl Fn(&mut FileAccessBuilder) -> &mut FileAccessBuilder,
     ) -> hdf5::Result<Self> {
-        let file = File::with_options()
-            .with_fapl(|access| choose(keep_nothing_back(access)))
-            .open_rw(path)?;
-        Ok(Self(ManuallyDrop::new(file)))
+        Ok(Self(ManuallyDrop::new(options(choose).open_rw(path)?)))
     }
 
     /// Writes what is left, the metadata, and closes the file.
@@ -60,9 +55,11 @@ impl Deref for WriteThrough {
     }
 }
 
-/// No cache of chunks, no buffer for what is not in chunks.
-fn keep_nothing_back(access: &mut FileAccessBuilder) -> &mut FileAccessBuilder {
-    access.chunk_cache(0, 0, 0.0).sieve_buf_size(0)
+/// How files are opened: no cache of chunks, no buffer for what is not in chunks, and what `choose` adds.
+fn options(choose: impl Fn(&mut FileAccessBuilder) -> &mut FileAccessBuilder) -> FileBuilder {
+    let mut options = File::with_options();
+    options.with_fapl(|access| choose(access.chunk_cache(0, 0, 0.0).sieve_buf_size(0)));
+    options
 }
 
 /// Why the system refused something to HDF5, if it was the system.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError, WriteError, write_atomically};
+use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError, write_text};
 use miette::{Context, IntoDiagnostic, bail};
 
 use self::tables::{chart, frames_table, report, summary_table};
@@ -200,14 +200,4 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
 
 fn name(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-fn write_text(path: &Path, text: &str) -> Result<(), WriteError> {
-    write_atomically(path, |temporary| {
-        std::fs::write(temporary, text).map_err(|source| WriteError {
-            path: path.to_owned(),
-            action: "write it",
-            source,
-        })
-    })
 }

@@ -10,9 +10,6 @@ use crate::model::Start;
 use crate::range::Range;
 use crate::simulator::Simulator;
 
-/// Relative difference of times that is rounding.
-const ROUNDING: f64 = 1e-6;
-
 /// The model that a training starts from. Its network goes on to see what it has always seen: it keeps
 /// its normalisation, whatever the new data are.
 pub struct Given {
@@ -46,7 +43,7 @@ impl Given {
     pub fn check(&self, config: &TrainConfig, interval: f64) -> miette::Result<()> {
         let path = self.path.display();
         let was = &self.simulator.training;
-        if (was.frame_interval - interval).abs() > ROUNDING * interval {
+        if !was.is_interval(interval) {
             bail!(
                 help = "`data.stride` takes every n-th frame of the data",
                 "`start` = {path}: the network was trained on frames {} s apart, these are {interval} s \

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use dempm::trajectory::{WriteError, write_atomically};
+use dempm::trajectory::write_text;
 use plotters::prelude::SeriesLabelPosition;
 use serde::{Deserialize, Serialize};
 
@@ -67,14 +67,7 @@ impl Log {
             let _ = writeln!(validations, "{step},{mse:.6e}");
         }
         for (name, text) in [("log.csv", losses), ("validation.csv", validations)] {
-            let path = folder.join(name);
-            write_atomically(&path, |temporary| {
-                std::fs::write(temporary, text).map_err(|source| WriteError {
-                    path: path.clone(),
-                    action: "write it",
-                    source,
-                })
-            })?;
+            write_text(&folder.join(name), &text)?;
         }
         self.chart().write(&folder.join("loss.svg"))
     }

@@ -18,14 +18,13 @@ mod schedule;
 mod sitting;
 mod tcp;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 use dempm::device::Device;
-use miette::{Context, IntoDiagnostic, bail};
+use dempm::overwrite::is_same;
+use dempm::run::{checkpoint_interval, interrupt_flag};
+use miette::bail;
 
 pub use self::config::{ConfigError, Precision, TrainConfig};
 pub use self::parameters::{gradients, weights, with_weights};
@@ -64,17 +63,11 @@ pub struct TrainArgs {
 /// A wrong configuration, unusable data, a training that diverges or a file that cannot be written.
 pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
     let config = TrainConfig::load(&args.config)?;
-    let interval = Duration::try_from_secs_f64(args.checkpoint_interval)
-        .into_diagnostic()
-        .wrap_err("--checkpoint-interval")?;
+    let interval = checkpoint_interval(args.checkpoint_interval)?;
     if !args.resume {
         check_folder(args, &config)?;
     }
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&interrupted);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-        .into_diagnostic()
-        .wrap_err("cannot handle Ctrl-C")?;
+    let interrupted = interrupt_flag()?;
     let mut sitting = Sitting::start(args, config)?;
     let _lock = sitting.take_folder(args.resume)?;
     sitting.advance(&interrupted, interval)
@@ -93,9 +86,8 @@ fn check_folder(args: &TrainArgs, config: &TrainConfig) -> miette::Result<()> {
         };
         bail!(help = help, "{folder}: a training is there already");
     }
-    let real = |path: &Path| path.canonicalize().ok();
     if let Start::Weights(start) = &config.start
-        && folder::files_in(&args.output).any(|file| real(&file) == real(start))
+        && folder::files_in(&args.output).any(|file| is_same(&file, start))
     {
         bail!(
             help = "train into another folder, or copy the model to another place",

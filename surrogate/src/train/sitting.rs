@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use dempm::run::INTERRUPTED;
 use dempm::trajectory::TrajectoryLock;
 use gpu::ranks::Launch;
 use indicatif::ProgressBar;
@@ -26,9 +27,6 @@ use crate::model::Model;
 use crate::range::Range;
 use crate::simulator::{Simulator, Training};
 use crate::start::Start;
-
-/// Exit code after Ctrl-C, as shells use it.
-const INTERRUPTED: u8 = 130;
 
 /// Steps after which GPUs agree on whether to stop, since they wait for one another then.
 const AGREE_EVERY: u64 = 16;
