@@ -1,18 +1,19 @@
-//! What a simulation writes into its trajectory.
+//! Header and frames of a trajectory from a simulation.
 
 use std::collections::BTreeMap;
 
 use mpm::Mat2;
 
+use super::driver::Simulation;
+use super::state::{SceneMaterial, State};
 use crate::scene::{self, Precision};
-use crate::simulation::{SceneMaterial, Simulation, State};
 use crate::trajectory::{self, Field, Frame, Header};
 
-/// Budget scalar: the macro step up to which the grid is certain to be stable (s).
+/// Name of the budget scalar with the largest provably stable macro step (s).
 pub const STABLE_STEP: &str = "stable_step";
 
 impl Simulation {
-    /// The attributes of the trajectory of a run that began at `created` (UTC).
+    /// The header of the trajectory of a run that began at `created` (UTC, ISO 8601).
     pub fn header(&self, created: String) -> Header {
         let scene = &self.scene;
         let [width, height] = scene.domain.size;
@@ -24,7 +25,7 @@ impl Simulation {
             if rve.precision == Precision::F32 {
                 precision = "f32 (DEM), f64 (MPM)";
             }
-            // Stress scales with 1/thickness and cost with discs and substeps: say them plainly.
+            // Stress scales with 1/thickness, cost with discs and substeps.
             parameters.insert(text("rve_discs"), p.discs as f64);
             parameters.insert(text("rve_thickness"), p.thickness);
             parameters.insert(text("rve_step"), scene.step / p.substeps(scene.step) as f64);
@@ -55,13 +56,13 @@ impl Simulation {
         }
     }
 
-    /// What never changes of the points.
+    /// Properties of the points that never change.
     pub fn static_points(&self) -> trajectory::Points {
         let column = self.scene.points().column;
         trajectory::Points { mass: self.state.points.mass.clone(), column }
     }
 
-    /// The present state as the scene wants it recorded.
+    /// The present state with the fields that the scene asks for.
     pub fn frame(&self) -> Frame {
         let State { points, material, .. } = &self.state;
         let wanted = |field| self.scene.fields.contains(&field);
@@ -96,13 +97,13 @@ impl Simulation {
         }
     }
 
-    /// Obstacles and plate where they are now.
+    /// Obstacles and plate at the present time.
     fn boxes(&self) -> Vec<[f64; 4]> {
         let corners = |o: mpm::Obstacle| [o.min.x, o.min.y, o.max.x, o.max.y];
         self.solver.obstacles_at(self.time()).map(corners).collect()
     }
 
-    /// Scalars of the whole scene: budgets, front and height.
+    /// Scalars of the whole scene: energies, momentum, front, height and stable step.
     fn budget(&self) -> BTreeMap<String, f64> {
         let State { points, material, .. } = &self.state;
         let budget = self.solver.budget(points);
@@ -117,7 +118,7 @@ impl Simulation {
             ("plate_work".to_owned(), budget.contact.plate_work),
             ("points_projected".to_owned(), budget.contact.projected as f64),
         ]);
-        // Points that the solver itself would refuse have no stable step.
+        // There is no stable step for points that the solver would refuse.
         let stable = self.solver.stable_step(points, material.as_dyn());
         let (bound, courant) =
             stable.map_or((f64::NAN, f64::NAN), |s| (s.gershgorin, s.courant(self.scene.step)));

@@ -7,18 +7,19 @@ use dem::{Packing, Real, Rve, RveBatch, RveParameters, RveState};
 use mpm::{Mat2, Material, MaterialError};
 use serde::{Deserialize, Serialize};
 
+use crate::scene::Precision;
+
 /// One packing per material point.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct RveMaterial {
-    /// The packings; while they are on a GPU, as they were at the last checkpoint. Shared with
-    /// whoever writes that.
+    /// The packings; on a GPU, as of the last checkpoint. Shared with the thread that writes it.
     #[serde(with = "shared")]
     pub(crate) batch: Arc<Batch>,
     /// State of each RVE after the last step.
     pub(crate) states: Vec<RveState>,
     /// Volume of a point (m² per metre of depth) over the area of its cell (m²).
     pub(crate) volume_per_area: Vec<f64>,
-    /// Limits of the method met so far.
+    /// Events at the limits of the method so far.
     pub tally: Tally,
     /// Wall time spent in the RVEs.
     #[serde(skip)]
@@ -48,19 +49,20 @@ mod shared {
     }
 }
 
-/// Counts, over all steps, of what happened at the limits of the method.
+/// Counts over all RVE steps (one RVE in one macro step) of events at the limits of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tally {
-    /// RVE steps made, and those of stress-free RVEs.
+    /// RVE steps.
     pub steps: u64,
+    /// RVE steps of stress-free packings.
     pub free_steps: u64,
-    /// RVE steps in which a thin cell did not take the deviatoric part of the deformation.
+    /// RVE steps in which a cell was too thin to be sheared further.
     pub thin_steps: u64,
-    /// RVE steps with an overlap beyond the warning threshold.
+    /// RVE steps with an overlap above the warning threshold.
     pub overlap_steps: u64,
     /// Neighbour searches.
     pub searches: u64,
-    /// Largest overlap over the smaller radius.
+    /// Largest overlap, in units of the smaller radius.
     pub max_overlap: f64,
     /// Smallest perpendicular cell width (m).
     pub min_width: f64,
@@ -82,15 +84,14 @@ impl Default for Tally {
 
 impl RveMaterial {
     /// RVEs that start as `packings[p]`, for points of `volume[p]` (m² per metre of depth).
-    /// A stress-free RVE restarts from `fresh`.
+    /// A stress-free RVE that is compressed again restarts from `fresh`.
     pub fn new(
         parameters: &RveParameters,
-        precision: crate::scene::Precision,
+        precision: Precision,
         packings: &[&Packing<f64>],
         fresh: &Packing<f64>,
         volume: &[f64],
     ) -> Self {
-        use crate::scene::Precision;
         let area = packings.iter().map(|packing| packing.cell.area());
         Self {
             volume_per_area: volume.iter().zip(area).map(|(v, a)| v / a).collect(),
@@ -127,6 +128,7 @@ impl RveMaterial {
         }
     }
 
+    /// Parameters of the packings.
     pub fn parameters(&self) -> &RveParameters {
         match self.batch.as_ref() {
             Batch::F32(batch) => &batch.parameters,

@@ -1,24 +1,21 @@
-//! A simulation on an NVIDIA GPU. Points, grid and packings stay in device memory from frame to
-//! frame, and macro steps are replayed as a CUDA graph, without work of the host in between.
-
-mod ranked_batch;
-mod rve_material;
+//! Macro steps on a GPU, replayed as CUDA graphs.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use cudarc::driver::sys::{CUevent_flags, CUgraphInstantiate_flags, CUstreamCaptureMode};
+use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaEvent, CudaGraph};
 use dem::cuda::Room;
 use gpu::Device;
 use gpu::ranks::Ranks;
 use mpm::Solver;
-use mpm::cuda::{CudaDruckerPrager, CudaElastic, CudaError, CudaMaterial, CudaSolver};
+use mpm::cuda::{CudaError, CudaSolver};
 
+use super::material::DeviceMaterial;
+use super::timer::{elapsed, timer};
 use crate::scene::{Material, Scene};
-use crate::simulation::{SceneMaterial, SimulationError, State};
-use rve_material::CudaRveMaterial;
-pub use rve_material::{defines, source};
+use crate::simulation::error::SimulationError;
+use crate::simulation::state::{SceneMaterial, State};
 
 /// Macro steps in the longer of the two graphs.
 const STEPS_PER_GRAPH: usize = 25;
@@ -36,46 +33,6 @@ pub(crate) struct CudaSimulation {
     recorded: usize,
     /// Before and after the last step queued outside of a graph.
     events: [CudaEvent; 2],
-}
-
-/// The twin of [`SceneMaterial`].
-enum DeviceMaterial {
-    Rve(Box<CudaRveMaterial>),
-    MuI(CudaDruckerPrager),
-    Elastic(CudaElastic),
-}
-
-impl DeviceMaterial {
-    fn new(
-        device: &Arc<Device>,
-        material: &SceneMaterial,
-        room: Room,
-        ranks: Option<&Arc<Ranks>>,
-    ) -> Result<Self, SimulationError> {
-        Ok(match material {
-            SceneMaterial::Rve(rve) => {
-                Self::Rve(Box::new(CudaRveMaterial::new(device, rve, room, ranks)?))
-            }
-            SceneMaterial::MuI(law) => Self::MuI(CudaDruckerPrager::new(device, law)?),
-            SceneMaterial::Elastic(law) => Self::Elastic(CudaElastic::new(device, law)?),
-        })
-    }
-
-    fn as_dyn(&self) -> &dyn CudaMaterial {
-        match self {
-            Self::Rve(material) => material.as_ref(),
-            Self::MuI(material) => material,
-            Self::Elastic(material) => material,
-        }
-    }
-
-    fn as_dyn_mut(&mut self) -> &mut dyn CudaMaterial {
-        match self {
-            Self::Rve(material) => material.as_mut(),
-            Self::MuI(material) => material,
-            Self::Elastic(material) => material,
-        }
-    }
 }
 
 impl CudaSimulation {
@@ -216,13 +173,4 @@ impl CudaSimulation {
     fn time(&self) -> Result<Duration, gpu::Error> {
         elapsed(&self.events)
     }
-}
-
-fn timer(device: &Device) -> Result<[CudaEvent; 2], gpu::Error> {
-    let event = || device.context().new_event(Some(CUevent_flags::CU_EVENT_DEFAULT));
-    Ok([event()?, event()?])
-}
-
-fn elapsed([start, end]: &[CudaEvent; 2]) -> Result<Duration, gpu::Error> {
-    Ok(Duration::from_secs_f64(f64::from(start.elapsed_ms(end)?) * 1.0e-3))
 }

@@ -15,8 +15,8 @@ use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
 use mpm::{MaterialError, Numerics};
 
 use super::ranked_batch::RankedRveBatch;
-use super::{elapsed, timer};
-use crate::rve_material::{Batch, RveMaterial, Tally};
+use super::timer::{elapsed, timer};
+use crate::simulation::rve_material::{Batch, RveMaterial, Tally};
 
 /// The source of the kernel.
 pub fn source() -> String {

@@ -1,5 +1,5 @@
-//! The files of a run, written on a thread of their own: to compress frames and to flush files takes
-//! longer than a GPU takes from frame to frame.
+//! The thread that writes trajectory and checkpoints: compressing frames and flushing files takes
+//! longer than a GPU needs for a frame.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -7,26 +7,37 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use miette::Report;
-
-use crate::checkpoint;
+use super::checkpoint::{self, CheckpointError};
 use crate::simulation::State;
-use crate::trajectory::{Frame, TrajectoryWriter};
+use crate::trajectory::{Frame, TrajectoryError, TrajectoryWriter};
 
-/// Frames that may wait for the thread before the run does.
+/// Frames that may wait for the thread before the simulation waits.
 const WAITING: usize = 8;
 
-/// Trajectory and checkpoint of a run.
-pub(crate) struct Output {
+/// A trajectory or checkpoint that could not be written.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum WriterError {
+    /// The trajectory.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    /// The checkpoint.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Checkpoint(#[from] CheckpointError),
+}
+
+/// The simulation's end of the thread that writes trajectory and checkpoints.
+pub(super) struct WriterThread {
     jobs: SyncSender<Job>,
-    news: Receiver<News>,
-    thread: JoinHandle<miette::Result<()>>,
+    reports: Receiver<Report>,
+    thread: JoinHandle<Result<(), WriterError>>,
     /// Frames handed over or written before.
     frames: usize,
     saving: bool,
 }
 
-/// What the thread does, one after the other.
+/// Jobs of the thread, done in order.
 enum Job {
     Frame(Frame),
     /// Frames first, then the checkpoint: a checkpoint never knows more frames than the file.
@@ -37,38 +48,38 @@ enum Job {
     },
 }
 
-/// What the thread has to say.
-pub(crate) enum News {
-    /// A checkpoint and all frames before it are on the disk, after so much work; or they are not,
-    /// and those of the last checkpoint still are.
-    Saved(miette::Result<Duration>),
+/// Reports of the thread.
+pub(super) enum Report {
+    /// A checkpoint and all frames before it are on the disk; with the time that took. On failure
+    /// the files are those of the checkpoint before.
+    Saved(Result<Duration, WriterError>),
     /// Frames could not be written ahead of the next checkpoint.
-    Failed(Report),
+    Failed(WriterError),
 }
 
-impl Output {
-    /// Writes what follows through `writer`, and checkpoints of `scene` (its text) to `checkpoint`.
+impl WriterThread {
+    /// Starts the thread: frames go to `writer`, checkpoints of `scene` (its text) to `checkpoint`.
     pub fn new(writer: TrajectoryWriter, checkpoint: PathBuf, scene: String) -> Self {
         let (jobs, queue) = sync_channel(WAITING);
-        let (speaker, news) = channel();
+        let (sender, reports) = channel();
         let frames = writer.frames();
         let files = Files { writer, checkpoint, scene };
-        let thread = std::thread::spawn(move || files.work(&queue, &speaker));
-        Self { jobs, news, thread, frames, saving: false }
+        let thread = std::thread::spawn(move || files.work(&queue, &sender));
+        Self { jobs, reports, thread, frames, saving: false }
     }
 
-    /// Frames handed over so far, and those written before.
+    /// Frames handed over or written before.
     pub fn frames(&self) -> usize {
         self.frames
     }
 
-    /// Hands a frame over; waits only if many others do.
+    /// Hands a frame over; waits only if too many are queued.
     pub fn push(&mut self, frame: Frame) {
         self.hand_over(Job::Frame(frame));
         self.frames += 1;
     }
 
-    /// Has all frames and a checkpoint put on the disk. [`News::Saved`] follows.
+    /// Has all frames and a checkpoint written. [`Report::Saved`] follows.
     pub fn save(&mut self, state: State) {
         self.hand_over(Job::Save(Box::new(state)));
         self.saving = true;
@@ -79,20 +90,24 @@ impl Output {
         self.saving
     }
 
-    /// The next thing that the thread has said, if anything. Waits for it only if told to, and only
-    /// while a checkpoint is being written.
-    pub fn news(&mut self, wait: bool) -> Option<News> {
-        let news =
-            if wait && self.saving { self.news.recv().ok() } else { self.news.try_recv().ok() };
-        self.saving &= !matches!(news, Some(News::Saved(_)));
-        news
+    /// The next report of the thread, if any. With `wait`, and while a checkpoint is being written,
+    /// waits for one.
+    pub fn report(&mut self, wait: bool) -> Option<Report> {
+        let wait = wait && self.saving;
+        let report = if wait { self.reports.recv().ok() } else { self.reports.try_recv().ok() };
+        self.saving &= !matches!(report, Some(Report::Saved(_)));
+        report
     }
 
-    /// Writes the last frames, and how the run ended.
+    /// Writes the last frames and the final status of the run.
     ///
     /// # Errors
-    /// When the file could not be written.
-    pub fn finish(self, status: String, wall_time: BTreeMap<String, f64>) -> miette::Result<()> {
+    /// If the file cannot be written.
+    pub fn finish(
+        self,
+        status: String,
+        wall_time: BTreeMap<String, f64>,
+    ) -> Result<(), WriterError> {
         self.hand_over(Job::Finish { status, wall_time });
         self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }
@@ -102,7 +117,7 @@ impl Output {
     }
 }
 
-/// What the thread owns.
+/// The files that the thread writes.
 struct Files {
     writer: TrajectoryWriter,
     checkpoint: PathBuf,
@@ -110,48 +125,47 @@ struct Files {
 }
 
 impl Files {
-    /// Ends with the run, or, nothing more being written, when that is dropped.
-    fn work(mut self, queue: &Receiver<Job>, speaker: &Sender<News>) -> miette::Result<()> {
-        // The first checkpoint tells whether there is a disk to write to.
+    /// Does jobs until the last one, or until the other end is dropped.
+    fn work(mut self, queue: &Receiver<Job>, reports: &Sender<Report>) -> Result<(), WriterError> {
+        // Frames are written ahead of the next checkpoint only while that succeeds.
         let mut ahead = false;
         for job in queue {
-            let news = match job {
+            let report = match job {
                 Job::Frame(frame) => {
                     // Frames of one simulation agree in their fields by construction.
                     self.writer.push(frame).expect("frames agree");
-                    // Once that has failed, only the next checkpoint tries again.
                     let drafted = if ahead { self.writer.draft() } else { Ok(()) };
                     drafted.err().map(|error| {
                         ahead = false;
-                        News::Failed(error.into())
+                        Report::Failed(error.into())
                     })
                 }
                 Job::Save(state) => {
                     let start = Instant::now();
                     let saved = self.save(&state);
                     ahead = saved.is_ok();
-                    Some(News::Saved(saved.map(|()| start.elapsed())))
+                    Some(Report::Saved(saved.map(|()| start.elapsed())))
                 }
                 Job::Finish { status, wall_time } => {
-                    self.note(&wall_time);
+                    self.set_wall_time(&wall_time);
                     return Ok(self.writer.finish(&status)?);
                 }
             };
-            if let Some(news) = news {
-                // Whoever has left does not listen.
-                let _ = speaker.send(news);
+            if let Some(report) = report {
+                // The other end may be gone.
+                let _ = reports.send(report);
             }
         }
         Ok(())
     }
 
-    fn save(&mut self, state: &State) -> miette::Result<()> {
-        self.note(&state.wall_time);
+    fn save(&mut self, state: &State) -> Result<(), WriterError> {
+        self.set_wall_time(&state.wall_time);
         self.writer.commit()?;
         Ok(checkpoint::write(&self.checkpoint, &self.scene, state)?)
     }
 
-    fn note(&mut self, wall_time: &BTreeMap<String, f64>) {
+    fn set_wall_time(&mut self, wall_time: &BTreeMap<String, f64>) {
         for (phase, seconds) in wall_time {
             self.writer.set_wall_time(phase, *seconds);
         }
@@ -171,25 +185,25 @@ mod tests {
                          [[column]]\nsize = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n";
 
     /// A run with its first frame.
-    fn start(directory: &Path) -> (Simulation, Output) {
+    fn start(directory: &Path) -> (Simulation, WriterThread) {
         let simulation = Simulation::new(Scene::parse(SCENE, "scene.toml").unwrap()).unwrap();
         let (header, points) = (simulation.header(String::new()), simulation.static_points());
         let writer = TrajectoryWriter::create(&directory.join("run.h5"), &header, &points).unwrap();
-        let mut output = Output::new(writer, directory.join("run.ckpt"), SCENE.to_owned());
+        let mut output = WriterThread::new(writer, directory.join("run.ckpt"), SCENE.to_owned());
         output.push(simulation.frame());
         (simulation, output)
     }
 
     /// Advances to the next frame and hands it over.
-    fn next_frame(simulation: &mut Simulation, output: &mut Output) {
+    fn next_frame(simulation: &mut Simulation, output: &mut WriterThread) {
         (0..simulation.scene.steps_per_frame()).for_each(|_| simulation.advance().unwrap());
         output.push(simulation.frame());
     }
 
     /// The outcome of the checkpoint that is being written.
-    fn saved(output: &mut Output) -> miette::Result<Duration> {
-        while let Some(news) = output.news(true) {
-            if let News::Saved(saved) = news {
+    fn saved(output: &mut WriterThread) -> Result<Duration, WriterError> {
+        while let Some(report) = output.report(true) {
+            if let Report::Saved(saved) = report {
                 return saved;
             }
         }
@@ -221,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_is_told_at_once_and_the_next_checkpoint_has_all_frames() {
+    fn a_failure_is_reported_at_once_and_the_next_checkpoint_has_all_frames() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("run.h5");
         let (mut simulation, mut output) = start(directory.path());
@@ -232,12 +246,11 @@ mod tests {
         let obstacle = directory.path().join("run.h5.tmp");
         std::fs::create_dir(&obstacle).unwrap();
         next_frame(&mut simulation, &mut output);
-        let news = output.news.recv().unwrap();
-        let News::Failed(report) = news else { panic!("no failure") };
-        assert!(report.to_string().contains("run.h5"), "{report}");
+        let Report::Failed(error) = output.reports.recv().unwrap() else { panic!("no failure") };
+        assert!(error.to_string().contains("run.h5"), "{error}");
         output.save(simulation.state.clone());
-        let report = saved(&mut output).unwrap_err();
-        assert!(report.to_string().contains("run.h5"), "{report}");
+        let error = saved(&mut output).unwrap_err();
+        assert!(error.to_string().contains("run.h5"), "{error}");
         assert_eq!(Trajectory::open(&path).unwrap().frames(), 1);
 
         std::fs::remove_dir(&obstacle).unwrap();

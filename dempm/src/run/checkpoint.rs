@@ -1,8 +1,9 @@
-//! Checkpoints: the complete state of a run, so that a resumed run is the uninterrupted one.
+//! Checkpoints: the complete state of a run. A resumed run equals the uninterrupted one bit by bit.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use files::{OutputFile, WriteError, path_beside as beside, write_atomically};
+use files::{OutputFile, WriteError, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::State;
@@ -10,22 +11,51 @@ use crate::simulation::State;
 const MAGIC: &str = "DEMPM checkpoint";
 const VERSION: u32 = 1;
 
-/// Why a checkpoint could not be used.
+/// A checkpoint that could not be written or read.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum CheckpointError {
+    /// The file cannot be read.
     #[error("{}: cannot read the checkpoint", path.display())]
-    Read { path: PathBuf, source: std::io::Error },
+    Read {
+        /// The checkpoint.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The file is not a checkpoint of this version, or damaged.
     #[error("{}: not a checkpoint of this version of dempm, or damaged", path.display())]
     #[diagnostic(help("start again with --overwrite"))]
-    Format { path: PathBuf },
+    Format {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The checkpoint was written for a different scene text.
     #[error("{}: the checkpoint belongs to another scene", path.display())]
     #[diagnostic(help(
-        "the scene file has changed since the run began; undo the change, or start again with --overwrite"
+        "the scene file has changed since the run began: undo the change, or start again with \
+         --overwrite"
     ))]
-    OtherScene { path: PathBuf },
+    OtherScene {
+        /// The checkpoint.
+        path: PathBuf,
+    },
+    /// The file cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
+}
+
+/// An invalid pause between checkpoints.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[error("--checkpoint-interval: {0} is not a number of seconds")]
+pub struct IntervalError(f64);
+
+/// The pause between checkpoints from a number of seconds.
+///
+/// # Errors
+/// If it is negative, not finite or too large.
+pub fn interval(seconds: f64) -> Result<Duration, IntervalError> {
+    Duration::try_from_secs_f64(seconds).map_err(|_| IntervalError(seconds))
 }
 
 #[derive(Serialize)]
@@ -44,16 +74,15 @@ struct Read {
     state: State,
 }
 
-/// The checkpoint that belongs to a trajectory file: `NAME.ckpt` beside `NAME`, as names may have dots
-/// of their own.
+/// The checkpoint of a trajectory file: `NAME.ckpt` beside `NAME`.
 pub fn path_beside(trajectory: &Path) -> PathBuf {
-    beside(trajectory, ".ckpt")
+    files::path_beside(trajectory, ".ckpt")
 }
 
-/// Writes the state of a run of `scene` (its text), whole or not at all.
+/// Writes the state of a run of `scene` (the text of its file) atomically.
 ///
 /// # Errors
-/// When the file cannot be written; an older checkpoint is then untouched.
+/// If the file cannot be written; an older checkpoint is then untouched.
 pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointError> {
     let scene = *blake3::hash(scene.as_bytes()).as_bytes();
     let content = Written { magic: MAGIC, version: VERSION, scene, state };
@@ -63,17 +92,17 @@ pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointEr
                 let buffer = std::io::BufWriter::with_capacity(1 << 20, &mut file);
                 let written = postcard::to_io(&content, buffer)
                     .map(|buffer| buffer.into_inner().map(drop).map_err(|e| e.into_error()));
-                // Its own error says of a full disk only that a buffer is full.
+                // On a full disk postcard reports only a full buffer.
                 written.unwrap_or_else(|error| Err(file.failure_or(error)))
             })
             .map_err(|source| WriteError::at(path, "write it")(source).into())
     })
 }
 
-/// Reads the state of a run of `scene` (its text).
+/// Reads the state of a run of `scene` (the text of its file).
 ///
 /// # Errors
-/// When there is no such file, it is damaged, or it belongs to another scene.
+/// If the file is missing, damaged, or belongs to another scene.
 pub fn read(path: &Path, scene: &str) -> Result<State, CheckpointError> {
     let path_owned = || path.to_owned();
     let bytes = std::fs::read(path)
