@@ -1,5 +1,6 @@
 //! Progress and warnings of a session.
 
+use super::error::SessionError;
 use crate::simulation::Simulation;
 use crate::trajectory::Frame;
 
@@ -18,9 +19,14 @@ pub trait Observer {
         let _ = (simulation, before, frame);
     }
 
-    /// A warning that does not stop the session: a sentence, or an error over several lines.
+    /// The monitor warns.
     fn warning(&mut self, text: &str) {
         let _ = text;
+    }
+
+    /// Frames or a checkpoint could not be written; the session goes on and tries again later.
+    fn write_failed(&mut self, error: SessionError) {
+        let _ = error;
     }
 
     /// The session advances no further.

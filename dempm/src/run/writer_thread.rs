@@ -7,25 +7,13 @@ use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::checkpoint::{self, CheckpointError};
+use super::checkpoint;
+use super::error::WriterError;
 use crate::simulation::State;
-use crate::trajectory::{Frame, TrajectoryError, TrajectoryWriter};
+use crate::trajectory::{Frame, TrajectoryWriter};
 
 /// Frames that may wait for the thread before the simulation waits.
 const WAITING: usize = 8;
-
-/// A trajectory or checkpoint that could not be written.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
-pub enum WriterError {
-    /// The trajectory.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Trajectory(#[from] TrajectoryError),
-    /// The checkpoint.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Checkpoint(#[from] CheckpointError),
-}
 
 /// The simulation's end of the thread that writes trajectory and checkpoints.
 pub(super) struct WriterThread {

@@ -158,10 +158,12 @@ pub struct Rve {
     pub neighbours: Room,
 }
 
-/// Floating-point precision.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Floating-point precision of packings.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
+    /// Single precision
     F32,
+    /// Double precision
     F64,
 }
 

@@ -5,28 +5,29 @@ use plot::{
     Anchor, Canvas, ColourScale, INK, Pen, PenError, RGBColor, Range, minus, tick_texts, ticks,
 };
 
-use super::PlotArgs;
-use super::quantity::{Quantity, Start};
+use super::error::FigureError;
+use super::options::Options;
+use super::quantity::{Evaluator, Quantity};
 use super::view::View;
 use crate::trajectory::{Frame, Header};
 
 const WALL: RGBColor = RGBColor(70, 70, 70);
 const BOX: RGBColor = RGBColor(196, 196, 196);
 
-/// A frame with the values that its colours show.
+/// A frame and the values of its colours.
 pub(super) struct Panel {
     frame: Frame,
     values: Vec<f64>,
 }
 
 impl Panel {
-    pub(super) fn new(frame: Frame, start: &Start) -> Self {
-        let values = start.values(&frame);
+    pub(super) fn new(frame: Frame, evaluator: &Evaluator) -> Self {
+        let values = evaluator.values(&frame);
         Self { frame, values }
     }
 }
 
-/// How a picture is laid out: everything but the frames in it.
+/// The layout of a figure: everything but the frames in it.
 pub(super) struct Figure {
     title: String,
     quantity: Quantity,
@@ -39,19 +40,19 @@ pub(super) struct Figure {
 }
 
 impl Figure {
-    /// Lays a picture out for `panels`; others like them fit into it too.
-    pub(super) fn new(header: &Header, args: &PlotArgs, panels: &[Panel], width: u32) -> Self {
+    /// A layout for `panels`, in which other frames of the trajectory fit too.
+    pub(super) fn new(header: &Header, options: &Options, panels: &[Panel], width: u32) -> Self {
         let mut view = View::EMPTY;
         for panel in panels {
             view.include(&panel.frame);
         }
-        Self::with_view(header, args, panels, view, panels.len(), width)
+        Self::with_view(header, options, panels, view, panels.len(), width)
     }
 
-    /// As [`new`](Self::new), for pictures of `count` panels and a view that is known already.
+    /// As [`new`](Self::new), for figures of `count` panels with a given view.
     pub(super) fn with_view(
         header: &Header,
-        args: &PlotArgs,
+        options: &Options,
         panels: &[Panel],
         view: View,
         count: usize,
@@ -60,17 +61,17 @@ impl Figure {
         let view = view.framed(header);
         let values = || panels.iter().flat_map(|panel| panel.values.iter().copied());
         let classes =
-            (args.field == Quantity::Column).then(|| values().fold(0.0, f64::max) as usize + 1);
+            (options.quantity == Quantity::Column).then(|| values().fold(0.0, f64::max) as usize + 1);
         let range = match classes {
             Some(classes) => Range { low: -0.5, high: classes as f64 - 0.5, cut: [false; 2] },
-            None if args.log => Range::robust_log(values()),
-            None => Range::robust(values(), args.field.is_signed()),
+            None if options.log => Range::robust_log(values()),
+            None => Range::robust(values(), options.quantity.is_signed()),
         };
-        let log = args.log && classes.is_none();
-        let signed = args.field.is_signed() && !log;
+        let log = options.log && classes.is_none();
+        let signed = options.quantity.is_signed() && !log;
         Self {
             title: header.title.clone(),
-            quantity: args.field,
+            quantity: options.quantity,
             walls: header.walls.clone(),
             point_spacing: header.point_spacing,
             view,
@@ -89,8 +90,8 @@ impl Figure {
         &self.scale
     }
 
-    /// Draws the panels, as many as the picture was laid out for.
-    pub(super) fn draw(&self, panels: &[Panel]) -> miette::Result<RgbImage> {
+    /// Draws as many panels as the layout is for.
+    pub(super) fn draw(&self, panels: &[Panel]) -> Result<RgbImage, FigureError> {
         let (width, height) = self.size();
         let mut canvas = Canvas::new(width, height)?;
         canvas.draw(|pen| {

@@ -1,21 +1,22 @@
-//! A part of a data set, as `--only` names it.
+//! Parts of a data set, as named by `--only`.
 
 use std::str::FromStr;
 
 use clap::ValueEnum;
 
-use super::{Case, Split};
+use super::case::Case;
+use super::split::Split;
 
-/// A split, or the cases of one whose names begin with something: `test`, `test/col2x2`, `test/col*`.
+/// A split or some of its cases: `test`, `test/col2x2`, `test/col*`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Choice {
+pub struct Selection {
     split: Split,
     name: String,
-    /// Whether `name` is the beginning only.
+    /// Whether `name` is only the beginning of the names.
     begins: bool,
 }
 
-impl FromStr for Choice {
+impl FromStr for Selection {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -31,14 +32,14 @@ impl FromStr for Choice {
     }
 }
 
-impl std::fmt::Display for Choice {
+impl std::fmt::Display for Selection {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}/{}{}", self.split.name(), self.name, if self.begins { "*" } else { "" })
     }
 }
 
-impl Choice {
-    /// Whether the case belongs to it.
+impl Selection {
+    /// Whether the case is selected.
     pub fn has(&self, case: &Case) -> bool {
         self.split == case.split
             && if self.begins { case.name.starts_with(&self.name) } else { case.name == self.name }

@@ -1,20 +1,12 @@
-//! What a run tells a person: the line beside the progress bar and the closing summary.
+//! The summary of a finished run.
 
 use std::fmt::Write;
 use std::path::Path;
 
 use crate::simulation::{SceneMaterial, Simulation};
-use crate::trajectory::Frame;
 
-/// Front and kinetic energy, beside the progress bar.
-pub fn progress(frame: &Frame) -> String {
-    let scalar = |name: &str| frame.budget.get(name).copied().unwrap_or_default();
-    format!("front {:.2} m  kinetic {:.0} J/m", scalar("front"), scalar("kinetic_energy"))
-}
-
-/// The closing summary of a finished run, in which the bound on the macro step was `stable_step`
-/// (s) at least.
-pub fn summary(simulation: &Simulation, stable_step: f64, output: &Path) -> String {
+/// The summary of a finished run into `output`, with the smallest stable macro step of any frame (s).
+pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) -> String {
     let scene = &simulation.scene;
     let points = &simulation.state.points;
     let mut text = String::new();
@@ -24,7 +16,7 @@ pub fn summary(simulation: &Simulation, stable_step: f64, output: &Path) -> Stri
     let front = points.position.iter().map(|x| x.x).fold(f64::MIN, f64::max);
     let top = points.position.iter().map(|x| x.y).fold(f64::MIN, f64::max);
     let spacing = scene.domain.spacing();
-    // Points are centres of squares of one spacing; the walls hold those back.
+    // Points are centres of squares one spacing wide, which end at the walls.
     let [width, height] = scene.domain.size;
     let (front, top) = ((front + 0.5 * spacing).min(width), (top + 0.5 * spacing).min(height));
     line("front", format!("{front:.3} m"));
@@ -39,7 +31,7 @@ pub fn summary(simulation: &Simulation, stable_step: f64, output: &Path) -> Stri
     if stable_step.is_finite() {
         let used = 100.0 * scene.step / stable_step;
         let bound = 1e6 * stable_step;
-        line("stable macro step", format!("{bound:.0} µs at least, {used:.0} % of it used"));
+        line("stable macro step", format!("at least {bound:.0} µs, of which {used:.0} % used"));
     }
 
     let times = &simulation.state.wall_time;

@@ -1,4 +1,4 @@
-//! `dempm info`: what a trajectory file contains, for people.
+//! `dempm info`: prints a summary of a trajectory file.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -49,9 +49,9 @@ fn summary(trajectory: &Trajectory) -> Result<String> {
     }
     text.line("frames", frames(trajectory));
     if let Some(last) = trajectory.frames().checked_sub(1) {
-        // The material itself, not the budget: its names are the scene's affair.
+        // From the positions, as trajectories of other programs may lack these scalars.
         let position = trajectory.frame(last)?.position;
-        // The edge of the outermost point, as `dempm run` says it.
+        // The edge of the outermost point, as in the summary of `dempm run`.
         let most = |axis: usize| {
             let finite = position.iter().map(|x| x[axis]).filter(|x| x.is_finite());
             finite.fold(f64::NAN, f64::max) + 0.5 * header.point_spacing
@@ -84,7 +84,7 @@ fn frames(trajectory: &Trajectory) -> String {
     )
 }
 
-/// The total and each phase with its share.
+/// Total wall time, and the share of each phase.
 fn wall_time(trajectory: &Trajectory) -> String {
     let phases = trajectory.wall_time();
     if phases.is_empty() {
@@ -125,7 +125,7 @@ fn ranges(trajectory: &Trajectory, text: &mut Text) -> Result<()> {
             let _ = writeln!(text.0, "{}", line.trim_end());
         }
         if broken > 0 {
-            let _ = writeln!(text.0, "{:<24}{broken:>14} values are no numbers", "");
+            let _ = writeln!(text.0, "{:<24}{broken:>14} values are not numbers", "");
         }
     }
     for (name, values) in trajectory.budget() {
@@ -145,7 +145,7 @@ fn raw_bytes(trajectory: &Trajectory) -> u64 {
     trajectory.fields().map(|field| width(field) * frames * points).sum()
 }
 
-/// Lines of a name and what there is to say.
+/// Lines of a name and a value.
 #[derive(Default)]
 struct Text(String);
 

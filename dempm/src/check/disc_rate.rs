@@ -1,18 +1,18 @@
-//! How fast the DEM is on this machine.
+//! Speed of the DEM on this machine.
 
 use std::time::{Duration, Instant};
 
 use dem::{Packing, Rve, RveBatch, RveParameters, RveState};
 use nalgebra::Matrix2;
 
-/// Long enough to average over scheduling, short enough to wait for.
+/// Duration of the measurement: long enough to average over scheduling.
 const MEASURED: Duration = Duration::from_millis(300);
 
-/// Disc-steps per second of all threads together, measured on small packings in steady shear, in
-/// single precision, neighbour searches included.
+/// Disc-steps per second of all threads together, including neighbour searches, measured on small
+/// packings in steady shear in single precision.
 ///
 /// # Errors
-/// When the packing cannot be prepared.
+/// If the packing cannot be prepared.
 pub fn disc_steps_per_second() -> Result<f64, dem::Error> {
     let p = RveParameters { discs: 100, ..RveParameters::default() };
     let packing: Packing<f32> = dem::consolidate(&p, 1)?.convert();
@@ -25,7 +25,7 @@ pub fn disc_steps_per_second() -> Result<f64, dem::Error> {
     let shear = vec![Matrix2::new(0.0, 5.0, 0.0, 0.0); count];
     let mut states = vec![RveState::default(); count];
     let dt = 1.0e-4;
-    // The first step searches neighbours and warms the caches.
+    // Warm-up: the first step searches neighbours.
     batch.advance(dt, &shear, &mut states)?;
     let (start, mut steps) = (Instant::now(), 0);
     while start.elapsed() < MEASURED {

@@ -1,7 +1,6 @@
-//! What the colours of a picture can show.
+//! Quantities that the colours can show.
 
-use miette::miette;
-
+use super::error::FigureError;
 use crate::trajectory::{Field, Frame, Trajectory};
 
 /// A scalar at every point.
@@ -34,7 +33,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Name and symbol-free unit for the colour bar.
+    /// Name and unit for the colour bar.
     pub(super) const fn label(self) -> (&'static str, &'static str) {
         match self {
             Self::Speed => ("speed", "m/s"),
@@ -52,12 +51,12 @@ impl Quantity {
         }
     }
 
-    /// Whether both signs mean something, so that zero has to be in the middle of the colours.
+    /// Whether both signs occur, so that zero belongs in the middle of the colours.
     pub(super) const fn is_signed(self) -> bool {
         matches!(self, Self::VelocityX | Self::VelocityY | Self::ShearStress)
     }
 
-    /// The field of the file that it is made from.
+    /// The field of the file that it is computed from.
     const fn field(self) -> Field {
         match self {
             Self::Speed | Self::VelocityX | Self::VelocityY => Field::Velocity,
@@ -70,25 +69,24 @@ impl Quantity {
     }
 }
 
-/// What is needed besides a frame to work out a quantity in it.
-pub(super) struct Start {
+/// Computes a quantity at all points of a frame.
+pub(super) struct Evaluator {
     quantity: Quantity,
+    /// Initial positions (m), for displacements only.
     position: Vec<[f64; 2]>,
     column: Vec<u32>,
 }
 
-impl Start {
-    /// Reads it, and checks that the file has the quantity at all.
-    pub(super) fn read(trajectory: &Trajectory, quantity: Quantity) -> miette::Result<Self> {
+impl Evaluator {
+    /// Reads what is needed besides a frame, and checks that the file has the quantity.
+    pub(super) fn new(trajectory: &Trajectory, quantity: Quantity) -> Result<Self, FigureError> {
         let field = quantity.field();
         if !trajectory.fields().any(|present| present == field) {
-            let path = trajectory.path().display();
-            return Err(miette!(
-                help = "the scene chooses the fields that a run records",
-                "{path}: the file has no {}, which {} is made from",
-                field.name(),
-                quantity.label().0,
-            ));
+            return Err(FigureError::NoField {
+                path: trajectory.path().to_owned(),
+                field: field.name(),
+                quantity: quantity.label().0,
+            });
         }
         let position = match quantity {
             Quantity::Displacement => trajectory.frame(0)?.position,

@@ -1,107 +1,99 @@
-//! `dempm check SCENE`: what a scene needs and whether it stays where the method is sound,
-//! without simulating anything.
+//! Cost of a scene, the expected flow regime, and warnings.
 
-mod advice;
-mod table;
-
-use std::path::Path;
-
-use miette::IntoDiagnostic;
-
-use crate::rate;
+use super::units::quantity;
+use crate::run::monitor;
 use crate::scene::{CROSSING, Material, Precision, Rve, Scene};
 use crate::trajectory::Field;
-use crate::watch;
-use table::quantity;
 
-/// Reads a scene and prints its warnings and [`Needs`].
-///
-/// # Errors
-/// If the scene cannot be read or is not valid.
-pub fn check(path: &Path) -> miette::Result<()> {
-    let scene = Scene::load(path)?;
-    if let Some(warnings) = scene.warning_report() {
-        eprintln!("{warnings:?}");
-    }
-    println!("{}", Needs::of(&scene, rate::disc_steps_per_second().into_diagnostic()?));
-    Ok(())
-}
-
-/// What a run of a scene takes, and the regime it is expected to be in. SI units.
+/// Cost of running a scene and the flow regime to expect. SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Needs {
-    /// Title and file of the scene.
+    /// Title of the scene.
     pub title: String,
+    /// File of the scene.
     pub name: String,
     /// Name of the material.
     pub material: &'static str,
+    /// Material points.
     pub points: usize,
-    /// Initial distance of points, and edge of a cell of the background grid (m).
+    /// Initial distance between neighbouring points (m).
     pub spacing: f64,
+    /// Edge of a cell of the background grid (m).
     pub cell: f64,
+    /// Cells along x and y.
     pub cells: [usize; 2],
+    /// Frames after the initial one.
     pub frames: usize,
+    /// Macro steps.
     pub steps: usize,
-    /// Macro step and its limit by waves (s).
+    /// Macro step (s).
     pub step: f64,
+    /// Largest stable macro step for elastic waves (s).
     pub step_limit: f64,
-    /// Bulk density (kg/m³) and speed of compression waves (m/s).
+    /// Bulk density (kg/m³).
     pub density: f64,
+    /// Speed of compression waves (m/s).
     pub wave_speed: f64,
-    /// Height of the highest pile (m) and the pressure under it (Pa).
+    /// Height of the highest pile (m).
     pub height: f64,
+    /// Pressure under the highest pile (Pa).
     pub base_pressure: f64,
-    /// Velocity of free fall from the highest point, with the initial velocity (m/s): an upper
-    /// bound.
+    /// Upper bound of velocities (m/s): free fall from the highest point with the initial velocity.
     pub peak_velocity: f64,
-    /// Shear rate `peak velocity / height` at half the base pressure, as an inertial number.
+    /// Inertial number of the shear rate `peak velocity / height` at half the base pressure.
     pub inertial_number: Option<f64>,
-    /// Time that a collapse takes, `3.2 sqrt(H / g)` (s); none without gravity.
+    /// Duration of a collapse, `3.2 sqrt(H / g)` (s); none without gravity.
     pub collapse_time: Option<f64>,
-    /// How far to the left and right material is expected to come (m), walls ignored.
+    /// Expected extent of the deposit along x (m), ignoring walls.
     pub reach: Option<[f64; 2]>,
-    /// What the DEM adds.
+    /// Cost of the packings.
     pub rve: Option<RveNeeds>,
-    /// Uncompressed trajectory, and state of the points and packings (bytes).
+    /// Size of the uncompressed trajectory (bytes).
     pub output: f64,
+    /// Memory for points, grid and packings (bytes).
     pub memory: f64,
-    /// Estimated duration of the run (s).
+    /// Estimated wall time (s).
     pub seconds: f64,
-    /// Where the scene leaves the region in which the method is sound.
+    /// Ways in which the scene leaves the validity of the method.
     pub warnings: Vec<String>,
 }
 
-/// What the packings of a scene take.
+/// Cost and stability of the packings of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RveNeeds {
-    /// Discs in one RVE, and its side (m).
+    /// Discs in one RVE.
     pub discs: usize,
+    /// Side of the RVE (m).
     pub side: f64,
+    /// Different packings.
     pub packings: usize,
-    /// DEM steps in a macro step, their length and the limit of stability (s).
+    /// DEM steps in a macro step.
     pub substeps: usize,
+    /// DEM step (s).
     pub step: f64,
+    /// Largest stable DEM step (s).
     pub step_limit: f64,
     /// Stiffness number `kn / (p t)` under the highest pile; infinite without gravity.
     pub stiffness_number: f64,
-    /// DEM steps of single discs in the whole run, and how many of them are made in a second.
+    /// DEM steps times discs of the whole run.
     pub disc_steps: f64,
+    /// Disc-steps per second.
     pub rate: f64,
 }
 
-/// DEM step at which packings become unstable, in `sqrt(m_min / kn)`.
+/// DEM step beyond which packings are unstable, in `sqrt(m_min / kn)`.
 const UNSTABLE_STEP: f64 = 0.55;
 /// Below this stiffness number overlaps are no longer small.
 const SOFT: f64 = 50.0;
 /// Above this inertial number flow is no longer dense.
-const COLLISIONAL: f64 = 0.1;
-/// Impacts raise pressure locally to this multiple of the pressure at the base.
+pub(super) const COLLISIONAL: f64 = 0.1;
+/// Ratio of local pressures in impacts to the pressure at the base.
 const IMPACT: f64 = 4.0;
-/// Steps of material points without a packing in a second.
+/// Macro steps times points per second, without packings.
 const POINT_STEPS_PER_SECOND: f64 = 2.5e6;
 
 impl Needs {
-    /// Estimates what `scene` needs with a DEM that makes `disc_steps_per_second`.
+    /// Estimates the cost of `scene` with a DEM that makes `disc_steps_per_second`.
     pub fn of(scene: &Scene, disc_steps_per_second: f64) -> Self {
         let points = scene.point_count();
         let gravity = scene.gravity[0].hypot(scene.gravity[1]);
@@ -143,23 +135,23 @@ impl Needs {
             rve,
             warnings: Vec::new(),
         };
-        needs.warnings = needs.doubts(scene);
+        needs.warnings = needs.warnings(scene);
         needs
     }
 
-    fn doubts(&self, scene: &Scene) -> Vec<String> {
-        let mut doubts = Vec::new();
+    fn warnings(&self, scene: &Scene) -> Vec<String> {
+        let mut warnings = Vec::new();
         if let (Some(rve), Material::Rve(material)) = (&self.rve, &scene.material) {
             let p = &material.parameters;
             let overlap = 2.0 * IMPACT / rve.stiffness_number;
             if rve.stiffness_number < SOFT {
-                doubts.push(format!(
+                warnings.push(format!(
                     "discs are soft: kappa = {:.0} at the base, at least {SOFT} keeps overlaps below \
                      2 % of a diameter; a larger normal_stiffness or a smaller thickness helps",
                     rve.stiffness_number
                 ));
             } else if overlap > p.overlap_warning {
-                doubts.push(format!(
+                warnings.push(format!(
                     "impacts may press discs {:.0} % of a radius into each other, more than \
                      overlap_warning",
                     100.0 * overlap
@@ -167,10 +159,10 @@ impl Needs {
             }
             if material.precision == Precision::F32 {
                 let mean = 0.5 * self.base_pressure;
-                doubts.extend(watch::unresolved("the mean pressure of the highest pile", mean, p));
+                warnings.extend(monitor::unresolved("the mean pressure of the highest pile", mean, p));
             }
             if p.preparation.pressure > self.base_pressure && self.base_pressure > 0.0 {
-                doubts.push(format!(
+                warnings.push(format!(
                     "packings are made at {}, more than the pressure at the base: the material \
                      starts over-consolidated",
                     quantity(p.preparation.pressure, "Pa")
@@ -179,14 +171,14 @@ impl Needs {
         }
         let crossing = self.peak_velocity * self.step / self.cell;
         if crossing > CROSSING {
-            doubts.push(format!(
+            warnings.push(format!(
                 "points may cross {crossing:.2} cells in one step at {:.1} m/s; a shorter step keeps \
                  it below {CROSSING}",
                 self.peak_velocity
             ));
         }
         if let Some(i) = self.inertial_number.filter(|i| *i > COLLISIONAL) {
-            doubts.push(format!(
+            warnings.push(format!(
                 "the flow is collisional (inertial number about {i:.2}), where packings hardly touch"
             ));
         }
@@ -199,16 +191,16 @@ impl Needs {
                 })
             };
             if right > to && !touches(to) {
-                doubts.push(format!("the front is expected to reach the right wall: {right:.1} m in a domain of {to} m"));
+                warnings.push(format!("the front is expected to reach the right wall: {right:.1} m in a domain of {to} m"));
             }
             if left < from && !touches(from) {
-                doubts.push("the front is expected to reach the left wall".into());
+                warnings.push("the front is expected to reach the left wall".into());
             }
         }
         if let Some(time) = self.collapse_time.filter(|time| *time > scene.duration) {
-            doubts.push(format!("the run ends before a collapse does ({time:.2} s)"));
+            warnings.push(format!("the run ends before a collapse does ({time:.2} s)"));
         }
-        doubts
+        warnings
     }
 }
 
@@ -247,8 +239,7 @@ fn peak_velocity(scene: &Scene, gravity: f64) -> f64 {
     columns.fold(0.0, f64::max)
 }
 
-/// `rate d sqrt(rho_s / p)`; none for a material without grains or without pressure. Scaled masses
-/// are felt here.
+/// `rate d sqrt(rho_s / p)` with the scaled mass density; none without grains or without pressure.
 fn inertial_number(scene: &Scene, rate: f64, pressure: f64) -> Option<f64> {
     let (diameter, density) = scene.material.grain();
     let mass_scale = match &scene.material {
@@ -259,9 +250,9 @@ fn inertial_number(scene: &Scene, rate: f64, pressure: f64) -> Option<f64> {
         .then(|| rate * diameter * (mass_scale * density / pressure).sqrt())
 }
 
-/// Where collapsing columns are expected to end, from columns of discs in two dimensions: runout
-/// `2.5 a` of the width up to an aspect ratio `a` of 2, `3.25 a^0.7` above (Staron and Hinch
-/// 2005). Initial velocities, obstacles and other columns are ignored.
+/// Expected extent of collapsed columns, from two-dimensional columns of discs: the runout over the
+/// width is `2.5 a` up to an aspect ratio `a` of 2 and `3.25 a^0.7` above (Staron and Hinch 2005).
+/// Ignores initial velocities, obstacles and other columns.
 fn reach(scene: &Scene) -> Option<[f64; 2]> {
     if matches!(scene.material, Material::Elastic(_)) {
         return None;
