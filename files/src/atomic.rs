@@ -6,23 +6,31 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A file that could not be written; the file that stood there before, if any, is untouched.
+/// A file that could not be written; an older file of that name is untouched.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: cannot {action}", path.display())]
 pub struct WriteError {
-    /// The file that was to be written.
+    /// The file to be written.
     pub path: PathBuf,
-    /// What failed.
+    /// The step that failed, such as "write it".
     pub action: &'static str,
-    /// Why.
+    /// The system's reason.
     pub source: io::Error,
+}
+
+impl WriteError {
+    /// Adds the file and the failed step to an error of the system:
+    /// `.map_err(WriteError::at(path, "write it"))`.
+    pub fn at(path: &Path, action: &'static str) -> impl Fn(io::Error) -> Self {
+        move |source| Self { path: path.to_owned(), action, source }
+    }
 }
 
 impl miette::Diagnostic for WriteError {
     fn help(&self) -> Option<Box<dyn Display + '_>> {
         let full = [io::ErrorKind::StorageFull, io::ErrorKind::QuotaExceeded];
         full.contains(&self.source.kind()).then_some(Box::new(
-            "make room on that disk and give the same command again, `dempm run` with --resume",
+            "free some disk space and repeat the command; --resume continues an interrupted run",
         ))
     }
 }
@@ -33,75 +41,88 @@ impl From<WriteError> for io::Error {
     }
 }
 
-/// Writes `path` through a temporary neighbour, so that whoever opens `path` finds either the old
-/// file or the complete new one.
+/// Writes `path` through the temporary file `NAME.tmp` beside it, so that readers of `path` find
+/// either the old file or the complete new one.
 ///
-/// `fill` receives the path `NAME.tmp` in the same directory (missing directories are made) and
-/// must leave a closed file there. That file is flushed to the disk and renamed to `path`. If
-/// `fill` fails, its file is removed and its error returned. A `NAME.tmp` left by a killed process
-/// is overwritten by the next one.
+/// `fill` receives the path of the temporary file, whose directory exists, and must leave a closed
+/// file there. The file is flushed to the disk and renamed to `path`. If `fill` fails, its file is
+/// removed. A `NAME.tmp` left behind by a killed process is overwritten by the next one.
+///
+/// # Errors
+/// Those of `fill`, and if the file cannot be put in its place.
 pub fn write_atomically<T, E: From<WriteError>>(
     path: &Path,
     fill: impl FnOnce(&Path) -> Result<T, E>,
 ) -> Result<T, E> {
-    let draft = Draft::new(path)?;
-    let value = fill(draft.temporary())?;
-    draft.publish()?;
+    let file = AtomicFile::new(path)?;
+    let value = fill(file.temporary())?;
+    file.publish()?;
     Ok(value)
 }
 
-/// Writes a file whose contents are all there.
+/// Writes a text file atomically.
 ///
 /// # Errors
 /// If it cannot be written.
 pub fn write_text(path: &Path, text: &str) -> Result<(), WriteError> {
-    write_atomically(path, |temporary| fs::write(temporary, text).map_err(failed(path, "write it")))
+    write_atomically(path, |temporary| {
+        fs::write(temporary, text).map_err(WriteError::at(path, "write it"))
+    })
 }
 
-/// Says before the work is done whether [`write_atomically`] would find a place for its result.
+/// Checks before a long computation that [`write_atomically`] could write its result to `path`.
 ///
 /// # Errors
-/// If the directory cannot be made or takes no files, or `path` is a directory.
+/// If the directory cannot be created or written to, or `path` is a directory.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
-    let draft = Draft::new(path)?;
+    let file = AtomicFile::new(path)?;
+    let failed = WriteError::at(path, "write it");
     if path.is_dir() {
-        return Err(failed(path, "write it")(io::ErrorKind::IsADirectory.into()));
+        return Err(failed(io::ErrorKind::IsADirectory.into()));
     }
-    // Dropped, the draft removes its file.
-    File::create(draft.temporary()).map(drop).map_err(failed(path, "write it"))
+    // Dropped unpublished, which removes it again.
+    File::create(file.temporary()).map(drop).map_err(failed)
 }
 
-/// A file in the making, `NAME.tmp` beside `NAME`: removed again unless it is published.
+/// A file being written as `NAME.tmp`: becomes `NAME` when [published](Self::publish), and is
+/// removed when dropped before.
 #[derive(Debug)]
-pub(super) struct Draft {
+pub struct AtomicFile {
     path: PathBuf,
     temporary: PathBuf,
     published: bool,
 }
 
-impl Draft {
-    /// A place for the future contents of `path`; makes missing directories, but no file.
+impl AtomicFile {
+    /// The future contents of `path`. Creates missing directories, but no file.
+    ///
+    /// # Errors
+    /// If the directory cannot be created.
     pub fn new(path: &Path) -> Result<Self, WriteError> {
-        fs::create_dir_all(directory_of(path)).map_err(failed(path, "make its directory"))?;
-        // A rename is atomic only within one file system.
-        let temporary = beside(path, ".tmp");
+        fs::create_dir_all(directory_of(path))
+            .map_err(WriteError::at(path, "create its directory"))?;
+        // In the same directory, since a rename is atomic only within one file system.
+        let temporary = path_beside(path, ".tmp");
         Ok(Self { path: path.to_owned(), temporary, published: false })
     }
 
-    /// Where to write.
+    /// The path to write to.
     pub fn temporary(&self) -> &Path {
         &self.temporary
     }
 
     /// Flushes the file, which must be closed, to the disk and gives it its name.
+    ///
+    /// # Errors
+    /// If the system refuses either.
     pub fn publish(mut self) -> Result<(), WriteError> {
-        let failed = |action| failed(&self.path, action);
-        // Without the first flush a power cut could leave the new name with old or no contents;
-        // without the second one the new name itself could be lost.
+        let failed = |action| WriteError::at(&self.path, action);
+        // Without the first flush, a power cut could leave the new name with old or no contents;
+        // without the second, the new name itself could be lost.
         File::open(&self.temporary)
             .and_then(|file| file.sync_all())
             .map_err(failed("flush it to the disk"))?;
-        fs::rename(&self.temporary, &self.path).map_err(failed("give it its name"))?;
+        fs::rename(&self.temporary, &self.path).map_err(failed("rename its temporary file"))?;
         self.published = true;
         #[cfg(unix)]
         File::open(directory_of(&self.path))
@@ -111,30 +132,26 @@ impl Draft {
     }
 }
 
-impl Drop for Draft {
+impl Drop for AtomicFile {
     fn drop(&mut self) {
         if !self.published {
-            // There may be none yet. The error that matters is the one that led here. Emptied first,
-            // because a file that is still open somewhere keeps its space on the disk.
+            // Failures do not matter: there may be no file yet. Emptied first, because a file that
+            // is still open somewhere keeps its space on the disk.
             let _ = File::options().write(true).truncate(true).open(&self.temporary);
             let _ = fs::remove_file(&self.temporary);
         }
     }
 }
 
-pub(super) fn failed(path: &Path, action: &'static str) -> impl Fn(io::Error) -> WriteError {
-    move |source| WriteError { path: path.to_owned(), action, source }
-}
-
-pub(super) fn directory_of(path: &Path) -> &Path {
+pub(crate) fn directory_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     }
 }
 
-/// The file beside `path` whose name has this at its end.
-pub(crate) fn beside(path: &Path, ending: &str) -> PathBuf {
+/// `path` with `ending` appended to its name: `run.h5` and `.lock` give `run.h5.lock`.
+pub fn path_beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.file_name().map_or_else(OsString::new, OsString::from);
     name.push(ending);
     path.with_file_name(name)
