@@ -159,7 +159,11 @@ impl Needs {
             }
             if material.precision == Precision::F32 {
                 let mean = 0.5 * self.base_pressure;
-                warnings.extend(monitor::unresolved("the mean pressure of the highest pile", mean, p));
+                warnings.extend(monitor::unresolved(
+                    "the mean pressure of the highest pile",
+                    mean,
+                    p,
+                ));
             }
             if p.preparation.pressure > self.base_pressure && self.base_pressure > 0.0 {
                 warnings.push(format!(

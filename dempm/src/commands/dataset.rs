@@ -14,7 +14,7 @@ use crate::dataset::{self, Case, DatasetError, Metadata, Selection, Split, repor
 use crate::device::Device;
 use crate::run::{self, Outcome, SessionError, checkpoint_interval};
 
-/// Scenes at a time on a GPU: measured in docs/benchmarks-gpu.md.
+/// Scenes at a time on a GPU: measured in docs/notes/2026-11-22-rve-kernel.md.
 const JOBS_ON_A_GPU: usize = 4;
 
 /// Arguments of `dempm dataset`.

@@ -70,8 +70,8 @@ pub fn element(args: &ElementArgs) -> miette::Result<()> {
 
 /// Drives the packing through all stages and prints a summary of each.
 fn run<R: Real>(test: &ElementTest, packing: &Packing<f64>) -> miette::Result<Vec<Row>> {
-    let mut element = Element::<R>::new(packing.convert(), &test.rve, test.macro_step())
-        .into_diagnostic()?;
+    let mut element =
+        Element::<R>::new(packing.convert(), &test.rve, test.macro_step()).into_diagnostic()?;
     let mut rows = vec![element.row()];
     for (k, stage) in test.stages().enumerate() {
         let first = rows.len();

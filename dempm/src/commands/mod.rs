@@ -3,8 +3,8 @@
 
 pub mod bench;
 pub mod check;
-mod device;
 pub mod dataset;
+mod device;
 pub mod element;
 pub mod export;
 pub mod info;

@@ -87,8 +87,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Case>, DatasetError> {
     }
     if cases.is_empty() {
         let (path, key) = (path.to_owned(), "train".to_owned());
-        let reason =
-            "is missing, as are `valid` and `test`: there is nothing to run".to_owned();
+        let reason = "is missing, as are `valid` and `test`: there is nothing to run".to_owned();
         return Err(DatasetError::Key { path, key, reason });
     }
     Ok(cases)

@@ -165,17 +165,12 @@ impl Queue<'_> {
         }
     }
 
-    fn run(
-        &self,
-        case: &Case,
-        device: Option<&Arc<gpu::Device>>,
-    ) -> Result<Outcome, SessionError> {
+    fn run(&self, case: &Case, device: Option<&Arc<gpu::Device>>) -> Result<Outcome, SessionError> {
         let output = case.file(self.folder);
         // A checkpoint is of no use without its trajectory, nor an incomplete trajectory without its
         // checkpoint.
-        let resume = !self.options.overwrite
-            && output.exists()
-            && checkpoint::path_beside(&output).exists();
+        let resume =
+            !self.options.overwrite && output.exists() && checkpoint::path_beside(&output).exists();
         let options = run::Options {
             device: device.cloned(),
             ranks: None,

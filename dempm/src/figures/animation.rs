@@ -50,8 +50,7 @@ pub fn animate(
             let file = File::create(temporary).map_err(WriteError::at(output, "write it"))?;
             // GIF counts in hundredths of a second.
             let delay = (100.0 / f64::from(fps)).round().max(2.0) as u16;
-            let mut gif =
-                Gif::new(BufWriter::new(file), figure.size(), palette.colours(), delay)?;
+            let mut gif = Gif::new(BufWriter::new(file), figure.size(), palette.colours(), delay)?;
             draw_all(trajectory, options, &figure, &chosen, |image| {
                 Ok(gif.push(palette.indexed(image))?)
             })?;
@@ -66,7 +65,11 @@ pub fn animate(
 }
 
 /// A layout for one panel in which all frames fit.
-fn layout(trajectory: &Trajectory, options: &Options, chosen: &[usize]) -> Result<Figure, FigureError> {
+fn layout(
+    trajectory: &Trajectory,
+    options: &Options,
+    chosen: &[usize],
+) -> Result<Figure, FigureError> {
     let mut view = View::EMPTY;
     for &index in chosen {
         view.include(&trajectory.frame(index)?);

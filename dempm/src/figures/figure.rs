@@ -60,8 +60,8 @@ impl Figure {
     ) -> Self {
         let view = view.framed(header);
         let values = || panels.iter().flat_map(|panel| panel.values.iter().copied());
-        let classes =
-            (options.quantity == Quantity::Column).then(|| values().fold(0.0, f64::max) as usize + 1);
+        let classes = (options.quantity == Quantity::Column)
+            .then(|| values().fold(0.0, f64::max) as usize + 1);
         let range = match classes {
             Some(classes) => Range { low: -0.5, high: classes as f64 - 0.5, cut: [false; 2] },
             None if options.log => Range::robust_log(values()),

@@ -3,27 +3,23 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use files::{OutputFile, WriteError, write_atomically};
+use files::{OutputFile, SealError, SealedWriter, WriteError, read_sealed, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::State;
 
 const MAGIC: &str = "DEMPM checkpoint";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// A checkpoint that could not be written or read.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum CheckpointError {
-    /// The file cannot be read.
-    #[error("{}: cannot read the checkpoint", path.display())]
-    Read {
-        /// The checkpoint.
-        path: PathBuf,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// The file is not a checkpoint of this version, or damaged.
-    #[error("{}: not a checkpoint of this version of dempm, or damaged", path.display())]
+    /// The file cannot be read, or is damaged.
+    #[error("the run cannot continue from its checkpoint")]
+    #[diagnostic(help("start again with --overwrite"))]
+    Seal(#[from] SealError),
+    /// The file is not a checkpoint of this version.
+    #[error("{}: not a checkpoint of this version of dempm", path.display())]
     #[diagnostic(help("start again with --overwrite"))]
     Format {
         /// The file.
@@ -90,8 +86,9 @@ pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointEr
         OutputFile::create(temporary)
             .and_then(|mut file| {
                 let buffer = std::io::BufWriter::with_capacity(1 << 20, &mut file);
-                let written = postcard::to_io(&content, buffer)
-                    .map(|buffer| buffer.into_inner().map(drop).map_err(|e| e.into_error()));
+                let written = postcard::to_io(&content, SealedWriter::new(buffer)).map(|writer| {
+                    writer.seal()?.into_inner().map(drop).map_err(|e| e.into_error())
+                });
                 // On a full disk postcard reports only a full buffer.
                 written.unwrap_or_else(|error| Err(file.failure_or(error)))
             })
@@ -105,8 +102,7 @@ pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointEr
 /// If the file is missing, damaged, or belongs to another scene.
 pub fn read(path: &Path, scene: &str) -> Result<State, CheckpointError> {
     let path_owned = || path.to_owned();
-    let bytes = std::fs::read(path)
-        .map_err(|source| CheckpointError::Read { path: path_owned(), source })?;
+    let bytes = read_sealed(path)?;
     let read: Read =
         postcard::from_bytes(&bytes).map_err(|_| CheckpointError::Format { path: path_owned() })?;
     if read.magic != MAGIC || read.version != VERSION {

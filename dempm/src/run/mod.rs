@@ -12,8 +12,8 @@ mod observer;
 mod session;
 mod writer_thread;
 
+pub use checkpoint::interval as checkpoint_interval;
 pub use error::{SessionError, WriterError};
 pub use monitor::Monitor;
 pub use observer::Observer;
-pub use checkpoint::interval as checkpoint_interval;
 pub use session::{Options, Outcome, run_scene};

@@ -16,9 +16,7 @@ const UNRESOLVED: usize = 10;
 /// The warning for a macro step (s) above the largest provably stable one, `bound` (s).
 pub fn beyond_bound(step: f64, bound: f64) -> Option<String> {
     (step > bound).then(|| {
-        format!(
-            "the step of {step:.2e} s exceeds the bound {bound:.2e} s of guaranteed stability"
-        )
+        format!("the step of {step:.2e} s exceeds the bound {bound:.2e} s of guaranteed stability")
     })
 }
 
@@ -104,7 +102,8 @@ impl Monitor {
             if let Material::Rve(asked) = &simulation.scene.material
                 && asked.precision == Precision::F32
                 && let Some(pressure) = median_pressure(rve.states())
-                && let Some(warning) = unresolved("the pressure in half of the packings", pressure, p)
+                && let Some(warning) =
+                    unresolved("the pressure in half of the packings", pressure, p)
             {
                 self.unresolved += 1;
                 if self.unresolved == UNRESOLVED {

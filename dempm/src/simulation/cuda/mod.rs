@@ -7,6 +7,5 @@ mod replay;
 mod rve_material;
 mod timer;
 
-
-pub use rve_material::{defines, source};
 pub(crate) use replay::CudaSimulation;
+pub use rve_material::{defines, source};

@@ -1,7 +1,7 @@
 //! Tall columns: energy of their fall, overlaps under their weight.
 
+use dempm::run::Monitor;
 use dempm::simulation::{SceneMaterial, Simulation, SimulationError};
-use dempm::watch::Watch;
 use rayon::prelude::*;
 
 use super::learned::roll::window;
