@@ -67,13 +67,17 @@ def check_links(page, text):
 
 
 def check_paths(text, names, folders):
-    """Paths of the repository, also with * for a part, that do not exist."""
+    """Paths of the repository (with * for a part) and names of sources that do not exist."""
     top = "|".join(sorted(re.escape(name.split("/")[0]) for name in folders if "/" not in name))
     for match in re.finditer(rf"(?<![\w/.$~<-])(?:{top})/[\w./*-]+", text):
         path = match.group().rstrip(".")
         exists = path.rstrip("/") in folders or any(fnmatch(name, path) for name in names)
         if not exists and "..." not in path:
             yield line_of(text, match.start()), f"{path} does not exist"
+    files = {name.rsplit("/", 1)[-1] for name in names}
+    for match in re.finditer(r"`(\w+\.(?:rs|cuh?))`", text):
+        if match.group(1) not in files:
+            yield line_of(text, match.start()), f"there is no file {match.group(1)}"
 
 
 def main():

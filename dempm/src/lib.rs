@@ -49,4 +49,5 @@ pub mod packings;
 pub mod run;
 pub mod scene;
 pub mod simulation;
+pub mod soundness;
 pub mod trajectory;

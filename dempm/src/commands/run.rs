@@ -44,7 +44,7 @@ pub struct RunArgs {
 /// # Errors
 /// If the scene is invalid, the output exists, a step fails or a file cannot be written.
 pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
-    let environment = Environment::from_environment().into_diagnostic()?;
+    let environment = Environment::read().into_diagnostic()?;
     let is_first = environment.rank == 0;
     let scene = Scene::load(&args.scene)?;
     if let Some(report) = scene.warning_report().filter(|_| is_first) {

@@ -270,7 +270,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    fn finish(mut self, end: End) -> Result<Outcome, SessionError> {
+    fn finish(self, end: End) -> Result<Outcome, SessionError> {
         self.observer.finished();
         match end {
             End::Finished => self.complete(),
@@ -309,13 +309,19 @@ impl<'a> Session<'a> {
     fn fail(self, error: SimulationError) -> SessionError {
         let Some(writer) = self.writer else { return error.into() };
         let frames = writer.frames();
-        let causes = std::iter::successors(Some(&error as &dyn Error), |error| error.source());
-        let causes: Vec<String> = causes.map(ToString::to_string).collect();
-        let status = format!("failed: {}", causes.join(": "));
+        let status = format!("failed: {}", with_causes(&error));
         match writer.finish(status, self.simulation.state.wall_time) {
             Ok(()) => SessionError::Failed { path: self.path, frames, source: error },
             Err(error) => error.into(),
         }
+    }
+}
+
+/// An error and its causes in one line.
+fn with_causes(error: &dyn Error) -> String {
+    match error.source() {
+        Some(cause) => format!("{error}: {}", with_causes(cause)),
+        None => error.to_string(),
     }
 }
 
