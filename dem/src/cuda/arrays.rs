@@ -12,8 +12,9 @@ use super::shape::Shape;
 use crate::batch::RveBatch;
 use crate::cell::Cell;
 use crate::contact::ContactLaw;
+use crate::disc::Disc;
 use crate::neighbours::Neighbours;
-use crate::packing::{Disc, Packing};
+use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::rve::Rve;
 

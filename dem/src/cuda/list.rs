@@ -7,8 +7,8 @@ use super::error::RveFailure;
 use super::real::CudaReal;
 use super::shape::{Shape, WARP};
 use crate::contact::ContactLaw;
-use crate::neighbours::{Image2, Neighbours};
-use crate::packing::{Disc, Pair};
+use crate::disc::Disc;
+use crate::neighbours::{Image2, Neighbours, Pair};
 use crate::real::{Image, Real};
 
 /// The list of one RVE in the arrays of [`Batch`](super::abi::Batch).
