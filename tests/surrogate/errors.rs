@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dempm::scene::Scene;
-use surrogate::config::PAPER_NETWORKS;
+use surrogate::network::PAPER_NETWORKS;
 use surrogate::train::TrainConfig;
 use tempfile::TempDir;
 

@@ -5,9 +5,9 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use dempm::trajectory::Trajectory;
-use surrogate::data::{DataSet, Shape};
+use surrogate::data::{DataSet, WindowShape};
+use surrogate::network::parameters::weights;
 use surrogate::simulator::Simulator;
-use surrogate::train::weights;
 use tempfile::TempDir;
 
 use crate::helpers::{
@@ -333,7 +333,7 @@ fn windows_can_begin_before_the_run() {
     let data = data(directory.path());
     let path = data.join("train/left.h5");
     let run = Trajectory::open(&path).unwrap();
-    let shape = Shape { frames: 4, stride: 2, before: 3 };
+    let shape = WindowShape { frames: 4, stride: 2, before: 3 };
     let set = DataSet::open(&[path], shape, 0).unwrap();
     assert_eq!(set.len(), 41 + 6 - 8);
     let first = run.frame(0).unwrap();
@@ -359,7 +359,7 @@ fn windows_of_every_stride_are_frames_of_the_files() {
     let paths = ["left", "middle"].map(|name| data.join("train").join(name).with_extension("h5"));
     let second = Trajectory::open(&paths[1]).unwrap();
     for stride in [1, 2, 3, 6, 10] {
-        let shape = Shape { frames: 3, stride, before: 0 };
+        let shape = WindowShape { frames: 3, stride, before: 0 };
         for memory in [0, 1 << 14, 1 << 30] {
             let set = DataSet::open(&paths, shape, memory).unwrap();
             let of_one_file = 41 - 3 * stride;
