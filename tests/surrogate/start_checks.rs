@@ -1,4 +1,4 @@
-//! What is said of starts unlike those of the training.
+//! Warnings about initial frames unlike the training data.
 
 use std::path::Path;
 
@@ -41,7 +41,7 @@ fn a_model_knows_its_training_data() {
     let training = Training { range: None, ..trained.training.clone() };
     Simulator { training, ..trained.clone() }.save(&path).unwrap();
     let said = warns(&mut rollout());
-    assert!(said.contains("what the network was trained on is not in its file"), "{said}");
+    assert!(said.contains("does not state the range of its training data"), "{said}");
     let stats = || {
         let mut command = surrogate(here);
         command.arg("stats").arg(&data).args(["--into", "run/last.safetensors"]);
@@ -61,7 +61,7 @@ fn a_model_knows_its_training_data() {
     let mut other = surrogate(here);
     other.args(["stats", "other", "--into", "run/last.safetensors"]);
     let error = fails(&mut other);
-    assert!(error.contains("knows the ranges of its training data already"), "{error}");
+    assert!(error.contains("states another range of its training data already"), "{error}");
     assert_eq!(Simulator::load(&path).unwrap().training, trained.training);
 }
 
@@ -75,7 +75,7 @@ fn a_start_is_compared_with_the_training_data() {
     let scene = Scene::load(repository.join("scenes/column-mu-i.toml")).unwrap();
     let start = InitialFrames::from_scene(scene, &simulator).unwrap();
     // It is small, and knows how far it can be trusted.
-    let said = doubts(&symmetric, &start);
+    let said = start_checks(&symmetric, &start);
     assert!(said.len() == 1 && said[0].contains("a rough guide"), "{said:?}");
 
     // A column away from the walls, whose mirror image should move as its mirror image.
@@ -110,14 +110,14 @@ fn a_start_is_compared_with_the_training_data() {
         let shift = |p: usize| if (p + frame).is_multiple_of(2) { 1e-3 } else { -1e-3 };
         positions.iter_mut().enumerate().for_each(|(p, x)| x[1] += shift(p));
     }
-    let said = doubts(&symmetric, &noisy).concat();
+    let said = start_checks(&symmetric, &noisy).concat();
     assert!(said.contains("differences between neighbours' accelerations"), "{said}");
 
     let mut small = start;
     for positions in &mut small.positions {
         positions.retain(|x| x[0] < 0.5 && x[1] < 0.5);
     }
-    let said = doubts(&symmetric, &small).concat();
+    let said = start_checks(&symmetric, &small).concat();
     for expected in ["points 64, at least 240", "width", "height"] {
         assert!(said.contains(expected), "{expected}: {said}");
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::trajectory::write_text;
+use files::write_text;
 use miette::bail;
 
 use super::rollout::select_device;

@@ -5,10 +5,8 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::overwrite::refuse_input;
-use dempm::run::{INTERRUPTED, interrupt_flag};
 use dempm::scene::Scene;
-use dempm::trajectory::TrajectoryLock;
+use files::{FileLock, INTERRUPTED, interrupt_flag, refuse_input};
 use indicatif::ProgressBar;
 use miette::{Context, IntoDiagnostic, Report, bail};
 
@@ -64,7 +62,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     }
     let inputs = [Some(&args.model), args.scene.as_ref(), args.from.as_ref()];
     refuse_input(&args.output, inputs.into_iter().flatten())?;
-    let _lock = TrajectoryLock::take(&args.output)?;
+    let _lock = FileLock::take(&args.output)?;
     let (mirror, precision) = (args.mirror, args.precision);
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     select_device(&mut simulator, args.device)?;

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use dempm::device::Device;
-use dempm::run::{INTERRUPTED, checkpoint_interval, interrupt_flag};
+use dempm::run::checkpoint_interval;
+use files::{INTERRUPTED, interrupt_flag};
 use indicatif::ProgressBar;
 
 use super::progress::training_bar;

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use dempm::trajectory::{Header, TrajectoryError, TrajectoryWriter, utc_now};
+use dempm::trajectory::{Header, TrajectoryError, TrajectoryWriter};
+use files::utc_now;
 
 use super::engine::Rollout;
 use super::error::RolloutError;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use dempm::device::Device;
-use gpu::ranks::{Launch, Ranks};
+use gpu::ranks::{Environment, Ranks};
 
 use super::all_reduce::AllReduce;
 use super::config::TrainConfig;
@@ -40,13 +40,13 @@ pub enum BackendBatch {
 /// If a GPU that was asked for cannot be used.
 pub fn open_device(
     device: Device,
-    launch: &Launch,
+    environment: &Environment,
 ) -> Result<Option<Arc<gpu::Device>>, gpu::Error> {
     match device {
-        _ if !launch.is_shared() => device.open(),
+        _ if !environment.is_shared() => device.open(),
         Device::Cpu => Ok(None),
         Device::Auto if gpu::Device::count() == 0 => Ok(None),
-        _ => device.open_for_rank(launch.local_rank).map(Some),
+        _ => device.open_for_rank(environment.local_rank).map(Some),
     }
 }
 

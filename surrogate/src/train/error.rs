@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use dempm::trajectory::TrajectoryError;
-use gpu::ranks::{LaunchError, RanksError};
+use files::LockError;
+use gpu::ranks::{EnvironmentError, RanksError};
 
 use super::checkpoint::CheckpointError;
 use crate::chart::ChartError;
@@ -43,7 +43,7 @@ pub enum TrainError {
     Cuda(#[from] CudaError),
     /// The launcher's environment variables are wrong.
     #[error(transparent)]
-    Launch(#[from] LaunchError),
+    Environment(#[from] EnvironmentError),
     /// The processes of the training lost each other.
     #[error(transparent)]
     Ranks(#[from] RanksError),
@@ -111,7 +111,7 @@ pub enum TrainError {
         /// The folder.
         folder: PathBuf,
         /// The error of the lock.
-        source: TrajectoryError,
+        source: LockError,
     },
     /// A file of an old training stays.
     #[error("{}: cannot remove it", path.display())]

@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dempm::overwrite::is_same;
-use dempm::trajectory::TrajectoryLock;
+use files::{FileLock, is_same};
 
 use super::config::TrainConfig;
 use super::error::TrainError;
@@ -58,8 +57,8 @@ pub fn check_new(
 ///
 /// # Errors
 /// If another training holds it, or no file can be written.
-pub fn lock(folder: &Path) -> Result<TrajectoryLock, TrainError> {
-    TrajectoryLock::take(&checkpoint_in(folder))
+pub fn lock(folder: &Path) -> Result<FileLock, TrainError> {
+    FileLock::take(&checkpoint_in(folder))
         .map_err(|source| TrainError::Folder { folder: folder.to_owned(), source })
 }
 

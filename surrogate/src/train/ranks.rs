@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use gpu::Device;
-use gpu::ranks::{Fingerprint, Launch, Ranks, RanksError};
+use gpu::ranks::{Environment, Fingerprint, Ranks, RanksError};
 
 use super::all_reduce::{AllReduce, SingleProcess};
 use super::tcp::Tcp;
@@ -31,20 +31,20 @@ impl AllReduce for Arc<Ranks> {
 /// Sums on the host, and the GPUs that sum among themselves, if there are any.
 pub type Joined = (Box<dyn AllReduce>, Option<Arc<Ranks>>);
 
-/// Joins the other processes of a launch. All must have the same fingerprint of what they train.
+/// Joins the other processes of a training. All must have the same fingerprint of what they train.
 ///
 /// # Errors
-/// If they do not meet, or are about to train different things.
+/// If they do not rendezvous, or are about to train different things.
 pub fn join(
-    launch: Launch,
+    environment: Environment,
     device: Option<&Arc<Device>>,
     fingerprint: &Fingerprint,
 ) -> Result<Joined, RanksError> {
     match device {
-        _ if !launch.is_shared() => Ok((Box::new(SingleProcess), None)),
-        None => Ok((Box::new(Tcp::join(launch, fingerprint)?), None)),
+        _ if !environment.is_shared() => Ok((Box::new(SingleProcess), None)),
+        None => Ok((Box::new(Tcp::join(environment, fingerprint)?), None)),
         Some(device) => {
-            let gpus = Arc::new(Ranks::join(&launch, device, fingerprint)?);
+            let gpus = Arc::new(Ranks::join(&environment, device, fingerprint)?);
             Ok((Box::new(gpus.clone()), Some(gpus)))
         }
     }

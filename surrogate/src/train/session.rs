@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use dempm::device::Device;
-use dempm::trajectory::TrajectoryLock;
-use gpu::ranks::Launch;
+use files::FileLock;
+use gpu::ranks::Environment;
 
 use super::all_reduce::AllReduce;
 use super::backend::{Backend, BackendBatch, open_device};
@@ -152,14 +152,14 @@ impl Beginning {
 }
 
 impl Session {
-    /// Opens the data, joins the other processes of the launch, sets the device up and starts to
+    /// Opens the data, joins the other processes, sets the device up and starts to
     /// prepare batches. Nothing is written.
     ///
     /// # Errors
     /// If data, checkpoint, pretrained model, device or other processes do not allow the training.
     pub fn open(config: TrainConfig, options: &SessionOptions) -> Result<Self, TrainError> {
-        let launch = Launch::from_environment()?;
-        let shard = Shard { rank: launch.rank, ranks: launch.size };
+        let environment = Environment::read()?;
+        let shard = Shard { rank: environment.rank, ranks: environment.size };
         let model = config.model();
         let data = OpenedData::open(&config, &model, &options.data)?;
         let frame_interval = data.set.frame_interval();
@@ -172,14 +172,14 @@ impl Session {
         }
         let lineage = Lineage::new(pretrained.as_ref(), identity.normalisation.clone(), data.range);
 
-        let device = open_device(options.device, &launch)?;
+        let device = open_device(options.device, &environment)?;
         if device.is_none() && config.precision == Precision::Bf16 {
             return Err(TrainError::Bf16OnCpu { config: options.config_file.clone() });
         }
         let beginning = Beginning::find(options, &config, &identity, pretrained.as_ref())?;
         let step = beginning.step();
         let fingerprint = identity.fingerprint(step, device.is_some());
-        let (ranks, gpus) = ranks::join(launch, device.as_ref(), &fingerprint)?;
+        let (ranks, gpus) = ranks::join(environment, device.as_ref(), &fingerprint)?;
         let points = config.batch * data.most_points();
         let mut backend = Backend::new(device.as_ref(), gpus, &model, &config, points)?;
         if let Some(state) = beginning.state
@@ -239,7 +239,7 @@ impl Session {
     ///
     /// # Errors
     /// If a validation file cannot start a rollout, or the folder cannot be used.
-    pub fn take_folder(&self, resume: bool) -> Result<Option<TrajectoryLock>, TrainError> {
+    pub fn take_folder(&self, resume: bool) -> Result<Option<FileLock>, TrainError> {
         if !self.is_leader() {
             return Ok(None);
         }
