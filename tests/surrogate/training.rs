@@ -250,7 +250,10 @@ fn nothing_is_trained_in_vain() {
     };
     for (text, parts) in [
         (scene(0.0, 1.0, "").replace("0.01", "0.02"), ["0.01 s", "0.02 s"]),
-        (scene(0.0, 1.0, "").replace("0.4", "0.02"), ["other.h5: 3 frames", "starts from 3 frames"]),
+        (
+            scene(0.0, 1.0, "").replace("0.4", "0.02"),
+            ["other.h5: 3 frames", "starts from 3 frames"],
+        ),
         (scene(0.0, 1.0, "").replace("0.4", "0.01"), ["needs 3 initial frames", "there are 2"]),
     ] {
         simulate(&text, &data.join("valid/other.h5"));
@@ -302,7 +305,10 @@ fn a_folder_is_that_of_one_training() {
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(!best.exists(), "the old training stays");
-    assert!(error.contains("run/checkpoint.bin: process") && error.contains("is writing it"), "{error}");
+    assert!(
+        error.contains("run/checkpoint.bin: process") && error.contains("is writing it"),
+        "{error}"
+    );
     let error = fails(train(here, &short, "run").arg("--resume"));
     assert!(error.contains("cannot read the checkpoint"), "{error}");
 }
