@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use dempm::trajectory::Trajectory;
+use plot::{Axis, Chart, Mark, Series};
 use rayon::prelude::*;
-use surrogate::metrics::Errors;
+use surrogate::evaluation::Errors;
 
 use crate::animation::animated;
 use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
 use crate::compare::kept_difference;
 use crate::context::{Context, Model, Start};
 use crate::picture::{RANGE, View, in_rows};
@@ -181,7 +181,8 @@ pub fn chart(title: &str, rollouts: &[&Rollout], floor: Option<&Errors>) -> miet
     }
     let picture =
         Chart { x: Axis::linear("time [s]"), y: Axis::log("MSE [box²]"), series, floor: None }
-            .draw()?;
+            .svg()
+            .map(crate::figure::Picture::Svg)?;
     let mut caption =
         "Mean square distance of points from where they should be, in units of the box.".to_owned();
     if rollouts.iter().any(|rollout| rollout.errors.failure.is_some()) {
@@ -261,7 +262,7 @@ fn pairs(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surrogate::metrics::FrameError;
+    use surrogate::evaluation::FrameError;
     use surrogate::rollout::RolloutError;
 
     impl Rollout {
@@ -285,7 +286,7 @@ mod tests {
 
     #[test]
     fn why_a_rollout_ended_is_short() {
-        let error = RolloutError::Pressed { frame: 9, neighbours: 155.0, plane: 50.0 };
+        let error = RolloutError::Crowded { frame: 9, neighbours: 155.0, plane: 50.0 };
         assert_eq!(
             early(&format!("failed: {error}")),
             "early, frame 9: points are pressed together"
