@@ -17,7 +17,7 @@ pub enum Suite {
     Element(dempm::commands::element::ElementArgs),
     /// `surrogate rollout`
     #[command(hide = true)]
-    Rollout(surrogate::rollout::RolloutArgs),
+    Rollout(surrogate::commands::RolloutArgs),
 }
 
 impl Suite {
@@ -31,7 +31,7 @@ impl Suite {
             Self::Element(args) => {
                 dempm::commands::element::element(args).map(|()| ExitCode::SUCCESS)
             }
-            Self::Rollout(args) => surrogate::rollout::rollout(args),
+            Self::Rollout(args) => surrogate::commands::rollout(args),
         }
     }
 }
