@@ -18,6 +18,7 @@ pub(super) const WALLS: &str = "boundary/walls";
 pub(super) const BOXES: &str = "boundary/boxes";
 pub(super) const BUDGET: &str = "budget";
 pub(super) const WALL_TIME: &str = "wall_time";
+pub(super) const WARNINGS: &str = "warnings";
 
 /// HDF5's file locks off. No file is ever changed under its own name, so there is nothing to lock,
 /// and a lock can outlive its owner: a process forked while the file is open inherits it. Network

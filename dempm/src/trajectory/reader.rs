@@ -12,7 +12,7 @@ use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, Points};
 use super::header::Header;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS,
+    BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS,
     frame_selection, unlocked,
 };
 
@@ -30,6 +30,7 @@ pub struct Trajectory {
     points: Points,
     time: Vec<f64>,
     status: String,
+    warnings: Option<String>,
     wall_time: BTreeMap<String, f64>,
     fields: Vec<(Field, Dataset)>,
     boxes: Option<Dataset>,
@@ -94,6 +95,12 @@ impl Trajectory {
             budget.insert(name, values);
         }
         let status = read_text(&file, "status").map_err(TrajectoryError::at(path, "status"))?;
+        let names = file.attr_names().map_err(TrajectoryError::at(path, WARNINGS))?;
+        let warnings = names
+            .iter()
+            .any(|name| name == WARNINGS)
+            .then(|| read_text(&file, WARNINGS).map_err(TrajectoryError::at(path, WARNINGS)))
+            .transpose()?;
         let wall_time = file.group(WALL_TIME).map_err(TrajectoryError::at(path, WALL_TIME))?;
         let wall_time = read_all(&wall_time, read_scalar).map_err(located)?;
         Ok(Self {
@@ -102,6 +109,7 @@ impl Trajectory {
             points,
             time,
             status,
+            warnings,
             wall_time,
             fields,
             boxes,
@@ -138,6 +146,11 @@ impl Trajectory {
     /// How the run stands: `running` (or killed), `finished`, or what stopped it.
     pub fn status(&self) -> &str {
         &self.status
+    }
+
+    /// Warnings that the run gave about itself; `None` if the program that made the file gives none.
+    pub fn warnings(&self) -> Option<Vec<&str>> {
+        Some(self.warnings.as_ref()?.lines().collect())
     }
 
     /// Wall time of the run per phase, s.

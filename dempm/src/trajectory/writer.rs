@@ -13,8 +13,8 @@ use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::header::Header;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, create_growing, new_group,
-    set_frames, unlocked, write_frames, write_whole,
+    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, create_growing,
+    new_group, set_frames, unlocked, write_frames, write_whole,
 };
 use super::reader::Trajectory;
 use super::vtk;
@@ -38,6 +38,8 @@ pub struct TrajectoryWriter {
     shape: Option<FrameShape>,
     wall_time: BTreeMap<String, f64>,
     status: String,
+    /// Warnings of the run, one a line; unknown if another program makes the file.
+    warnings: Option<String>,
 }
 
 /// A copy of the file on the disk, to which frames are added.
@@ -64,6 +66,7 @@ impl TrajectoryWriter {
             shape: None,
             wall_time: BTreeMap::new(),
             status: "running".to_owned(),
+            warnings: None,
         };
         if points.mass.is_empty() || points.column.len() != points.mass.len() {
             return Err(writer.mismatch(format!(
@@ -113,6 +116,7 @@ impl TrajectoryWriter {
             shape,
             wall_time: trajectory.wall_time().clone(),
             status: "running".to_owned(),
+            warnings: None,
         })
     }
 
@@ -160,6 +164,11 @@ impl TrajectoryWriter {
     /// Sets the wall time spent so far in a phase of the run, s; written at the next commit.
     pub fn set_wall_time(&mut self, phase: &str, seconds: f64) {
         self.wall_time.insert(phase.to_owned(), seconds);
+    }
+
+    /// Sets the warnings of the run, one a line; written at the next commit.
+    pub fn set_warnings(&mut self, warnings: String) {
+        self.warnings = Some(warnings);
     }
 
     /// The wall time per phase, s; after a resume, what the file said.
@@ -339,6 +348,9 @@ impl TrajectoryWriter {
     fn update(&self, file: &File) -> Result<()> {
         let put = || {
             write_text(file, "status", &self.status)?;
+            if let Some(warnings) = &self.warnings {
+                write_text(file, WARNINGS, warnings)?;
+            }
             let wall_time = file.group(WALL_TIME)?;
             for (phase, seconds) in &self.wall_time {
                 write_scalar(&wall_time, phase, seconds)?;
