@@ -7,7 +7,6 @@
 
 #![warn(missing_docs)]
 
-pub mod chart;
 pub mod commands;
 pub mod context;
 pub mod difference;

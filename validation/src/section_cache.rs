@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use dempm::trajectory::utc_now;
+use files::utc_now;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;

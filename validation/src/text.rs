@@ -1,19 +1,6 @@
 //! Numbers, durations and titles as text.
 
-/// A number with three significant digits, as an exponent where zeros would pile up. Empty if it is
-/// not finite.
-pub fn number(value: f64) -> String {
-    let size = value.abs();
-    match size {
-        _ if !value.is_finite() => String::new(),
-        0.0 => "0".to_owned(),
-        _ if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
-        _ => {
-            let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
-            trimmed(format!("{value:.decimals$}"))
-        }
-    }
-}
+pub use plot::number;
 
 /// A fraction as a percentage.
 pub fn percent(fraction: f64) -> String {
@@ -70,9 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short() {
-        let texts = [0.0, 3.0, 0.0625, 2.345, 123.4, 1.23e-6, 921_600.0, f64::NAN].map(number);
-        assert_eq!(texts, ["0", "3", "0.0625", "2.35", "123", "1.2e-6", "9.2e5", ""]);
+    fn quantities_are_short() {
         assert_eq!([0.25, 42.0, 3000.0].map(seconds), ["0.25 s", "42 s", "50 min"]);
         assert_eq!([0.0, 0.00442, 0.0234, 1.38].map(length), ["0 mm", "4.4 mm", "2.3 cm", "1.4 m"]);
         assert_eq!(percent(0.05), "5 %");

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::run::{INTERRUPTED, interrupt_flag};
+use files::{INTERRUPTED, interrupt_flag};
 use miette::{IntoDiagnostic, bail};
 
 use crate::context::Context;

@@ -1,54 +1,29 @@
 //! Animations as GIF.
 
-use gif::{DisposalMethod, Encoder, Frame, Repeat};
-use miette::IntoDiagnostic;
+use plot::{Gif, PlotError};
 
 use crate::render::figure::Picture;
 use crate::render::overlay::{Image, PALETTE};
 
 /// Time that a picture is shown, hundredths of a second.
 const DELAY: u16 = 10;
-/// Index of the transparent colour: the pixel is that of the picture before.
+/// Index of the transparent colour, which follows those of the palette.
 const UNCHANGED: u8 = PALETTE.len() as u8;
 
-/// Pictures of the same size as an endless animation. After the first, each picture holds only the
-/// pixels that changed, so that material at rest takes no space.
+/// Pictures of the same size as an endless animation.
 ///
 /// # Errors
 /// If they cannot be encoded.
-pub fn animated(images: &[Image]) -> miette::Result<Picture> {
+pub fn animated(images: &[Image]) -> Result<Picture, PlotError> {
     let mut bytes = Vec::new();
-    let (width, height) = images.first().map_or((1, 1), |image| (image.width, image.height));
-    {
-        let (width, height) = (width as u16, height as u16);
-        let colours = [PALETTE.as_flattened(), &[0; 3]].concat();
-        let mut encoder = Encoder::new(&mut bytes, width, height, &colours).into_diagnostic()?;
-        encoder.set_repeat(Repeat::Infinite).into_diagnostic()?;
-        let mut before: Option<&Image> = None;
-        for image in images {
-            let pixels = match before {
-                Some(before) => changed(image, before),
-                None => image.pixels.clone(),
-            };
-            let frame = Frame {
-                delay: DELAY,
-                dispose: DisposalMethod::Keep,
-                transparent: Some(UNCHANGED),
-                width,
-                height,
-                buffer: pixels.into(),
-                ..Frame::default()
-            };
-            encoder.write_frame(&frame).into_diagnostic()?;
-            before = Some(image);
-        }
+    let size = images.first().map_or((1, 1), |image| (image.width, image.height));
+    let colours = [PALETTE.as_slice(), &[[0; 3]]].concat();
+    let mut gif = Gif::new(&mut bytes, size, &colours, DELAY)?.with_unchanged(UNCHANGED);
+    for image in images {
+        gif.push(image.pixels.clone())?;
     }
+    gif.finish()?;
     Ok(Picture::Gif(bytes))
-}
-
-fn changed(image: &Image, before: &Image) -> Vec<u8> {
-    let pairs = image.pixels.iter().zip(&before.pixels);
-    pairs.map(|(now, before)| if now == before { UNCHANGED } else { *now }).collect()
 }
 
 #[cfg(test)]

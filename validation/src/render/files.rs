@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
 
-use dempm::trajectory::write_atomically;
+use files::write_atomically;
 use miette::{IntoDiagnostic, WrapErr, bail};
 
 use crate::render::block::Block;

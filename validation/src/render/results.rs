@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use dempm::trajectory::utc_now;
+use files::utc_now;
 use miette::{IntoDiagnostic, WrapErr, miette};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -120,14 +120,15 @@ fn block_as_json(section: &ReportSection, block: &Block) -> Value {
     }
 }
 
-/// The facts and sections of the report in a folder. `describe` gives a section's lead and a
-/// chapter's introduction by their titles.
+/// The facts and chapters of the report in a folder. The texts are found by titles: the introduction
+/// of a chapter, the lead of a section.
 ///
 /// # Errors
 /// If `results.json` or a figure cannot be read.
 pub fn read_report(
     folder: &Path,
-    describe: impl Fn(&str) -> String,
+    chapter_about: fn(&str) -> String,
+    section_lead: fn(&str) -> String,
 ) -> miette::Result<(Facts, Vec<ReportChapter>)> {
     let path = folder.join("results.json");
     let failed = || format!("cannot read {}", path.display());
@@ -139,8 +140,8 @@ pub fn read_report(
     let chapter = |chapter: &Value| -> miette::Result<ReportChapter> {
         let title: String = field(chapter, "title")?;
         let sections = list(chapter, "sections")?.iter();
-        let sections = sections.map(|section| read_section(folder, section, &describe));
-        let about = describe(&title);
+        let sections = sections.map(|section| read_section(folder, section, section_lead));
+        let about = chapter_about(&title);
         Ok(ReportChapter { title, about, sections: sections.collect::<miette::Result<_>>()? })
     };
     let chapters = list(&results, "chapters")?.iter().map(chapter);
@@ -151,11 +152,11 @@ pub fn read_report(
 fn read_section(
     folder: &Path,
     section: &Value,
-    describe: impl Fn(&str) -> String,
+    lead: fn(&str) -> String,
 ) -> miette::Result<ReportSection> {
     let title: String = field(section, "title")?;
     let state: String = field(section, "state")?;
-    let mut read = ReportSection::new(&title, &describe(&title), None);
+    let mut read = ReportSection::new(&title, &lead(&title), None);
     if state != "notyet" {
         let blocks = list(section, "blocks")?.iter().map(|block| read_block(folder, block));
         read.computed = Some(Computed {

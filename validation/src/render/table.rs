@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use dempm::dataset::quoted;
+use files::csv_cell;
 use serde::{Deserialize, Serialize};
 
 /// A table of texts. A cell without a value is empty.
@@ -43,7 +43,7 @@ impl Table {
     pub fn csv(&self) -> String {
         let mut text = String::new();
         for row in std::iter::once(&self.columns).chain(&self.rows) {
-            let cells: Vec<String> = row.iter().map(|cell| quoted(cell)).collect();
+            let cells: Vec<String> = row.iter().map(|cell| csv_cell(cell)).collect();
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{}", cells.join(","));
         }

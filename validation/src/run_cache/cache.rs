@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use dempm::run::INTERRUPTED;
-use dempm::trajectory::write_atomically;
+use files::INTERRUPTED;
+use files::write_atomically;
 use miette::{IntoDiagnostic, WrapErr};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;

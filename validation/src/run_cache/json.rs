@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use dempm::trajectory::write_atomically;
+use files::write_atomically;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
 use serde::de::DeserializeOwned;

@@ -1,20 +1,19 @@
-//! Speed against accuracy: the front, and fair comparisons on it.
+//! Speed against accuracy: the Pareto front and fair comparisons.
 //!
-//! After McGreivy and Hakim (Nature Machine Intelligence 6, 2024): a method is compared at equal
-//! accuracy or at equal time, and with the most efficient setting of its rival, not only with the
-//! finest one.
+//! After McGreivy and Hakim (Nature Machine Intelligence 6, 2024): methods are compared at equal
+//! accuracy or at equal time, and with the most efficient setting of a rival, not with its finest.
 
-/// What a method costs and how wrong it is.
+/// The cost and the error of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
     /// Wall time, s.
     pub seconds: f64,
-    /// Any measure; smaller is better.
+    /// Any measure of error; smaller is better.
     pub error: f64,
 }
 
-/// The entries that none other beats in both, by time. Errors below `floor` are equal: they cannot
-/// be told apart.
+/// Indices of the entries that no other beats in both time and error, by time. Errors below `floor`
+/// count as equal.
 pub fn front(costs: &[Cost], floor: f64) -> Vec<usize> {
     let mut order: Vec<usize> = (0..costs.len()).filter(|&k| usable(&costs[k])).collect();
     order.sort_by(|&a, &b| {
@@ -31,22 +30,22 @@ pub fn front(costs: &[Cost], floor: f64) -> Vec<usize> {
     order
 }
 
-/// The cheapest rival that is as accurate as `method`.
+/// Index of the cheapest rival that is as accurate as `method`; errors below `floor` count as equal.
 pub fn as_accurate(method: Cost, rivals: &[Cost], floor: f64) -> Option<usize> {
     let accurate = |cost: &Cost| usable(cost) && cost.error <= method.error.max(floor);
     let found = (0..rivals.len()).filter(|&k| accurate(&rivals[k]));
     found.min_by(|&a, &b| rivals[a].seconds.total_cmp(&rivals[b].seconds))
 }
 
-/// The most accurate rival that takes no longer than `method`.
+/// Index of the most accurate rival that takes no longer than `method`.
 pub fn as_fast(method: Cost, rivals: &[Cost]) -> Option<usize> {
     let fast = |cost: &Cost| usable(cost) && cost.seconds <= method.seconds;
     let found = (0..rivals.len()).filter(|&k| fast(&rivals[k]));
     found.min_by(|&a, &b| rivals[a].error.total_cmp(&rivals[b].error))
 }
 
-/// The number of runs after which an `investment` (s) has paid back, if a run takes `ours` instead
-/// of `theirs` (s); none if it never does.
+/// Number of runs after which an `investment` (s) has paid back, if a run takes `ours` instead of
+/// `theirs` (s); `None` if never.
 pub fn break_even(investment: f64, ours: f64, theirs: f64) -> Option<f64> {
     (theirs > ours).then(|| (investment / (theirs - ours)).ceil())
 }

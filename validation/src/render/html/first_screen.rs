@@ -31,7 +31,8 @@ pub(super) fn write_first_screen(html: &mut String, chapters: &[ReportChapter]) 
             _ => None,
         })
         .collect();
-    let moves = |(_, figure): &&(&ReportSection, &Figure)| matches!(figure.picture, Picture::Gif(_));
+    let moves =
+        |(_, figure): &&(&ReportSection, &Figure)| matches!(figure.picture, Picture::Gif(_));
     let animation = cover.iter().find(moves);
     let chart = cover.iter().find(|figure| !moves(figure));
     if animation.or(chart).is_none() {

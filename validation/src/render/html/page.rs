@@ -26,7 +26,7 @@ pub fn page(facts: &Facts, chapters: &[ReportChapter]) -> String {
          <meta name=\"color-scheme\" content=\"light dark\">\n\
          <title>DEMPM validation report</title>\n<style>\n{STYLE}{}</style>\n</head>\n<body>\n\
          <header><h1>DEMPM validation report</h1>\n",
-        crate::chart::dark_style()
+        plot::dark_style()
     );
     html += "<p>A pile of grains collapses. A direct solver computes the forces between the grains; \
              neural networks that learnt from it predict the same flow in less time. How long does \

@@ -89,7 +89,7 @@ pub(super) fn write_figure(html: &mut String, section: &ReportSection, figure: &
     let animated = if matches!(figure.picture, Picture::Gif(_)) { " animation" } else { "" };
     let _ = write!(html, "<figure class=\"picture{animated}\">");
     match &figure.picture {
-        Picture::Svg(text) => *html += &crate::chart::inlined(text, &title),
+        Picture::Svg(text) => *html += &plot::inlined(text, &title),
         picture => {
             let _ = write!(
                 html,

@@ -66,7 +66,8 @@ fn is_number(cell: &str) -> bool {
 pub(super) fn write_map(html: &mut String, section: &ReportSection, map: &Map) {
     let plain = map.cells.iter().flatten().all(|(_, number)| number.is_empty());
     let wide = map.x.1.len() > 10;
-    let class = ["map", if plain { " plain" } else { "" }, if wide { " wide" } else { "" }].concat();
+    let class =
+        ["map", if plain { " plain" } else { "" }, if wide { " wide" } else { "" }].concat();
     let _ = write!(
         html,
         "<figure class=\"table\"><div class=\"scroll\"><table class=\"{class}\">\n<thead><tr>\

@@ -1,15 +1,21 @@
-//! Every run that the report rests on.
+//! Every run behind the report.
 
-use crate::block::{Block, Table};
 use crate::context::Context;
-use crate::section::Section;
-use crate::table::{number, seconds};
+use crate::render::block::Block;
+use crate::render::section::Section;
+use crate::render::table::Table;
+use crate::text::{number, seconds};
 
+/// The runs of all sections.
 pub struct Runs;
 
 impl Section for Runs {
     fn title(&self) -> &'static str {
         "Runs behind this report"
+    }
+
+    fn lead(&self) -> &'static str {
+        "All commands that were run, with their times and devices."
     }
 
     fn always(&self) -> bool {
@@ -28,8 +34,8 @@ impl Section for Runs {
             "build",
         ];
         let mut table = Table::new("Runs", columns).note(
-            "Wall time of the process with everything, which speed is not judged by. Where more \
-             than one process wanted each core, wall times are longer than they would be alone.",
+            "Wall time of the whole process; comparisons of speed use the computation alone. Above a \
+             load of 1, processes shared the cores and wall times are too long.",
         );
         for (place, run) in context.runs.iter().enumerate() {
             table.row([
@@ -40,7 +46,7 @@ impl Section for Runs {
                 seconds(run.seconds),
                 run.processor_seconds.map_or(String::new(), seconds),
                 run.load.map_or(String::new(), number),
-                run.build[..8].to_owned(),
+                run.build.get(..8).unwrap_or(&run.build).to_owned(),
             ]);
         }
         Ok(vec![Block::Table(table)])

@@ -1,33 +1,47 @@
 //! Error over wall time for all methods and settings on one scene.
 
-mod comparisons;
+use plot::{Axis, Chart, Mark, Series};
 
-use self::comparisons::{comparisons, headline, pay_back};
-use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
+use super::fair_comparison::{comparison_blocks, headline, lead, pay_back_blocks};
+use super::no_model::no_model;
 use crate::context::Context;
-use crate::pareto::front;
-use crate::section::Section;
-use crate::sweep::{Case, Error, Family, Measure, Sweep};
-use crate::table::{number, seconds};
+use crate::render::block::Block;
+use crate::render::figure::{Figure, Picture};
+use crate::render::section::Section;
+use crate::render::table::Table;
+use crate::studies::fair_comparison::best_network;
+use crate::studies::pareto::front;
+use crate::studies::sweep::{Case, Error, Family, MEASURES, Measure, Measured, Sweep};
+use crate::text::{number, seconds};
 
-/// The chart of one scene.
+/// The charts of one scene.
 pub struct SpeedAccuracy {
-    /// Place of its case in [`Case::of`].
+    /// Index of its case in [`Case::of`].
     pub case: usize,
+    /// Its heading.
     pub title: &'static str,
+    /// Its lead.
+    pub lead: &'static str,
 }
 
-/// Measures of error: name, unit, value.
-const MEASURES: [(&str, &str, Measure); 3] = [
-    ("MSE of points", "box²", |error| error.mse),
-    ("front", "m", |error| error.front),
-    ("height profile", "m", |error| error.height),
+/// Load average per core above which wall times are doubtful: one program, and a little.
+const BUSY: f64 = 1.3;
+
+/// The series of a chart, and their names and marks.
+const FAMILIES: [(Family, &str, Mark); 4] = [
+    (Family::Packings, "packings (direct solver)", Mark::Circles),
+    (Family::Continuum, "mu(I) law", Mark::Squares),
+    (Family::Network, "networks", Mark::Triangles),
+    (Family::Ablation, "networks of the ablation", Mark::Crosses),
 ];
 
 impl Section for SpeedAccuracy {
     fn title(&self) -> &'static str {
         self.title
+    }
+
+    fn lead(&self) -> &'static str {
+        self.lead
     }
 
     fn estimate(&self, context: &Context) -> f64 {
@@ -39,63 +53,35 @@ impl Section for SpeedAccuracy {
         let Some(case) = cases.get(self.case) else {
             return Ok(vec![Block::missing(
                 "The chart",
-                "this scene is computed with the full suite only.",
-                "`--suite full` does it, on a GPU.",
+                "only the full suite computes this scene.",
+                "`--suite full` computes it, on a GPU.",
             )]);
         };
         let sweep = case.measure(context)?;
-        // The middle one stands for all.
-        let cover = self.case == cases.len() / 2;
-        let [one, other] = sweep.reference_seconds.map(seconds);
-        let mut blocks = vec![
-            if cover {
-                Block::lead("Speed", headline(case.name, &sweep))
-            } else {
-                Block::headline(headline(case.name, &sweep))
-            },
-            Block::text(format!(
-                "Scene: {}. The reference ({}) ran with two seeds; errors are means of those \
-                 against each, and what lies below the difference between the two (the shade) \
-                 cannot be told from it. All other runs have a third seed. The grid of the \
-                 reference is that of the scene: settings with other cells show what that choice is \
-                 worth. Time is wall time of the computation on {}, one run at a time: preparing \
-                 packings and kernels, copying them to the device and writing files are not \
-                 counted, the frames that a network starts from are. Where there is a spread in \
-                 the table, the time is the median of three; all else was timed once, and the two \
-                 references, equal but for their seeds, took {one} and {other}.",
-                case.description, case.reference_words, context.device_name
-            )),
-        ];
+        let mut blocks = Vec::new();
+        // The middle case stands for all.
+        if self.case == cases.len() / 2 {
+            blocks.push(Block::lead("Speed", lead(case, &sweep)));
+            blocks.push(Block::Figure(cover_chart(case, &sweep)?.on_cover()));
+        }
+        blocks.push(Block::headline(headline(case.name, &sweep)));
+        blocks.push(description(case, &sweep, &context.device_name));
         blocks.extend(busy(&sweep));
         blocks.extend(elsewhere(&sweep));
-        for (place, (name, unit, measure)) in MEASURES.into_iter().enumerate() {
-            let picture = chart(&sweep, name, unit, measure).draw()?;
-            let title = format!("Error over wall time: {name}");
-            let costs: Vec<_> = sweep.measured.iter().map(|m| m.cost(measure)).collect();
-            let best = front(&costs, measure(&sweep.floor)).into_iter();
-            let best: Vec<String> =
-                best.map(|k| format!("{} {}", k + 1, sweep.measured[k].name)).collect();
-            let caption = format!(
-                "{}. Down and left is better. The line joins what nothing beats in both: {}. Other \
-                 numbers are in the table \"All settings\".",
-                case.name,
-                best.join("; ")
-            );
-            let figure = Figure::new(title, picture, caption);
-            let figure = if place == 0 && cover { figure.on_cover() } else { figure };
-            blocks.push(Block::Figure(figure));
+        for measure in &MEASURES {
+            blocks.push(Block::Figure(figure(case, &sweep, measure)?));
         }
-        blocks.push(Block::Table(all(&sweep)));
+        blocks.push(Block::Table(settings(&sweep)));
         blocks.extend(failures(&sweep));
         blocks.push(Block::heading("At equal error, at equal time"));
-        blocks.extend(comparisons(&sweep));
-        blocks.extend(pay_back(&sweep));
+        blocks.extend(comparison_blocks(&sweep));
+        blocks.extend(pay_back_blocks(&sweep));
         if context.models.is_empty() {
             blocks.push(no_model());
         } else if context.device == "cpu" {
             blocks.push(Block::missing(
                 "Networks in bf16",
-                "only a GPU computes in it.",
+                "bf16 needs a GPU.",
                 "`--device cuda` uses one.",
             ));
         }
@@ -103,14 +89,28 @@ impl Section for SpeedAccuracy {
     }
 }
 
-/// A warning where wall times say little, since other programs were running.
+fn description(case: &Case, sweep: &Sweep, device: &str) -> Block {
+    let [one, other] = sweep.reference_seconds.map(seconds);
+    Block::text(format!(
+        "Scene: {}. The reference ({}) ran with two seeds; errors are means of those against each, and \
+         errors below the difference between the two (shaded) are noise. All other runs have a third \
+         seed. The reference has the grid of the scene: settings with other cells show the effect of \
+         that choice. Time is wall time of the computation on {device}, one run at a time, without \
+         preparing packings and kernels, copying them to the device and writing files, but with the \
+         frames that a network starts from. Times with a spread in the table are medians of three; all \
+         others were measured once, and the two references, equal but for their seeds, took {one} and \
+         {other}.",
+        case.description, case.reference_words
+    ))
+}
+
+/// A warning where other programs ran, so that wall times are doubtful.
 fn busy(sweep: &Sweep) -> Option<Block> {
     let load = sweep.measured.iter().filter_map(|m| m.load).fold(0.0, f64::max);
     (load > BUSY).then(|| {
         Block::text(format!(
-            "Other programs were running: up to {} processes wanted each core. Wall times are \
-             longer than they would be alone, by different factors; processor times can be \
-             compared.",
+            "Other programs were running: up to {} processes shared each core. Wall times are longer \
+             than they would be alone, by different factors; processor times can be compared.",
             number(load)
         ))
     })
@@ -123,60 +123,108 @@ fn elsewhere(sweep: &Sweep) -> Option<Block> {
     let others: Vec<String> = others.map(|m| format!("{} (on {})", m.name, m.device)).collect();
     (!others.is_empty()).then(|| {
         Block::text(format!(
-            "Not on {device} as all else, so that their times cannot be compared: {}.",
+            "Not on {device} as all others, so that times cannot be compared: {}.",
             others.join("; ")
         ))
     })
 }
 
-/// Processes per core above which wall times are doubtful: one program, and a little.
-const BUSY: f64 = 1.3;
-
-/// What to say where a model would be needed.
-pub fn no_model() -> Block {
-    Block::missing(
-        "Learned simulators",
-        "no model was found.",
-        "`surrogate train` makes one (docs/surrogate.md); `--models` takes the folder that it is in.",
-    )
+/// All settings by one measure of error, numbered as in the table.
+fn figure(case: &Case, sweep: &Sweep, measure: &Measure) -> miette::Result<Figure> {
+    let costs: Vec<_> = sweep.measured.iter().map(|m| m.cost(measure.value)).collect();
+    let floor = (measure.value)(&sweep.floor);
+    let best = front(&costs, floor);
+    let mut series = families(sweep, measure.value, |place, m| {
+        // The ablation's networks lie close together.
+        if m.family == Family::Ablation { String::new() } else { (place + 1).to_string() }
+    });
+    let line = best.iter().map(|&k| (costs[k].seconds, costs[k].error)).collect();
+    series.push(Series::new("Pareto front", Mark::Reference, line));
+    let svg = Chart {
+        x: Axis::log("wall time [s]"),
+        y: Axis::log(format!("{}, error [{}]", measure.name, measure.unit)),
+        series,
+        floor: Some((floor, "within the noise of seeds".to_owned())),
+    }
+    .svg()?;
+    let best: Vec<String> =
+        best.iter().map(|&k| format!("{} {}", k + 1, sweep.measured[k].name)).collect();
+    let caption = format!(
+        "{}. Down and left is better. The line joins the settings that no other beats in both: {}. The \
+         other numbers are in the table \"All settings\".",
+        case.name,
+        best.join("; ")
+    );
+    Ok(Figure::new(format!("Error over wall time: {}", measure.name), Picture::Svg(svg), caption))
 }
 
-fn chart(sweep: &Sweep, name: &str, unit: &str, measure: Measure) -> Chart {
+/// Points by family, with labels by index and setting; families without points are left out.
+fn families(
+    sweep: &Sweep,
+    measure: fn(&Error) -> f64,
+    label: impl Fn(usize, &Measured) -> String,
+) -> Vec<Series> {
     let of_family = |(family, title, mark): (Family, &str, Mark)| {
-        let places = sweep.measured.iter().enumerate().filter(|(_, m)| m.family == family);
-        let (labels, points) = places
+        let settings = sweep.measured.iter().enumerate().filter(|(_, m)| m.family == family);
+        let (labels, points) = settings
             .map(|(place, m)| {
                 let cost = m.cost(measure);
-                // The ablation's networks lie close together.
-                let numbered = family != Family::Ablation;
-                let label = if numbered { (place + 1).to_string() } else { String::new() };
-                (label, (cost.seconds, cost.error))
+                (label(place, m), (cost.seconds, cost.error))
             })
             .unzip();
         Series { labels, ..Series::new(title, mark, points) }
     };
-    let mut series: Vec<Series> = FAMILIES.map(of_family).to_vec();
-    series.retain(|series| !series.points.is_empty());
-    let costs: Vec<_> = sweep.measured.iter().map(|m| m.cost(measure)).collect();
-    let floor = measure(&sweep.floor);
-    let best = front(&costs, floor).into_iter().map(|k| (costs[k].seconds, costs[k].error));
-    series.push(Series::new("Pareto front", Mark::Reference, best.collect()));
-    Chart {
-        x: Axis::log("wall time [s]"),
-        y: Axis::log(format!("{name}, error [{unit}]")),
-        series,
-        floor: Some((floor, "within the noise of seeds".to_owned())),
-    }
+    let all = FAMILIES.map(of_family).into_iter();
+    all.filter(|series: &Series| !series.points.is_empty()).collect()
 }
 
-const FAMILIES: [(Family, &str, Mark); 4] = [
-    (Family::Packings, "packings (direct solver)", Mark::Circles),
-    (Family::Continuum, "mu(I) law", Mark::Squares),
-    (Family::Network, "networks", Mark::Triangles),
-    (Family::Ablation, "networks of the ablation", Mark::Crosses),
-];
+/// The chart of the first screen: metres over seconds, with labels instead of a legend.
+fn cover_chart(case: &Case, sweep: &Sweep) -> miette::Result<Figure> {
+    let best = best_network(sweep);
+    let network = best.as_ref().map(|best| best.network.name.as_str());
+    let rival = best.as_ref().and_then(|best| Some(best.rival?.name.as_str()));
+    let continuum = cheapest(sweep, Family::Continuum);
+    let label = |place: usize, m: &Measured| {
+        let name = Some(m.name.as_str());
+        let text = if place == 0 {
+            "solver, finest setting"
+        } else if name == network {
+            "most accurate network"
+        } else if name == rival {
+            "solver, as accurate as the network"
+        } else if name == continuum {
+            "a formula instead of grains"
+        } else {
+            ""
+        };
+        text.to_owned()
+    };
+    let mut series = families(sweep, |error| error.distance, label);
+    series.iter_mut().for_each(|series| series.name.clear());
+    let floor = (sweep.floor.distance, "difference between two runs of the solver".to_owned());
+    let svg = Chart {
+        x: Axis::log("computing time [s]"),
+        y: Axis::log("distance of points from the solver's [m]"),
+        series,
+        floor: Some(floor),
+    }
+    .svg()?;
+    let [width, height] = case.size;
+    let caption = format!(
+        "Collapse of a column {width} m wide and {height} m high: each mark is a setting of the solver \
+         (circles: grains; squares: a formula) or a network (triangles, crosses). Down and left is \
+         better."
+    );
+    Ok(Figure::new("How fast, and how far off", Picture::Svg(svg), caption))
+}
 
-fn all(sweep: &Sweep) -> Table {
+/// Name of the fastest setting of a family.
+fn cheapest(sweep: &Sweep, family: Family) -> Option<&str> {
+    let done = sweep.measured.iter().filter(|m| m.family == family && m.error.is_some());
+    done.min_by(|a, b| a.seconds.total_cmp(&b.seconds)).map(|m| m.name.as_str())
+}
+
+fn settings(sweep: &Sweep) -> Table {
     let columns = [
         "",
         "method",
@@ -191,10 +239,9 @@ fn all(sweep: &Sweep) -> Table {
     ];
     let mut table = Table::new("All settings", columns).note(format!(
         "Spread: between the shortest and the longest of three times. Processor time: of the whole \
-         program, over all threads. MSE and points (its root, in \
-         metres): over all points and frames; front and height profile: at the end, where the front \
-         of the reference is at {:.2} m. Where points differ in size, the finer ones are \
-         averaged over the squares of the coarser ones.",
+         program, over all threads. MSE and points (its root, in metres): over all points and frames; \
+         front and height profile: at the end, where the front of the reference is at {:.2} m. Where \
+         points differ in size, the finer ones are averaged over the squares of the coarser ones.",
         sweep.front
     ));
     for (place, m) in sweep.measured.iter().enumerate() {

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::outcome::Outcome;
 use super::packing::{consolidated, picture};
-use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError};
 use super::threshold::Threshold;
-use crate::context::Suite;
+use crate::suite::Suite;
 
 const PRESSURE: f64 = 2.0e3;
 /// The solid fraction at which a recompacted packing carries its first pressure again may be off by
@@ -86,8 +86,12 @@ fn judge(cycle: &Cycle, gas: &Cycle, p: &RveParameters) -> Outcome {
     Outcome::of(symptom, deep.or(free))
 }
 
+/// Expands packings, compresses them again and measures the density at which they carry pressure.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let p = RveParameters { discs: pick(suite, 100, 400), ..RveParameters::default() };
+    let p = RveParameters { discs: suite.pick(100, 400), ..RveParameters::default() };
     let flying = RveParameters { free_solid_fraction: 0.0, ..p.clone() };
     let expansions = vec![1.02, 1.1, 1.2, 1.3, 1.6, 2.0, 4.0];
     let rates = vec![1.0, 10.0, 100.0];

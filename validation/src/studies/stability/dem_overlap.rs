@@ -7,9 +7,9 @@ use rayon::prelude::*;
 
 use super::outcome::Outcome;
 use super::packing::{consolidated, picture};
-use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
+use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError};
 use super::threshold::Threshold;
-use crate::context::Suite;
+use crate::suite::Suite;
 
 /// One look: areal strain, stiffness number `kn / (p t)`, largest overlap over the radius.
 struct Look {
@@ -58,8 +58,12 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
     Outcome::of(None, deep.then(|| dempm::watch::overlap(look.overlap, p.overlap_warning)))
 }
 
+/// Compresses packings until the run ends.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let p = RveParameters { discs: pick(suite, 100, 400), ..RveParameters::default() };
+    let p = RveParameters { discs: suite.pick(100, 400), ..RveParameters::default() };
     let rates = [1.0, 10.0, 100.0, 1000.0];
     let last = 1.0;
     let cases: Vec<(Vec<Look>, Element<f64>)> =
@@ -93,7 +97,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
         }
     }
     let strains: Vec<f64> =
-        (1..=pick(suite, 10, 20)).map(|k| last * f64::from(k) / pick(suite, 10.0, 20.0)).collect();
+        (1..=suite.pick(10, 20)).map(|k| last * f64::from(k) / suite.pick(10.0, 20.0)).collect();
     // Beyond its end a run has failed as at its end.
     let at = |looks: &[Look], strain: f64| {
         looks.iter().position(|l| l.strain >= strain - 1e-9).unwrap_or(looks.len() - 1)

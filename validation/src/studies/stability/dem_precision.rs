@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use super::outcome::Outcome;
 use super::packing::{consolidated, picture};
-use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError};
 use super::threshold::Threshold;
-use crate::context::Suite;
+use crate::suite::Suite;
 
 /// Relative difference of stress that counts as failure.
 const TOLERANCE: f64 = 0.01;
@@ -56,11 +56,15 @@ fn apart(packing: &Packing<f64>, p: &RveParameters, strain: f64) -> Result<Pictu
     Ok(Picture { colour: "distance, µm".into(), value, ..picture(&double, title) })
 }
 
+/// Shears packings in f32 and in f64 at ever smaller pressures.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let p = RveParameters { discs: pick(suite, 100, 400), ..RveParameters::default() };
+    let p = RveParameters { discs: suite.pick(100, 400), ..RveParameters::default() };
     let packing = consolidated(&p, 1)?;
     let pressures = vec![1.0, 10.0, 100.0, 1.0e3, 1.0e4, 1.0e5];
-    let strains = pick(suite, vec![1e-5, 1e-4, 1e-3], vec![1e-5, 1e-4, 3e-4, 1e-3]);
+    let strains = suite.pick(vec![1e-5, 1e-4, 1e-3], vec![1e-5, 1e-4, 3e-4, 1e-3]);
     let rungs = dem::ladder(&p, 1, &packing, &pressures)?;
     let column = |&strain: &f64| -> Result<Vec<Look>, StudyError> {
         let look = |rung: &Rung| compare(rung, &p, strain);

@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::outcome::Outcome;
 use super::packing::{consolidated, picture};
-use super::scene;
-use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
+use super::scene_messages;
+use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError};
 use super::threshold::Threshold;
-use crate::context::Suite;
+use crate::suite::Suite;
 
 const PRESSURE: f64 = 20.0e3;
 /// Friction may differ by this part from that of the same flow without the measure.
@@ -53,7 +53,7 @@ fn friction(
 
 /// What `dempm run` and `dempm check` say of a column with such packings.
 fn said(p: &RveParameters) -> Option<String> {
-    scene::checked(&format!(
+    scene_messages::checked(&format!(
         "duration = 1.5\n[domain]\nsize = [6.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
          [material]\nkind = \"rve\"\n[rve]\nmass_scale = {:?}\nlocal_damping = {:?}\n\
          damping_ratio = {:?}\n",
@@ -76,8 +76,12 @@ impl Sweep {
     }
 }
 
+/// Measures the friction of packings over damping and mass scaling.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let mut base = RveParameters { discs: pick(suite, 200, 400), ..RveParameters::default() };
+    let mut base = RveParameters { discs: suite.pick(200, 400), ..RveParameters::default() };
     base.preparation.pressure = PRESSURE;
     let packing = consolidated(&base, 1)?;
     let others = [consolidated(&base, 2)?, consolidated(&base, 3)?];
@@ -142,7 +146,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
 }
 
 fn strain(suite: Suite) -> f64 {
-    pick(suite, 4.0, 10.0)
+    suite.pick(4.0, 10.0)
 }
 
 fn add(

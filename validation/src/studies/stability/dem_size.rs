@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use super::outcome::Outcome;
 use super::packing::{consolidated, picture};
-use super::scene;
-use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
+use super::scene_messages;
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError};
 use super::threshold::Threshold;
-use crate::context::Suite;
+use crate::suite::Suite;
 
 const PRESSURE: f64 = 20.0e3;
 const SHEAR_RATE: f64 = 4.0;
@@ -46,7 +46,7 @@ fn strength(p: &RveParameters, seed: u64, strain: f64) -> Measured {
 
 /// What a scene with so many discs is told.
 fn said(discs: usize) -> Option<String> {
-    scene::said(&format!(
+    scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
          [material]\nkind = \"rve\"\n[rve]\ndiscs = {discs}\n"
     ))
@@ -63,14 +63,17 @@ fn judge(discs: usize, result: &Measured) -> Outcome {
     }
 }
 
+/// Measures the scatter of the strength over the number of discs.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let sizes: Vec<usize> = pick(
-        suite,
+    let sizes: Vec<usize> = suite.pick(
         vec![9, 16, 25, 50, 100, 200, 400],
         vec![9, 12, 16, 25, 36, 50, 70, 100, 200, 400, 800, 1600],
     );
-    let seeds: Vec<u64> = (1..=pick(suite, 2, 6)).collect();
-    let strain = pick(suite, 1.5, 4.0);
+    let seeds: Vec<u64> = (1..=suite.pick(2, 6)).collect();
+    let strain = suite.pick(1.5, 4.0);
     let parameters = |discs: usize| {
         let mut p = RveParameters { discs, ..RveParameters::default() };
         p.preparation.pressure = PRESSURE;

@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::outcome::Outcome;
 use super::packing::{consolidated, picture};
-use super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
+use super::study::{Axis, Finding, Map, Picture, Study, StudyError};
 use super::threshold::{Threshold, bisect};
-use crate::context::Suite;
-use crate::table::number;
+use crate::suite::Suite;
+use crate::text::number;
 
 const RADIUS: f64 = 3.75e-3;
 /// A packing whose kinetic energy is more than this part of its elastic energy is not at rest.
@@ -130,7 +130,7 @@ fn relaxed(packing: Packing<f64>, p: &RveParameters) -> Result<Packing<f64>, Stu
 
 /// What is said of a scene with these parameters of the contact law and step.
 fn refused(p: &RveParameters) -> Option<String> {
-    super::scene::said(&format!(
+    super::scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
          [material]\nkind = \"rve\"\n[rve]\nstep_factor = {:?}\ndamping_ratio = {:?}\n\
          radius_min = {:?}\nradius_max = {:?}\n",
@@ -153,7 +153,7 @@ type Case = (&'static str, RveParameters, Packing<f64>, Option<(f64, &'static st
 fn cases(suite: Suite) -> Result<Vec<Case>, StudyError> {
     let smooth = RveParameters { friction: 0.0, ..linear() };
     let sticking = RveParameters { friction: 1e6, ..linear() };
-    let random = RveParameters { discs: pick(suite, 100, 400), ..RveParameters::default() };
+    let random = RveParameters { discs: suite.pick(100, 400), ..RveParameters::default() };
     let equal = RveParameters { radius_min: RADIUS, radius_max: RADIUS, ..random.clone() };
     let packed = consolidated(&random, 1)?;
     let crystal = relaxed(consolidated(&equal, 1)?, &equal)?;
@@ -199,9 +199,13 @@ fn cases(suite: Suite) -> Result<Vec<Case>, StudyError> {
     ])
 }
 
+/// Finds the longest stable step of lattices and packings.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let tolerance = pick(suite, 0.03, 0.005);
-    let steps = pick(suite, 3000, 20_000);
+    let tolerance = suite.pick(0.03, 0.005);
+    let steps = suite.pick(3000, 20_000);
     let found: Vec<(Finding, Option<Picture>)> = cases(suite)?
         .into_par_iter()
         .map(|(name, p, packing, theory)| {
@@ -246,10 +250,10 @@ fn dashpot_map(suite: Suite) -> Result<Map, StudyError> {
     let packing = consolidated(&p, 1)?;
     let damping = vec![0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0];
     let factors: Vec<f64> =
-        (0..pick(suite, 10, 19)).map(|k| 0.1 + pick(suite, 0.1, 0.05) * f64::from(k)).collect();
+        (0..suite.pick(10, 19)).map(|k| 0.1 + suite.pick(0.1, 0.05) * f64::from(k)).collect();
     let outcome = |zeta: f64, factor: f64| -> Result<Outcome, StudyError> {
         let p = RveParameters { damping_ratio: zeta, ..p.clone() };
-        Ok(Rest::new(packing.clone(), &p, factor)?.outcome(pick(suite, 1000, 5000)))
+        Ok(Rest::new(packing.clone(), &p, factor)?.outcome(suite.pick(1000, 5000)))
     };
     let row = |&factor: &f64| damping.iter().map(|&zeta| outcome(zeta, factor)).collect();
     // The stiffest translation: a light disc in contact with six neighbours at rest, half of whose

@@ -9,9 +9,9 @@ use rayon::prelude::*;
 
 use super::outcome::Outcome;
 use super::packing::{consolidated, picture};
-use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError};
 use super::threshold::Threshold;
-use crate::context::Suite;
+use crate::suite::Suite;
 
 const PRESSURE: f64 = 20.0e3;
 /// Strain rate (1/s); inertial numbers are below 0.02.
@@ -87,16 +87,20 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
 
 /// What a scene with such a limit is told.
 fn said(p: &RveParameters) -> Option<String> {
-    super::scene::said(&format!(
+    super::scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
          [material]\nkind = \"rve\"\n[rve]\nthin_width = {:?}\n",
         p.thin_width
     ))
 }
 
+/// Stretches packings until their cells are thin, and measures their strength.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let sizes = pick(suite, vec![100, 200, 400], vec![50, 100, 200, 400, 800, 1600]);
-    let looks = pick(suite, 10, 16);
+    let sizes = suite.pick(vec![100, 200, 400], vec![50, 100, 200, 400, 800, 1600]);
+    let looks = suite.pick(10, 16);
     let mut study = Study {
         method: format!(
             "Packings prepared at {:.0} kPa are stretched along x and shortened along y at {RATE} 1/s: \

@@ -10,10 +10,10 @@ use rayon::prelude::*;
 
 use super::mpm_step::{BASES, name};
 use super::outcome::Outcome;
-use super::scene;
-use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
+use super::scene_messages;
+use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError};
 use super::threshold::{bisect, log_range};
-use crate::context::Suite;
+use crate::suite::Suite;
 
 /// Length of the bar in cells; cells, density and stiffness are 1, so waves cross a cell in 1 s.
 const LENGTH: f64 = 64.0;
@@ -56,7 +56,7 @@ fn roughness(points: &Points) -> f64 {
 
 /// What a scene with this basis is told.
 fn said(basis: Basis) -> Option<String> {
-    scene::said(&format!(
+    scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
          [material]\nkind = \"mu-i\"\n[numerics]\nbasis = \"{}\"\n",
         match basis {
@@ -77,15 +77,19 @@ fn judge(basis: Basis, amplitude: f64) -> (f64, Outcome) {
     }
 }
 
+/// Measures the roughness of the stress in a vibrating bar over its amplitude.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let amplitudes = log_range(0.05, 2.0, pick(suite, 9, 25));
+    let amplitudes = log_range(0.05, 2.0, suite.pick(9, 25));
     let rows: Vec<Vec<(f64, Outcome)>> = BASES
         .par_iter()
         .map(|&basis| amplitudes.par_iter().map(|&a| judge(basis, a)).collect())
         .collect();
     let findings = BASES.par_iter().map(|&basis| {
         let smooth = |a: f64| judge(basis, a).1.works();
-        let measured = bisect(0.05, 2.0, pick(suite, 0.1, 0.02), smooth);
+        let measured = bisect(0.05, 2.0, suite.pick(0.1, 0.02), smooth);
         Finding {
             case: format!("{} basis", name(basis)),
             parameter: "displacement, cells".into(),

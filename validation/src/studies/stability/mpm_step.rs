@@ -7,11 +7,11 @@ use mpm::{
 use rayon::prelude::*;
 
 use super::outcome::Outcome;
-use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError};
 use super::threshold::{Threshold, bisect, log_range};
-use crate::context::Suite;
+use crate::suite::Suite;
 
-pub const BASES: [Basis; 4] = [Basis::Linear, Basis::Gimp, Basis::Quadratic, Basis::Cubic];
+pub(super) const BASES: [Basis; 4] = [Basis::Linear, Basis::Gimp, Basis::Quadratic, Basis::Cubic];
 
 const CELL: f64 = 0.1;
 const DENSITY: f64 = 1000.0;
@@ -20,7 +20,7 @@ const MODULUS: f64 = 1.0e6;
 const GROWTH: f64 = 1.0e3;
 
 /// Name as in scene files.
-pub fn name(basis: Basis) -> &'static str {
+pub(super) fn name(basis: Basis) -> &'static str {
     match basis {
         Basis::Linear => "linear",
         Basis::Gimp => "uGIMP",
@@ -139,13 +139,17 @@ fn shaken(basis: Basis, scheme: Scheme) -> Result<Body, StudyError> {
 }
 
 /// Critical step of the single point over `dx / c`, measured.
-pub fn single_threshold(basis: Basis, xi: f64, tolerance: f64) -> Threshold {
+fn single_threshold(basis: Basis, xi: f64, tolerance: f64) -> Threshold {
     let unit = crossing_time(0.0);
     bisect(1.0e-3, 10.0, tolerance, |c| single(basis, xi).is_ok_and(|mut b| b.stays(c * unit)))
 }
 
+/// Finds the longest stable step of a single point and of a block, for each basis and scheme.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let tolerance = pick(suite, 0.03, 0.005);
+    let tolerance = suite.pick(0.03, 0.005);
     let mut study = Study {
         method: format!(
             "Elastic bodies under FLIP, disturbed by 1e-9; unstable when the disturbance grows by \
@@ -162,7 +166,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
 
 fn singles(suite: Suite, tolerance: f64, study: &mut Study) -> Result<(), StudyError> {
     let unit = crossing_time(0.0);
-    let places = pick(suite, 8, 20);
+    let places = suite.pick(8, 20);
     let xi: Vec<f64> = (0..places).map(|k| 0.5 + 0.499 * k as f64 / (places - 1) as f64).collect();
     let curves: Vec<[Curve; 2]> = BASES
         .par_iter()
@@ -200,7 +204,7 @@ fn singles(suite: Suite, tolerance: f64, study: &mut Study) -> Result<(), StudyE
             });
         }
     }
-    let steps = log_range(0.03, 3.0, pick(suite, 10, 24));
+    let steps = log_range(0.03, 3.0, suite.pick(10, 24));
     for basis in BASES {
         let row = |&c: &f64| -> Result<Vec<Outcome>, StudyError> {
             xi.iter().map(|&x| single(basis, x)?.outcome(c * unit)).collect()
@@ -218,7 +222,7 @@ fn singles(suite: Suite, tolerance: f64, study: &mut Study) -> Result<(), StudyE
 }
 
 /// Critical step of the shaken block: in units of the solver's bound, and of `dx / c`.
-pub fn block_threshold(
+fn block_threshold(
     basis: Basis,
     scheme: Scheme,
     tolerance: f64,

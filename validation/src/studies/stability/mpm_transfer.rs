@@ -9,11 +9,11 @@ use mpm::{
 use rayon::prelude::*;
 
 use super::outcome::Outcome;
-use super::scene;
-use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
+use super::scene_messages;
+use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError};
 use super::threshold::{Threshold, log_range};
-use crate::context::Suite;
-use crate::table::number;
+use crate::suite::Suite;
+use crate::text::number;
 
 /// As in a column of packings: cell (m), density (kg/m³), wave speed (m/s).
 const CELL: f64 = 0.125;
@@ -148,7 +148,7 @@ fn said(transfer: Transfer, step: f64) -> Option<String> {
         Transfer::Pic => ("pic", None),
     };
     let rate = rate.map_or(String::new(), |rate| format!("relaxation = {rate:?}\n"));
-    scene::said(&format!(
+    scene_messages::said(&format!(
         "duration = {0:?}\nframe_interval = {0:?}\nstep = {step:?}\n[domain]\nsize = [4.0, 2.0]\n\
          [[column]]\nsize = [1.0, 1.0]\n[material]\nkind = \"mu-i\"\n[numerics]\n\
          transfer = \"{kind}\"\n{rate}",
@@ -170,8 +170,12 @@ fn judge(transfer: Transfer, step: f64) -> (f64, Outcome) {
     }
 }
 
+/// Measures the energy and the viscosity of each transfer over the step.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
-    let steps = log_range(2.5e-5, 8.0e-4, pick(suite, 6, 11));
+    let steps = log_range(2.5e-5, 8.0e-4, suite.pick(6, 11));
     let rows: Vec<Vec<(f64, Outcome)>> = TRANSFERS
         .par_iter()
         .map(|&(_, transfer)| steps.par_iter().map(|&step| judge(transfer, step)).collect())

@@ -1,25 +1,31 @@
-//! How one run ended, and what the program said about it.
+//! The outcome of a run: right or wrong, with or without a message.
 
 use serde::{Deserialize, Serialize};
 
-use crate::map;
-
-/// The end of one run.
+/// The outcome of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Outcome {
-    /// It did what it should, and there was nothing to say.
+    /// Correct, without a message.
     Stable,
-    /// It may be right, and the program said what is doubtful.
-    Warned { message: String },
-    /// It is wrong, and the program said so.
-    Failed { message: String },
-    /// It is wrong, and the program said nothing.
-    Silent { symptom: String },
+    /// Correct, with a warning.
+    Warned {
+        /// The warning.
+        message: String,
+    },
+    /// Wrong, with a warning or an error.
+    Failed {
+        /// What is wrong, and the program's message.
+        message: String,
+    },
+    /// Wrong, without a message.
+    Silent {
+        /// What is wrong.
+        symptom: String,
+    },
 }
 
 impl Outcome {
-    /// The outcome of a run that is wrong if there is a `symptom`, about which the program `said`
-    /// something or nothing.
+    /// The outcome of a run that is wrong if there is a `symptom`; `said` is the program's message.
     pub fn of(symptom: Option<String>, said: Option<String>) -> Self {
         match (symptom, said) {
             (None, None) => Self::Stable,
@@ -31,22 +37,12 @@ impl Outcome {
         }
     }
 
-    /// As the report's maps show it.
-    pub fn kind(&self) -> map::Outcome {
-        match self {
-            Self::Stable => map::Outcome::Stable,
-            Self::Warned { .. } => map::Outcome::Warned,
-            Self::Failed { .. } => map::Outcome::Failed,
-            Self::Silent { .. } => map::Outcome::Silent,
-        }
-    }
-
-    /// Whether the result can be used: stable or warned of.
+    /// Whether the result is correct.
     pub fn works(&self) -> bool {
         matches!(self, Self::Stable | Self::Warned { .. })
     }
 
-    /// What was said, or the symptom about which nothing was.
+    /// The message, or the symptom without a message; empty if stable.
     pub fn text(&self) -> &str {
         match self {
             Self::Stable => "",
@@ -68,6 +64,6 @@ mod tests {
         assert!(warned.works() && warned.text() == "doubt");
         let failed = Outcome::of(text("wrong"), text("error"));
         assert!(!failed.works() && failed.text() == "wrong: “error”");
-        assert_eq!(Outcome::of(text("wrong"), None).kind(), map::Outcome::Silent);
+        assert!(matches!(Outcome::of(text("wrong"), None), Outcome::Silent { .. }));
     }
 }

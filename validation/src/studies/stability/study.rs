@@ -1,36 +1,31 @@
-//! What a study finds, as plain data.
+//! The results of a study, as plain data.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::outcome::Outcome;
 use super::threshold::Threshold;
-use crate::context::Suite;
-
-/// One of two values: for a first look in seconds, or to the tolerance that is published.
-pub fn pick<T>(suite: Suite, quick: T, full: T) -> T {
-    match suite {
-        Suite::Quick => quick,
-        Suite::Full => full,
-    }
-}
 
 /// A method pushed until it fails.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Study {
     /// What was run, and what counts as failure.
     pub method: String,
+    /// Thresholds.
     pub findings: Vec<Finding>,
+    /// Outcomes over two parameters.
     pub maps: Vec<Map>,
+    /// Quantities over one parameter.
     pub charts: Vec<Chart>,
+    /// Points or discs at one moment.
     pub pictures: Vec<Picture>,
-    /// What follows from the numbers, or remains unexplained.
+    /// Conclusions, and what remains unexplained.
     pub notes: Vec<String>,
-    /// The model that was pushed, if it is one.
+    /// Name of the model, if one was tested.
     pub of: Option<String>,
 }
 
 impl Study {
-    /// Adds the name of a model to all titles, which have to be unique in a section.
+    /// Adds the name of the model to all titles, which have to be unique in a section.
     pub fn name_model(&mut self, name: &str) {
         self.of = Some(name.to_owned());
         let maps = self.maps.iter_mut().map(|map| &mut map.title);
@@ -43,33 +38,37 @@ impl Study {
 /// One threshold.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// What was pushed.
+    /// What was tested.
     pub case: String,
-    /// The parameter, with its unit.
+    /// The parameter with its unit.
     pub parameter: String,
+    /// The measured threshold.
     pub measured: Threshold,
-    /// The same by theory, and by which.
+    /// The threshold by theory, and the formula.
     pub theory: Option<(f64, String)>,
-    /// The end of a run just beyond the threshold (at its end, if there was none).
+    /// Outcome of a run just beyond the threshold, or of the last run if there is none.
     pub beyond: Outcome,
 }
 
 /// Outcomes over two parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Map {
+    /// What was tested.
     pub title: String,
+    /// Horizontal parameter.
     pub x: Axis,
+    /// Vertical parameter.
     pub y: Axis,
     /// `outcomes[row][column]` at `y.values[row]` and `x.values[column]`.
     pub outcomes: Vec<Vec<Outcome>>,
-    /// A measured number to go with each outcome, NaN where there is none; may be empty.
+    /// A measured number for each outcome, NaN where there is none; may be empty.
     #[serde(deserialize_with = "with_gaps")]
     pub numbers: Vec<Vec<f64>>,
-    /// How to read it, and the theory it is compared with.
+    /// How to read it, and the theory to compare with.
     pub caption: String,
 }
 
-/// Reads NaN, which JSON has not and writes as null.
+/// Reads null as NaN, which JSON lacks.
 fn with_gaps<'de, D: Deserializer<'de>>(file: D) -> Result<Vec<Vec<f64>>, D::Error> {
     let rows = Vec::<Vec<Option<f64>>>::deserialize(file)?.into_iter();
     Ok(rows.map(|row| row.into_iter().map(|x| x.unwrap_or(f64::NAN)).collect()).collect())
@@ -80,17 +79,19 @@ fn with_gaps<'de, D: Deserializer<'de>>(file: D) -> Result<Vec<Vec<f64>>, D::Err
 pub struct Axis {
     /// Name with unit.
     pub label: String,
+    /// Values, or indices of the names.
     pub values: Vec<f64>,
-    /// Names of the values, where they are no numbers to plot.
+    /// Names of the values, if they are not numbers.
     pub names: Option<Vec<String>>,
 }
 
 impl Axis {
+    /// A parameter with numbers as values.
     pub fn new(label: impl Into<String>, values: Vec<f64>) -> Self {
         Self { label: label.into(), values, names: None }
     }
 
-    /// Values that have names instead of numbers.
+    /// A parameter with names as values.
     pub fn named(label: impl Into<String>, names: Vec<String>) -> Self {
         let values = (0..names.len()).map(|k| k as f64).collect();
         Self { label: label.into(), values, names: Some(names) }
@@ -100,28 +101,38 @@ impl Axis {
 /// Curves over one parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
+    /// What it shows.
     pub title: String,
+    /// Label of the horizontal axis.
     pub x: String,
+    /// Label of the vertical axis.
     pub y: String,
+    /// Whether the axes are logarithmic.
     pub log: [bool; 2],
+    /// The curves.
     pub curves: Vec<Curve>,
     /// How to read it.
     pub caption: String,
 }
 
+/// A curve of a chart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Curve {
+    /// Name in the legend; empty to leave it out.
     pub name: String,
+    /// Points (x, y).
     pub points: Vec<[f64; 2]>,
-    /// Drawn as a line without marks.
+    /// Whether it is theory: a line without marks.
     pub theory: bool,
 }
 
 impl Curve {
+    /// A measured curve.
     pub fn measured(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
         Self { name: name.into(), points, theory: false }
     }
 
+    /// A curve by theory.
     pub fn theory(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
         Self { name: name.into(), points, theory: true }
     }
@@ -130,41 +141,54 @@ impl Curve {
 /// Points or discs at one moment.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Picture {
+    /// What it shows.
     pub title: String,
-    /// What the colour shows, with unit.
+    /// The quantity that the colour shows, with unit.
     pub colour: String,
+    /// Positions, m.
     pub position: Vec<[f64; 2]>,
+    /// Values of the coloured quantity.
     pub value: Vec<f64>,
-    /// Radius of each disc (m), or one for all.
+    /// Radius of each disc, or one for all, m.
     pub radius: Vec<f64>,
     /// Rigid boxes (x min, y min, x max, y max), m.
     pub boxes: Vec<[f64; 4]>,
-    /// What is shown (x min, y min, x max, y max), m.
+    /// The part of the plane that is shown (x min, y min, x max, y max), m.
     pub window: [f64; 4],
-    /// Positions to compare with, drawn grey beneath.
+    /// Positions to compare with, drawn in grey below, m.
     pub reference: Vec<[f64; 2]>,
 }
 
-/// A study that could not be made.
+/// Why a study could not be made.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum StudyError {
+    /// An error of the DEM.
     #[error(transparent)]
     Dem(#[from] dem::Error),
+    /// An error of an element test.
     #[error(transparent)]
     Element(#[from] dem::element::StageError),
+    /// An error of the MPM.
     #[error(transparent)]
     Mpm(#[from] mpm::Error),
+    /// An error of a material law.
     #[error(transparent)]
     Material(#[from] mpm::MaterialError),
+    /// A scene or a model that cannot be used.
     #[error("{name}: {reason}")]
-    Scene { name: String, reason: String },
+    Scene {
+        /// Name of the scene or the file.
+        name: String,
+        /// Why not.
+        reason: String,
+    },
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Else a study with such a map would be made anew with every report.
+    /// Otherwise every report would repeat a study with such a map.
     #[test]
     fn a_map_with_gaps_can_be_kept() {
         let map = Map {

@@ -4,12 +4,12 @@ use dempm::simulation::{SceneMaterial, Simulation, SimulationError};
 use dempm::watch::Watch;
 use rayon::prelude::*;
 
-use super::learned::roll::window;
+use super::learned::window;
 use super::outcome::Outcome;
-use super::scene;
-use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
+use super::scene_messages;
+use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError};
 use super::threshold::Threshold;
-use crate::context::Suite;
+use crate::suite::Suite;
 
 /// One run of a scene with everything that was said.
 struct Fall {
@@ -23,12 +23,12 @@ struct Fall {
 }
 
 fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
-    let scene = scene::parse(name, text)?;
+    let scene = scene_messages::parse(name, text)?;
     let failed = |e: SimulationError| StudyError::Scene { name: name.into(), reason: chain(&e) };
     let mut simulation = Simulation::new(scene).map_err(failed)?;
     let mut watch = Watch::default();
     let mut fall = Fall {
-        said: scene::doubts(text).into_iter().filter(|doubt| !meant(doubt)).collect(),
+        said: scene_messages::doubts(text).into_iter().filter(|doubt| !meant(doubt)).collect(),
         error: None,
         energy: 1.0,
         overlap: 0.0,
@@ -85,6 +85,10 @@ fn said(fall: &Fall) -> Option<String> {
     (!fall.said.is_empty()).then(|| fall.said.join("; "))
 }
 
+/// Collapses tall columns and loads shafts with their own weight.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite) -> Result<Study, StudyError> {
     let mut study = Study {
         method: "Columns half a metre wide collapse under the continuum law for \
@@ -115,8 +119,7 @@ fn collapse(height: f64, transfer: &str) -> String {
 }
 
 fn falls(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
-    let heights =
-        pick(suite, vec![1.0, 3.0, 6.0, 12.0], vec![1.0, 2.0, 3.0, 6.0, 12.0, 24.0, 48.0]);
+    let heights = suite.pick(vec![1.0, 3.0, 6.0, 12.0], vec![1.0, 2.0, 3.0, 6.0, 12.0, 24.0, 48.0]);
     let transfers = [
         ("flip-apic, 500 1/s", "transfer = \"flip-apic\""),
         ("flip, 1 1/s", "transfer = \"flip\"\nrelaxation = 1.0"),
@@ -185,7 +188,7 @@ fn shaft(height: f64, thickness: f64) -> String {
 }
 
 fn shafts(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
-    let heights = pick(suite, vec![1.0, 3.0, 6.0], vec![1.0, 2.0, 3.0, 6.0, 12.0]);
+    let heights = suite.pick(vec![1.0, 3.0, 6.0], vec![1.0, 2.0, 3.0, 6.0, 12.0]);
     let thicknesses = [7.5e-3, 7.5e-2, 0.75];
     let rows: Vec<Vec<Fall>> = thicknesses
         .par_iter()

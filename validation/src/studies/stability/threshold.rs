@@ -2,16 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::table::number;
+use crate::text::number;
 
-/// A parameter value at which something changes, as far as it is known.
+/// The value of a parameter at which a method stops working, as far as it is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Threshold {
     /// It works at the first value and not at the second.
     Between(f64, f64),
-    /// It works at the last value tried.
+    /// It works up to the last value.
     Beyond(f64),
-    /// It does not even work at the first value tried.
+    /// It does not work at the first value.
     Before(f64),
 }
 
@@ -24,8 +24,7 @@ impl Threshold {
         }
     }
 
-    /// From outcomes in the order of the parameter: the first that does not work after one that
-    /// does.
+    /// From outcomes in the order of the parameter: the first value that does not work.
     pub fn of_sweep(values: impl IntoIterator<Item = (f64, bool)>) -> Self {
         let mut last = None;
         for (value, works) in values {

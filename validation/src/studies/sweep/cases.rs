@@ -1,36 +1,37 @@
-//! The scenes of the speed-accuracy charts and the settings that are tried on them.
+//! The scenes of the speed-accuracy charts and the settings that are compared on them.
 
-use super::Family;
-use crate::context::Suite;
-use crate::scene::merged;
+use super::measured::Family;
+use crate::scene_text::merged;
+use crate::suite::Suite;
 
-/// A scene, its reference and the settings that are tried on it.
+/// A scene, its reference and the settings that are compared with it.
 pub struct Case {
     /// Name of the scene in the report.
     pub name: &'static str,
     /// What is simulated, in words.
     pub description: &'static str,
-    /// Name of the reference among the settings, and what it is computed with, in words.
+    /// Name of the reference among the settings.
     pub reference_name: &'static str,
+    /// Settings of the reference, in words.
     pub reference_words: &'static str,
     /// Scene with the settings of the reference, which runs with two seeds.
     reference: String,
-    /// Scene whose first frames networks start from: one of the settings, so that its packings are
-    /// prepared.
+    /// Scene whose first frames networks start from. It is one of the settings, so that its packings
+    /// are prepared.
     pub(super) start_of_networks: String,
     /// Names and scenes of the settings.
     pub(super) settings: Vec<(Family, String, String)>,
     /// Width and height of the column, m.
-    pub(super) size: [f64; 2],
+    pub size: [f64; 2],
 }
 
-/// What a suite tries with packings.
+/// Settings of a suite with packings.
 struct Settings {
-    /// Name of the reference, what it is computed with in words, and the keys that say so.
+    /// Name of the reference, its settings in words, and their keys.
     reference: [&'static str; 3],
-    /// Discs in a packing unless a setting says otherwise.
+    /// Discs in a packing unless a setting changes it.
     discs: i64,
-    /// Names, and keys that differ from the reference with these discs.
+    /// Names, and the keys that differ from the reference with these discs.
     packings: &'static [(&'static str, &'static str)],
 }
 
@@ -86,7 +87,7 @@ const FULL: Settings = Settings {
     ],
 };
 
-/// What of that is tried on Col2x2.
+/// Settings of the full suite for Col2x2.
 const ON_COL2X2: [&str; 12] = [
     "400 discs",
     "200 discs",
@@ -102,7 +103,7 @@ const ON_COL2X2: [&str; 12] = [
     "100 discs + cells of 0.25 m",
 ];
 
-/// What of that is tried on Col5x3.
+/// Settings of the full suite for Col5x3.
 const ON_COL5X3: [&str; 6] = [
     "400 discs",
     "200 discs",
@@ -119,7 +120,7 @@ const CONTINUUM: [(&str, &str); 3] = [
     ("mu(I) + cells of 0.0625 m", "material.kind = \"mu-i\"\ndomain.cell = 0.0625"),
 ];
 
-/// Keys of all settings that do not say otherwise.
+/// Keys of all settings unless they change them.
 const COMMON: &str = "material.precision = \"f32\"\nstep = 1e-4\ndomain.cell = 0.125\n\
                       rve.step_factor = 0.2\noutput.fields = []";
 
@@ -130,7 +131,7 @@ const SEEDS: [u64; 3] = [1, 2, 3];
 impl Case {
     /// The cases of a suite.
     pub fn of(suite: Suite) -> Vec<Self> {
-        let column = include_str!("../../../scenes/column.toml");
+        let column = include_str!("../../../../scenes/column.toml");
         if suite == Suite::Quick {
             // Half of the collapse of the demo column: the whole would take twice as long.
             let scene = merged(column, "duration = 0.5");
@@ -150,7 +151,7 @@ impl Case {
                 "Col2x2",
                 "the first 2 s of Col2x2, after which only the surface creeps: a column of 2 m x 2 m, \
                  1024 points",
-                &merged(include_str!("../../../scenes/paper/test/col2x2.toml"), "duration = 2.0"),
+                &merged(include_str!("../../../../scenes/paper/test/col2x2.toml"), "duration = 2.0"),
                 &FULL,
                 [2.0, 2.0],
             )
@@ -158,7 +159,7 @@ impl Case {
             Self::new(
                 "Col5x3",
                 "a column of 5 m x 3 m, 3840 points, 3 s",
-                include_str!("../../../scenes/paper/test/col5x3.toml"),
+                include_str!("../../../../scenes/paper/test/col5x3.toml"),
                 &FULL,
                 [5.0, 3.0],
             )

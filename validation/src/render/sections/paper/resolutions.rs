@@ -1,27 +1,31 @@
 //! Fig. 15 and 16: five resolutions in time.
 
-use std::path::PathBuf;
+use plot::{Axis, Chart, Mark, Series};
 
-use dempm::trajectory::Trajectory;
-
-use super::accuracy::ranking;
-use super::networks::belongs;
-use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
-use crate::context::{Context, Model};
-use crate::rollouts::{Rollout, animation, chart, failures, roll_out, snapshots, table};
-use crate::section::Section;
-use crate::table::number;
+use super::absent::MAKE_DATA;
+use super::ranking::ranking_blocks;
+use crate::context::Context;
+use crate::models::{Model, belongs};
+use crate::render::block::Block;
+use crate::render::figure::{Figure, Picture};
+use crate::render::rollouts::{animation, chart, failures, snapshots, table};
+use crate::render::section::Section;
+use crate::render::table::Table;
+use crate::studies::cell_crossings::histograms;
+use crate::studies::ranking::Ranking;
+use crate::studies::rollouts::{Rollout, roll_out};
+use crate::text::number;
 
 /// Cells crossed per frame, and rollouts of networks trained on coarser frames.
 pub struct Resolutions;
 
-/// Frames of the data sets, in frames of the first.
-const STRIDES: [usize; 5] = [1, 2, 3, 6, 10];
-
 impl Section for Resolutions {
     fn title(&self) -> &'static str {
         "Fig. 15 and 16: five resolutions"
+    }
+
+    fn lead(&self) -> &'static str {
+        "The Baseline after training on frames that are ever further apart."
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
@@ -31,115 +35,78 @@ impl Section for Resolutions {
             blocks.push(Block::missing(
                 "Cells crossed per frame",
                 "there are no trajectories in `train/` of the data.",
-                "`dempm dataset paper -o DATA` makes them; `--data DATA` takes them.",
+                MAKE_DATA,
             ));
         } else {
-            blocks.extend(crossings(&training)?);
+            blocks.extend(crossings(&histograms(&training)?, training.len())?);
         }
         let cases = context.cases("valid");
-        let of_data = |set: usize| {
-            let models = context.models.iter();
-            models
-                .filter(move |m| {
-                    belongs(&m.name, "baseline") && m.name.ends_with(&format!("-data{set}"))
-                })
-                .cloned()
-                .collect::<Vec<Model>>()
-        };
-        let models: Vec<Model> = (1..=5).flat_map(of_data).collect();
+        let models: Vec<Model> = (1..=5).flat_map(|set| of_data(&context.models, set)).collect();
         if models.is_empty() || cases.is_empty() {
             blocks.push(Block::missing(
                 "Errors over resolutions",
-                "that takes the validation trajectories and models named `baseline-data1` to \
+                "it needs the validation trajectories and models named `baseline-data1` to \
                  `baseline-data5`.",
                 "`surrogate train configs/paper/baseline-data2.toml` trains one of them.",
             ));
             return Ok(blocks);
         }
         let rollouts = roll_out(context, &models, &cases)?;
-        blocks.extend(ranking("Resolutions", &models, &rollouts)?);
+        blocks.extend(ranking_blocks("Resolutions", &Ranking::of(&models, &rollouts)?));
         for (case, _) in &cases {
             let of_case: Vec<&Rollout> = rollouts.iter().filter(|r| r.case == *case).collect();
             blocks.push(chart(case, &of_case, None)?);
         }
         blocks.push(Block::Table(table(&rollouts)));
-        // Why others ended early is in the table.
+        // The table says why others ended early.
         blocks.extend(failures(rollouts.iter().filter(|rollout| rollout.is_refused())));
         // One case of each data set.
         for model in &models {
             let first = rollouts.iter().find(|rollout| rollout.model == model.name);
             if let Some(rollout) = first {
                 blocks.extend(snapshots(rollout)?);
-                blocks.extend(animation(rollout)?);
+                blocks.extend(animation(rollout)?.map(Block::Figure));
             }
         }
         Ok(blocks)
     }
 }
 
-/// Histogram of the cells that points cross from one frame to the next.
-fn crossings(paths: &[PathBuf]) -> miette::Result<Vec<Block>> {
-    let mut counts = STRIDES.map(|_| Vec::<usize>::new());
-    for path in paths {
-        let trajectory = Trajectory::open(path)?;
-        let (cell, frames) = (trajectory.header().grid_cell, trajectory.frames());
-        let position = trajectory.positions(0..frames)?;
-        for (count, stride) in counts.iter_mut().zip(STRIDES) {
-            for frame in (stride..frames).step_by(stride) {
-                for point in 0..trajectory.points().mass.len() {
-                    let at = |frame: usize| [0, 1].map(|k| position[[frame, point, k]]);
-                    let crossed = crossed(at(frame - stride), at(frame), cell);
-                    if count.len() <= crossed {
-                        count.resize(crossed + 1, 0);
-                    }
-                    count[crossed] += 1;
-                }
-            }
-        }
-    }
-    let most = counts.iter().map(Vec::len).max().unwrap_or(0);
+/// Trainings of the Baseline on a data set.
+fn of_data(models: &[Model], set: usize) -> Vec<Model> {
+    let suffix = format!("-data{set}");
+    let of_set = |m: &&Model| belongs(&m.name, "baseline") && m.name.ends_with(&suffix);
+    models.iter().filter(of_set).cloned().collect()
+}
+
+/// Histograms of the cells that points cross from one frame to the next.
+fn crossings(histograms: &[Vec<usize>], runs: usize) -> miette::Result<[Block; 2]> {
+    let most = histograms.iter().map(Vec::len).max().unwrap_or(0);
     let titles: Vec<String> = (0..most).map(|cells| cells.to_string()).collect();
     let columns = std::iter::once("data set").chain(titles.iter().map(String::as_str));
     let mut table = Table::new("Cells crossed per frame", columns).note(format!(
-        "Percentage of points and frames of {} training runs. A cell crossed along x and one along \
-         y count as two.",
-        paths.len()
+        "Percentage of points and frames of {runs} training runs. A cell crossed along x and one along \
+         y count as two."
     ));
     let mut series = Vec::new();
-    for (set, count) in counts.iter().enumerate() {
-        let total = count.iter().sum::<usize>().max(1) as f64;
-        let shares: Vec<f64> = count.iter().map(|n| 100.0 * *n as f64 / total).collect();
+    for (set, counts) in histograms.iter().enumerate() {
+        let total = counts.iter().sum::<usize>().max(1) as f64;
+        let shares: Vec<f64> = counts.iter().map(|n| 100.0 * *n as f64 / total).collect();
         let name = format!("data set {}", set + 1);
         table.row(std::iter::once((set + 1).to_string()).chain(shares.iter().map(|s| number(*s))));
         let points = shares.iter().enumerate().map(|(cells, share)| (cells as f64, *share));
         series.push(Series::new(name, Mark::Line, points.collect()));
     }
-    let chart = Chart {
+    let svg = Chart {
         x: Axis::linear("cells crossed per frame"),
         y: Axis::log("share of points [%]"),
         series,
         floor: None,
-    };
+    }
+    .svg()?;
     let caption = "The coarser the frames, the farther a network has to predict in one step.";
-    Ok(vec![
-        Block::Figure(Figure::new("Histogram of cells crossed", chart.draw()?, caption)),
+    Ok([
+        Block::Figure(Figure::new("Histogram of cells crossed", Picture::Svg(svg), caption)),
         Block::Table(table),
     ])
-}
-
-/// Faces of grid cells between two places, along both axes.
-fn crossed(from: [f64; 2], to: [f64; 2], cell: f64) -> usize {
-    let along = |k: usize| ((to[k] / cell).floor() - (from[k] / cell).floor()).abs() as usize;
-    along(0) + along(1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn faces_are_counted_along_both_axes() {
-        assert_eq!(crossed([0.1, 0.1], [0.2, 0.1], 0.25), 0);
-        assert_eq!(crossed([0.1, 0.6], [0.6, 0.4], 0.25), 3);
-    }
 }

@@ -1,183 +1,127 @@
-//! Each method pushed until it fails.
-//!
-//! One study per file: what is pushed, what counts as failure, the threshold measured and by theory,
-//! and what the program said. Studies give plain data ([`Study`]), kept in the work directory, and
-//! [`render`] turns them into blocks.
+//! The sections of the chapter.
 
-mod columns;
-mod dem_dilute;
-mod dem_overlap;
-mod dem_precision;
-mod dem_shear;
-mod dem_size;
-mod dem_step;
-mod dem_thin;
-mod glance;
-mod learned;
-mod mpm_crossing;
-mod mpm_step;
-mod mpm_transfer;
-mod outcome;
-mod packing;
-mod render;
-mod scene;
-mod snapshot;
-mod study;
-mod threshold;
+use super::direct::Direct;
+use super::glance::Glance;
+use super::learned::Learned;
+use crate::render::section::Section;
+use crate::studies::stability::{
+    dem_dilute, dem_overlap, dem_precision, dem_shear, dem_size, dem_step, dem_thin, learned,
+    mpm_crossing, mpm_step, mpm_transfer, tall_columns,
+};
 
-pub use outcome::Outcome;
-pub use study::{Study, StudyError};
-pub use threshold::Threshold;
-
-use dempm::device::Device;
-use miette::{IntoDiagnostic, miette};
-use surrogate::simulator::Simulator;
-
-use crate::block::Block;
-use crate::context::{Context, Model, Suite};
-use crate::section::Section;
-use crate::sections::paper::networks::baseline_and_others;
-use crate::work::hash_of_file;
-
-/// The sections of the chapter.
+/// The sections of the chapter: a summary, then the studies.
 pub fn all() -> Vec<Box<dyn Section>> {
-    let mut all: Vec<Box<dyn Section>> = vec![Box::new(glance::Glance)];
-    all.extend(studies());
+    let mut studies: Vec<Box<dyn Section>> = Vec::new();
+    studies.extend(direct().into_iter().map(|study| Box::new(study) as Box<dyn Section>));
+    studies.extend(learned().into_iter().map(|study| Box::new(study) as Box<dyn Section>));
+    let titles = studies.iter().map(|study| study.title()).collect();
+    let mut all: Vec<Box<dyn Section>> = vec![Box::new(Glance { studies: titles })];
+    all.append(&mut studies);
     all
 }
 
-fn studies() -> Vec<Box<dyn Section>> {
-    vec![
-        direct("MPM: the step", mpm_step::study, 5.0),
-        direct("MPM: cell crossing", mpm_crossing::study, 10.0),
-        direct("MPM: energy and viscosity", mpm_transfer::study, 10.0),
-        direct("DEM: the step", dem_step::study, 8.0),
-        direct("DEM: damping and mass scaling", dem_shear::study, 15.0),
-        direct("DEM: thin cells", dem_thin::study, 8.0),
-        direct("DEM: over-compression", dem_overlap::study, 3.0),
-        direct("DEM: dilute flow and recompaction", dem_dilute::study, 5.0),
-        direct("DEM: size of the RVE", dem_size::study, 5.0),
-        direct("DEM: f32 against f64", dem_precision::study, 5.0),
-        direct("Tall columns", columns::study, 15.0),
-        pushed("Learned: length of the rollout", learned::length::study, 25.0),
-        pushed("Learned: height, width, velocity", learned::range::study, 25.0),
-        pushed("Learned: noise, mirror images, frames", learned::disturbed::study, 15.0),
-        pushed("Learned: walls", learned::walls::study, 5.0),
-        pushed("Learned: rest and penetration", learned::at_rest::study, 15.0),
+fn direct() -> [Direct; 11] {
+    [
+        Direct {
+            title: "MPM: the step",
+            lead: "The longest stable step of the MPM, for each basis and scheme.",
+            study: mpm_step::study,
+            seconds: 5.0,
+        },
+        Direct {
+            title: "MPM: cell crossing",
+            lead: "How rough the stress becomes when points move through the grid.",
+            study: mpm_crossing::study,
+            seconds: 10.0,
+        },
+        Direct {
+            title: "MPM: energy and viscosity",
+            lead: "How much energy the transfers between points and grid lose.",
+            study: mpm_transfer::study,
+            seconds: 10.0,
+        },
+        Direct {
+            title: "DEM: the step",
+            lead: "The longest stable step of a packing, and of lattices with known spectra.",
+            study: dem_step::study,
+            seconds: 8.0,
+        },
+        Direct {
+            title: "DEM: damping and mass scaling",
+            lead: "How much damping and scaled masses change the strength of a packing.",
+            study: dem_shear::study,
+            seconds: 15.0,
+        },
+        Direct {
+            title: "DEM: thin cells",
+            lead: "Packings that are stretched until their cell is a few grains wide.",
+            study: dem_thin::study,
+            seconds: 8.0,
+        },
+        Direct {
+            title: "DEM: over-compression",
+            lead: "Packings that are compressed until discs pass through each other.",
+            study: dem_overlap::study,
+            seconds: 3.0,
+        },
+        Direct {
+            title: "DEM: dilute flow and recompaction",
+            lead: "Packings that are expanded until discs fly freely, and compressed again.",
+            study: dem_dilute::study,
+            seconds: 5.0,
+        },
+        Direct {
+            title: "DEM: size of the RVE",
+            lead: "How few discs still have the strength of the material.",
+            study: dem_size::study,
+            seconds: 5.0,
+        },
+        Direct {
+            title: "DEM: f32 against f64",
+            lead: "The smallest pressure that single precision still resolves.",
+            study: dem_precision::study,
+            seconds: 5.0,
+        },
+        Direct {
+            title: "Tall columns",
+            lead: "Columns up to 48 m high that collapse, and shafts full of packings.",
+            study: tall_columns::study,
+            seconds: 15.0,
+        },
     ]
 }
 
-/// A study of the direct solver or its parts.
-struct Direct {
-    title: &'static str,
-    study: fn(Suite) -> Result<Study, StudyError>,
-    /// Expected time of the quick size (s).
-    seconds: f64,
-}
-
-/// The full size takes about this many times as long.
-const FULL: f64 = 20.0;
-
-fn direct(
-    title: &'static str,
-    study: fn(Suite) -> Result<Study, StudyError>,
-    seconds: f64,
-) -> Box<dyn Section> {
-    Box::new(Direct { title, study, seconds })
-}
-
-impl Section for Direct {
-    fn title(&self) -> &'static str {
-        self.title
-    }
-
-    fn estimate(&self, context: &Context) -> f64 {
-        if context.work.has_cached(self.title, &key(context)) {
-            return 0.0;
-        }
-        self.seconds * study::pick(context.suite, 1.0, FULL)
-    }
-
-    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let (suite, estimate) = (context.suite, self.estimate(context));
-        let made =
-            context.cached(self.title, &key(context), estimate, || Ok((self.study)(suite)?))?;
-        Ok(render::blocks(&made)?)
-    }
-}
-
-/// A study of a learned simulator.
-struct Learned {
-    title: &'static str,
-    study: fn(Suite, &Simulator) -> Result<Study, StudyError>,
-    /// Expected time of the quick size with the tiny example (s).
-    seconds: f64,
-}
-
-fn pushed(
-    title: &'static str,
-    study: fn(Suite, &Simulator) -> Result<Study, StudyError>,
-    seconds: f64,
-) -> Box<dyn Section> {
-    Box::new(Learned { title, study, seconds })
-}
-
-impl Learned {
-    /// The models that are pushed; in the quick size the smallest of them.
-    fn models(&self, context: &Context) -> Vec<Model> {
-        let models = baseline_and_others(&context.models);
-        let size = |model: &Model| std::fs::metadata(&model.path).map_or(0, |file| file.len());
-        match context.suite {
-            Suite::Quick => models.into_iter().min_by_key(size).into_iter().collect(),
-            Suite::Full => models,
-        }
-    }
-}
-
-impl Section for Learned {
-    fn title(&self) -> &'static str {
-        self.title
-    }
-
-    fn estimate(&self, context: &Context) -> f64 {
-        let missing = |model: &&Model| {
-            !model_key(context, model).is_ok_and(|key| context.work.has_cached(self.title, &key))
-        };
-        let models = self.models(context);
-        let each = self.seconds * study::pick(context.suite, 1.0, FULL);
-        models.iter().filter(missing).count() as f64 * each
-    }
-
-    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let models = self.models(context);
-        if models.is_empty() {
-            return Ok(vec![Block::missing(
-                self.title,
-                "there is no model",
-                "give a folder with `--models`; `surrogate train` makes one",
-            )]);
-        }
-        let device = context.device.parse::<Device>().map_err(|e| miette!("--device: {e}"))?;
-        let mut blocks = Vec::new();
-        for model in models {
-            let (suite, key) = (context.suite, model_key(context, &model)?);
-            let mut made = context.cached(self.title, &key, self.seconds, || {
-                Ok((self.study)(suite, &learned::roll::load(&model.path, device)?)?)
-            })?;
-            made.name_model(&model.name);
-            blocks.push(Block::Heading(model.name));
-            blocks.extend(render::blocks(&made)?);
-        }
-        Ok(blocks)
-    }
-}
-
-/// A study of a model depends on the model too.
-fn model_key(context: &Context, model: &Model) -> miette::Result<String> {
-    Ok(format!("{} {}", key(context), hash_of_file(&model.path).into_diagnostic()?))
-}
-
-/// A study depends on its size and on the program.
-fn key(context: &Context) -> String {
-    format!("{:?} {}", context.suite, context.work.build())
+fn learned() -> [Learned; 5] {
+    [
+        Learned {
+            title: "Learned: length of the rollout",
+            lead: "Rollouts four times as long as the training trajectories.",
+            study: learned::rollout_length::study,
+            seconds: 25.0,
+        },
+        Learned {
+            title: "Learned: height, width, velocity",
+            lead: "Columns that are taller, wider and faster than those of the training.",
+            study: learned::training_range::study,
+            seconds: 25.0,
+        },
+        Learned {
+            title: "Learned: noise, mirror images, frames",
+            lead: "Noise on the first frames, mirrored scenes, and frames of another interval.",
+            study: learned::perturbed::study,
+            seconds: 15.0,
+        },
+        Learned {
+            title: "Learned: walls",
+            lead: "A block that is thrown at a wall, ever faster.",
+            study: learned::walls::study,
+            seconds: 5.0,
+        },
+        Learned {
+            title: "Learned: rest and penetration",
+            lead: "Beds that should stay at rest, and a plate that is pushed into one.",
+            study: learned::at_rest::study,
+            seconds: 15.0,
+        },
+    ]
 }

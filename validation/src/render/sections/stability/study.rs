@@ -1,17 +1,21 @@
 //! Studies as blocks of the report.
 
-use super::snapshot;
-use super::study::{Axis, Chart, Finding, Map, Study};
-use crate::block::{Block, Figure, Table};
-use crate::chart::{self, ChartError, Mark, Series};
-use crate::map;
-use crate::table::number;
+use plot::{Mark, PlotError, Series};
+
+use crate::render::block::Block;
+use crate::render::figure::{Figure, Picture};
+use crate::render::map;
+use crate::render::point_cloud;
+use crate::render::table::Table;
+use crate::studies::stability::{Axis, Chart, Finding, Map, Outcome, Study};
+use crate::studies::statistics::range;
+use crate::text::number;
 
 /// A study as the report shows it.
 ///
 /// # Errors
 /// If a chart or picture cannot be drawn.
-pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
+pub fn blocks(study: &Study) -> Result<Vec<Block>, PlotError> {
     let mut blocks = vec![Block::text(&study.method)];
     if !study.findings.is_empty() {
         blocks.push(Block::Findings(vec![summary(study)]));
@@ -25,41 +29,47 @@ pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
         blocks.push(Block::Map(rendered(map)));
     }
     for chart in &study.charts {
-        let caption = chart.caption.clone();
-        blocks.push(Block::Figure(Figure::new(&chart.title, drawn(chart)?, caption)));
+        let picture = Picture::Svg(svg(chart)?);
+        blocks.push(Block::Figure(Figure::new(&chart.title, picture, &chart.caption)));
     }
-    for picture in &study.pictures {
-        blocks.push(Block::Figure(snapshot::figure(picture)?));
-    }
+    blocks.extend(study.pictures.iter().map(|picture| Block::Figure(point_cloud::figure(picture))));
     if !study.notes.is_empty() {
         blocks.push(Block::List(study.notes.clone()));
     }
     Ok(blocks)
 }
 
-/// The study in a line: how many limits, how near to theory, and where nothing was said.
+/// The outcome of a run as maps show it.
+fn kind(outcome: &Outcome) -> map::Outcome {
+    match outcome {
+        Outcome::Stable => map::Outcome::Stable,
+        Outcome::Warned { .. } => map::Outcome::Warned,
+        Outcome::Failed { .. } => map::Outcome::Failed,
+        Outcome::Silent { .. } => map::Outcome::Silent,
+    }
+}
+
+/// The study in a line: how many thresholds, how close to theory, and failures without a message.
 fn summary(study: &Study) -> String {
     let failed: Vec<_> = study.findings.iter().filter(|f| !f.beyond.works()).collect();
     let mut line = study.of.as_ref().map_or(String::new(), |model| format!("{model}: "));
-    let looked_for = study.findings.len();
-    line += &format!("{} of {looked_for} limits that were looked for were reached", failed.len());
-    let silent = |outcome: &super::Outcome| outcome.kind() == map::Outcome::Silent;
-    let unsaid: Vec<&str> =
-        failed.iter().filter(|f| silent(&f.beyond)).map(|f| f.case.as_str()).collect();
-    if !unsaid.is_empty() {
-        line += &format!("; nothing was said of: {}", unsaid.join("; "));
+    line += &format!("{} of {} thresholds were reached", failed.len(), study.findings.len());
+    let is_silent = |outcome: &Outcome| kind(outcome) == map::Outcome::Silent;
+    let silent: Vec<&str> =
+        failed.iter().filter(|f| is_silent(&f.beyond)).map(|f| f.case.as_str()).collect();
+    if !silent.is_empty() {
+        line += &format!("; without a warning: {}", silent.join("; "));
     } else if !failed.is_empty() {
-        line += ", and the program said so each time";
+        line += ", each with a warning or an error";
     }
     let of_theory = |finding: &Finding| {
         let (theory, _) = finding.theory.as_ref()?;
         Some(finding.measured.value()? / theory).filter(|ratio| ratio.is_finite())
     };
     let ratios: Vec<f64> = study.findings.iter().filter_map(of_theory).collect();
-    if let Some(least) = ratios.iter().copied().reduce(f64::min) {
-        let most = ratios.iter().copied().fold(least, f64::max);
+    if let Some([least, most]) = range(ratios.iter().copied()) {
         line += &format!(
-            ". Measured limits are {} to {} times those of theory ({} of them)",
+            ". Measured thresholds are {} to {} times those of theory ({} of them)",
             number(least),
             number(most),
             ratios.len()
@@ -67,19 +77,19 @@ fn summary(study: &Study) -> String {
     }
     let cells: Vec<_> = study.maps.iter().flat_map(|map| map.outcomes.iter().flatten()).collect();
     if !cells.is_empty() {
-        let silent = cells.iter().filter(|outcome| silent(outcome)).count();
-        line += &format!(". Of {} cells of the maps {silent} failed silently", cells.len());
+        let silent = cells.iter().filter(|outcome| is_silent(outcome)).count();
+        line += &format!(". Of {} cells of the maps, {silent} failed silently", cells.len());
     }
     line + "."
 }
 
 fn thresholds(study: &Study) -> Table {
-    let columns = ["pushed", "parameter", "threshold", "theory", "beyond it"];
+    let columns = ["case", "parameter", "threshold", "theory", "beyond it"];
     let mut table = Table::new(titled("Thresholds", study), columns);
     for finding in &study.findings {
         let theory = finding.theory.as_ref();
         let theory = theory.map(|(value, formula)| format!("{} ({formula})", number(*value)));
-        let (word, ..) = finding.beyond.kind().words();
+        let (word, ..) = kind(&finding.beyond).words();
         table.row([
             finding.case.clone(),
             finding.parameter.clone(),
@@ -91,9 +101,9 @@ fn thresholds(study: &Study) -> Table {
     table
 }
 
-/// What was said beyond each threshold, or the symptom about which nothing was.
+/// The message beyond each threshold, or the symptom without a message.
 fn messages(study: &Study) -> Table {
-    let mut table = Table::new(titled("What was said", study), ["pushed", "beyond it"]);
+    let mut table = Table::new(titled("What was said", study), ["case", "beyond it"]);
     for finding in study.findings.iter().filter(|f| !f.beyond.text().is_empty()) {
         table.row([finding.case.as_str(), finding.beyond.text()]);
     }
@@ -111,9 +121,9 @@ fn rendered(map: &Map) -> map::Map {
         (axis.label.clone(), axis.names.clone().unwrap_or_else(numbers))
     };
     let cells = map.outcomes.iter().enumerate().map(|(row, outcomes)| {
-        let cell = |(column, outcome): (usize, &super::Outcome)| {
+        let cell = |(column, outcome): (usize, &Outcome)| {
             let value = map.numbers.get(row).and_then(|row| row.get(column));
-            (outcome.kind(), value.map_or(String::new(), |value| number(*value)))
+            (kind(outcome), value.map_or(String::new(), |value| number(*value)))
         };
         outcomes.iter().enumerate().map(cell).collect()
     });
@@ -128,7 +138,7 @@ fn rendered(map: &Map) -> map::Map {
     }
 }
 
-fn drawn(chart: &Chart) -> Result<crate::figure::Picture, ChartError> {
+fn svg(chart: &Chart) -> Result<String, plot::PlotError> {
     let marks = [Mark::Circles, Mark::Squares, Mark::Triangles, Mark::Crosses];
     let mut measured = 0;
     let series = chart.curves.iter().map(|curve| {
@@ -140,23 +150,20 @@ fn drawn(chart: &Chart) -> Result<crate::figure::Picture, ChartError> {
         };
         Series::new(&curve.name, mark, curve.points.iter().map(|&[x, y]| (x, y)).collect())
     });
-    let axis = |label: &str, log: bool| {
-        if log { chart::Axis::log(label) } else { chart::Axis::linear(label) }
-    };
-    chart::Chart {
+    let axis = |label: &str, log: bool| plot::Axis { label: label.to_owned(), log };
+    plot::Chart {
         series: series.collect(),
         x: axis(&chart.x, chart.log[0]),
         y: axis(&chart.y, chart.log[1]),
         floor: None,
     }
-    .draw()
+    .svg()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::study::{Curve, Picture};
-    use super::super::{Outcome, Threshold};
     use super::*;
+    use crate::studies::stability::{Curve, Picture as PointPicture, Threshold};
 
     #[test]
     fn a_study_becomes_blocks_with_its_messages() {
@@ -186,13 +193,13 @@ mod tests {
                 curves: vec![Curve::measured("m", vec![[1.0, 2.0]])],
                 caption: String::new(),
             }],
-            pictures: vec![Picture {
+            pictures: vec![PointPicture {
                 title: "picture".into(),
                 position: vec![[0.5, 0.5]],
                 value: vec![1.0],
                 radius: vec![0.1],
                 window: [0.0, 0.0, 1.0, 1.0],
-                ..Picture::default()
+                ..PointPicture::default()
             }],
             ..Study::default()
         };
@@ -211,9 +218,10 @@ mod tests {
         };
         assert_eq!(
             summary,
-            &["tiny: 1 of 1 limits that were looked for were reached; nothing was said of: case. \
-               Measured limits are 1 to 1 times those of theory (1 of them). Of 2 cells of the maps \
-               1 failed silently."]
+            &[
+                "tiny: 1 of 1 thresholds were reached; without a warning: case. Measured thresholds are \
+               1 to 1 times those of theory (1 of them). Of 2 cells of the maps, 1 failed silently."
+            ]
         );
         assert_eq!(table.title, "Thresholds (tiny)");
         assert_eq!(

@@ -2,11 +2,11 @@
 
 use surrogate::simulator::Simulator;
 
-use super::super::outcome::Outcome;
-use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
-use super::super::threshold::Threshold;
-use super::roll::{Direct, WRONG, beside, column, difference, roll, text};
-use crate::context::Suite;
+use super::rollout::{Direct, WRONG, beside, column, difference, roll, text};
+use crate::studies::stability::outcome::Outcome;
+use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
+use crate::studies::stability::threshold::Threshold;
+use crate::suite::Suite;
 
 /// A bed that moves faster than this (m/s) more than the direct solver's does is not at rest.
 const CREEP: f64 = 0.01;
@@ -31,7 +31,7 @@ fn rest(simulator: &Simulator, depth: f64, direct: &Direct) -> Result<Case, Stud
     let (interval, frames) = (simulator.training.frame_interval, direct.positions.len());
     let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let last = rolled.positions.len() - 1;
-    let speed = |frames: &super::roll::Frames| {
+    let speed = |frames: &super::rollout::Frames| {
         difference(&frames[last], &frames[0]) / (last as f64 * interval)
     };
     let number = speed(&rolled.positions);
@@ -70,11 +70,15 @@ fn push(simulator: &Simulator, speed: f64, direct: &Direct) -> Result<Case, Stud
     Ok(Case { number, outcome, picture })
 }
 
+/// Predicts beds at rest and a plate that is pushed into one.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let interval = simulator.training.frame_interval;
-    let frames = (pick(suite, 0.5, 2.0) / interval) as usize + 1;
-    let depths = pick(suite, vec![0.25, 0.5, 1.0], vec![0.125, 0.25, 0.5, 1.0, 1.5]);
-    let speeds = pick(suite, vec![5.0, 1.0, 0.5], vec![5.0, 2.0, 1.0, 0.5, 0.2, 0.1]);
+    let frames = (suite.pick(0.5, 2.0) / interval) as usize + 1;
+    let depths = suite.pick(vec![0.25, 0.5, 1.0], vec![0.125, 0.25, 0.5, 1.0, 1.5]);
+    let speeds = suite.pick(vec![5.0, 1.0, 0.5], vec![5.0, 2.0, 1.0, 0.5, 0.2, 0.1]);
     let given = simulator.first_frames();
     let still = beside(&depths, |&depth| bed(depth, interval, frames))?;
     let moved = beside(&speeds, |&speed| pushed(speed, interval, given))?;

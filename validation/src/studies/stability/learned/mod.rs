@@ -1,8 +1,10 @@
-//! The learned simulators, pushed beyond what they were trained on.
+//! The learned simulators, beyond what they were trained on.
 
 pub mod at_rest;
-pub mod disturbed;
-pub mod length;
-pub mod range;
-pub mod roll;
+pub mod perturbed;
+mod rollout;
+pub mod rollout_length;
+pub mod training_range;
 pub mod walls;
+
+pub use rollout::{load, window};

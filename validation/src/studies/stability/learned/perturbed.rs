@@ -6,11 +6,13 @@ use surrogate::asymmetry::{asymmetry, image};
 use surrogate::simulator::Simulator;
 use surrogate::start::{Start, stride};
 
-use super::super::outcome::Outcome;
-use super::super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
-use super::super::threshold::{Threshold, log_range};
-use super::roll::{Direct, Frames, Rolled, WRONG, column, difference, roll, text};
-use crate::context::Suite;
+use super::rollout::{Direct, Frames, Rolled, WRONG, column, difference, roll, text};
+use crate::studies::stability::outcome::Outcome;
+use crate::studies::stability::study::{
+    Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError,
+};
+use crate::studies::stability::threshold::{Threshold, log_range};
+use crate::suite::Suite;
 
 const DOMAIN: [f64; 2] = [4.0, 2.0];
 const SEED: u64 = 1;
@@ -34,9 +36,13 @@ fn mirrored(frames: &Frames) -> Frames {
     frames.iter().map(|frame| frame.iter().map(of_point).collect()).collect()
 }
 
+/// Predicts from noisy and from mirrored frames, and from frames of other intervals.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let interval = simulator.training.frame_interval;
-    let duration = pick(suite, 0.5, 1.2);
+    let duration = suite.pick(0.5, 1.2);
     let frames = (duration / interval).round() as usize + 1;
     let scene = text(DOMAIN, &column([1.0, 0.0], [0.75, 0.75], [0.0, 0.0]));
     let direct = Direct::run("column", &scene, interval, frames)?;
@@ -65,7 +71,7 @@ fn noise(
     frames: usize,
     study: &mut Study,
 ) -> Result<(), StudyError> {
-    let deviations = log_range(1.0e-5, 1.0e-1, pick(suite, 5, 13));
+    let deviations = log_range(1.0e-5, 1.0e-1, suite.pick(5, 13));
     let cases: Vec<(f64, Outcome, Picture)> = deviations
         .iter()
         .map(|&deviation| {

@@ -5,7 +5,8 @@ use std::path::Path;
 use dempm::device::Device;
 use dempm::scene::Scene;
 use dempm::simulation::{Simulation, SimulationError};
-use dempm::trajectory::{Frame, Header, Points, utc_now};
+use dempm::trajectory::{Frame, Header, Points};
+use files::utc_now;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use surrogate::doubts::doubts;
@@ -15,9 +16,9 @@ use surrogate::simulator::Simulator;
 use surrogate::start::{Start, statics};
 use surrogate::watch::Watch;
 
-use super::super::outcome::Outcome;
-use super::super::scene;
-use super::super::study::{Picture, StudyError};
+use crate::studies::stability::outcome::Outcome;
+use crate::studies::stability::scene_messages;
+use crate::studies::stability::study::{Picture, StudyError};
 
 /// A prediction that is wrong by this part of the motion is a failure.
 pub const WRONG: f64 = 0.5;
@@ -61,7 +62,7 @@ impl Direct {
     /// So many frames, `interval` (s) apart, on one thread: a small scene gains nothing from more.
     pub fn run(name: &str, text: &str, interval: f64, frames: usize) -> Result<Self, StudyError> {
         let error = |reason: String| StudyError::Scene { name: name.into(), reason };
-        let mut scene = scene::parse(name, text)?;
+        let mut scene = scene_messages::parse(name, text)?;
         // The longest step that fits into the model's frames.
         scene.step = interval / (interval / scene.step).ceil();
         scene.frame_interval = interval;

@@ -2,19 +2,23 @@
 
 use surrogate::simulator::Simulator;
 
-use super::super::outcome::Outcome;
-use super::super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError, pick};
-use super::super::threshold::Threshold;
-use super::roll::{Direct, WRONG, column, difference, roll, text};
-use crate::context::Suite;
+use super::rollout::{Direct, WRONG, column, difference, roll, text};
+use crate::studies::stability::outcome::Outcome;
+use crate::studies::stability::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError};
+use crate::studies::stability::threshold::Threshold;
+use crate::suite::Suite;
 
 /// Time that trainings last (s): a collapse.
 const TRAINED: f64 = 1.2;
 
+/// Predicts four times as long as the training trajectories.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let interval = simulator.training.frame_interval;
     let frames = (4.0 * TRAINED / interval) as usize + 1;
-    let scene = text([4.0, 2.0], &column([0.5, 0.0], [1.0, pick(suite, 0.75, 1.0)], [0.0, 0.0]));
+    let scene = text([4.0, 2.0], &column([0.5, 0.0], [1.0, suite.pick(0.75, 1.0)], [0.0, 0.0]));
     let direct = Direct::run("collapse", &scene, interval, frames)?;
     let truth = &direct.positions;
     let rolled = roll(simulator, &direct.start(simulator)?, frames);
@@ -34,7 +38,8 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     // Mean speed of the points over the last quarter, in which all is at rest.
     let last = rolled.positions.len() - 1;
     let from = last - last / 4;
-    let creep = |f: &super::roll::Frames| 1e3 * difference(&f[last], &f[from]) / time(last - from);
+    let creep =
+        |f: &super::rollout::Frames| 1e3 * difference(&f[last], &f[from]) / time(last - from);
     Ok(Study {
         method: format!(
             "A column 1 m wide collapses, as in training, but the rollout goes on to {:.1} s, four \

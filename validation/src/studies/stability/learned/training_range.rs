@@ -2,12 +2,12 @@
 
 use surrogate::simulator::Simulator;
 
-use super::super::outcome::Outcome;
-use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
-use super::super::threshold::Threshold;
-use super::roll::{Direct, WRONG, beside, column, roll, text};
-use crate::context::Suite;
-use crate::sections::paper::networks::trained_on;
+use super::rollout::{Direct, WRONG, beside, column, roll, text};
+use crate::models::trained_on;
+use crate::studies::stability::outcome::Outcome;
+use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
+use crate::studies::stability::threshold::Threshold;
+use crate::suite::Suite;
 
 struct Case {
     error: f64,
@@ -52,8 +52,12 @@ fn cases(simulator: &Simulator, throws: &[Throw], frames: usize) -> Result<Vec<C
     throws.iter().zip(&directs).map(|(throw, direct)| throw.predict(simulator, direct)).collect()
 }
 
+/// Predicts columns within and outside the range of the training data.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
-    let duration = pick(suite, 0.5, 1.2);
+    let duration = suite.pick(0.5, 1.2);
     let frames = (duration / simulator.training.frame_interval).round() as usize + 1;
     let mut study = Study {
         method: format!(
@@ -64,10 +68,10 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
         ),
         ..Study::default()
     };
-    let heights = pick(suite, vec![0.5, 1.0, 2.0], vec![0.5, 1.0, 1.5, 2.0, 3.0]);
-    let speeds = pick(suite, vec![0.0, 1.0, 2.5, 5.0], vec![0.0, 1.0, 2.5, 5.0, 7.5, 10.0]);
-    let tall = pick(suite, vec![1.0, 3.0, 6.0], vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-    let wide = pick(suite, vec![0.25, 0.5, 1.0, 2.0], vec![0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0]);
+    let heights = suite.pick(vec![0.5, 1.0, 2.0], vec![0.5, 1.0, 1.5, 2.0, 3.0]);
+    let speeds = suite.pick(vec![0.0, 1.0, 2.5, 5.0], vec![0.0, 1.0, 2.5, 5.0, 7.5, 10.0]);
+    let tall = suite.pick(vec![1.0, 3.0, 6.0], vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    let wide = suite.pick(vec![0.25, 0.5, 1.0, 2.0], vec![0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0]);
     let thrown = heights.iter().flat_map(|&h| speeds.iter().map(move |&v| ([0.5, h], v)));
     let higher = tall.iter().map(|&h| ([0.5, h], 0.0));
     let wider = wide.iter().map(|&w| ([w, 1.0], 0.0));

@@ -2,11 +2,11 @@
 
 use surrogate::simulator::Simulator;
 
-use super::super::outcome::Outcome;
-use super::super::study::{Axis, Finding, Map, Picture, Study, StudyError, pick};
-use super::super::threshold::Threshold;
-use super::roll::{Direct, WRONG, column, roll, text};
-use crate::context::Suite;
+use super::rollout::{Direct, WRONG, column, roll, text};
+use crate::studies::stability::outcome::Outcome;
+use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
+use crate::studies::stability::threshold::Threshold;
+use crate::suite::Suite;
 
 /// Distance of the block from the wall it is thrown at (m), in a domain of 4 x 2 m.
 const GAP: f64 = 0.5;
@@ -38,9 +38,12 @@ fn run(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
     Ok(Case { error, outcome, picture: rolled.picture(title, &direct.positions, &direct) })
 }
 
+/// Predicts a block that is thrown at a wall.
+///
+/// # Errors
+/// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
-    let speeds = pick(
-        suite,
+    let speeds = suite.pick(
         vec![1.0, 3.0, 10.0, 15.0, 30.0],
         vec![1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 15.0, 20.0, 25.0, 30.0],
     );
