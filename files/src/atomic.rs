@@ -4,7 +4,10 @@ use std::ffi::OsString;
 use std::fmt::Display;
 use std::fs::{self, File};
 use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+
+use tempfile::TempPath;
 
 /// A file that could not be written; an older file of that name is untouched.
 #[derive(Debug, thiserror::Error)]
@@ -41,12 +44,12 @@ impl From<WriteError> for io::Error {
     }
 }
 
-/// Writes `path` through the temporary file `NAME.tmp` beside it, so that readers of `path` find
-/// either the old file or the complete new one.
+/// Writes `path` through a temporary file beside it, so that readers of `path` find either the old
+/// file or the complete new one.
 ///
-/// `fill` receives the path of the temporary file, whose directory exists, and must leave a closed
+/// `fill` receives the path of the temporary file, which exists and is empty, and must leave a closed
 /// file there. The file is flushed to the disk and renamed to `path`. If `fill` fails, its file is
-/// removed. A `NAME.tmp` left behind by a killed process is overwritten by the next one.
+/// removed. A link at `path` stays: the file that it leads to is replaced.
 ///
 /// # Errors
 /// Those of `fill`, and if the file cannot be put in its place.
@@ -81,29 +84,39 @@ pub fn check_writable(path: &Path) -> Result<(), WriteError> {
         return Err(failed(io::ErrorKind::IsADirectory.into()));
     }
     // Dropped unpublished, which removes it again.
-    File::create(file.temporary()).map(drop).map_err(failed)
+    fs::write(file.temporary(), [0]).map_err(failed)
 }
 
-/// A file being written as `NAME.tmp`: becomes `NAME` when [published](Self::publish), and is
-/// removed when dropped before.
+/// A file being written under a temporary name: gets its own name when [published](Self::publish), and
+/// is removed when dropped before.
 #[derive(Debug)]
 pub struct AtomicFile {
     path: PathBuf,
-    temporary: PathBuf,
-    published: bool,
+    target: PathBuf,
+    temporary: TempPath,
 }
 
 impl AtomicFile {
-    /// The future contents of `path`. Creates missing directories, but no file.
+    /// The future contents of `path`. Creates missing directories and an empty temporary file.
     ///
     /// # Errors
-    /// If the directory cannot be created.
+    /// If the system refuses either.
     pub fn new(path: &Path) -> Result<Self, WriteError> {
-        fs::create_dir_all(directory_of(path))
+        let target = link_target(path).map_err(WriteError::at(path, "follow its links"))?;
+        fs::create_dir_all(directory_of(&target))
             .map_err(WriteError::at(path, "create its directory"))?;
-        // In the same directory, since a rename is atomic only within one file system.
-        let temporary = path_beside(path, ".tmp");
-        Ok(Self { path: path.to_owned(), temporary, published: false })
+        // In the same directory, since a rename is atomic only within one file system. A name that no
+        // file has, so that nobody's file or link of that name is touched.
+        let mut builder = tempfile::Builder::new();
+        let prefix = temporary_prefix(&target);
+        builder.prefix(&prefix).suffix(TEMPORARY);
+        // As any other file, and not for this user alone.
+        builder.permissions(PermissionsExt::from_mode(0o666));
+        let temporary = builder
+            .tempfile_in(directory_of(&target))
+            .map_err(WriteError::at(path, "create a file beside it"))?
+            .into_temp_path();
+        Ok(Self { path: path.to_owned(), target, temporary })
     }
 
     /// The path to write to.
@@ -115,32 +128,64 @@ impl AtomicFile {
     ///
     /// # Errors
     /// If the system refuses either.
-    pub fn publish(mut self) -> Result<(), WriteError> {
-        let failed = |action| WriteError::at(&self.path, action);
+    pub fn publish(self) -> Result<(), WriteError> {
+        let Self { path, target, temporary } = self;
+        let failed = |action| WriteError::at(&path, action);
         // Without the first flush, a power cut could leave the new name with old or no contents;
         // without the second, the new name itself could be lost.
-        File::open(&self.temporary)
+        File::open(&temporary)
             .and_then(|file| file.sync_all())
             .map_err(failed("flush it to the disk"))?;
-        fs::rename(&self.temporary, &self.path).map_err(failed("rename its temporary file"))?;
-        self.published = true;
-        #[cfg(unix)]
-        File::open(directory_of(&self.path))
+        temporary
+            .persist(&target)
+            .map_err(|error| failed("rename its temporary file")(error.error))?;
+        File::open(directory_of(&target))
             .and_then(|directory| directory.sync_all())
-            .map_err(failed("flush its directory to the disk"))?;
-        Ok(())
+            .map_err(failed("flush its directory to the disk"))
     }
 }
 
-impl Drop for AtomicFile {
-    fn drop(&mut self) {
-        if !self.published {
-            // Failures do not matter: there may be no file yet. Emptied first, because a file that
-            // is still open somewhere keeps its space on the disk.
-            let _ = File::options().write(true).truncate(true).open(&self.temporary);
-            let _ = fs::remove_file(&self.temporary);
+/// How the names of temporary files end.
+const TEMPORARY: &str = ".dempm-tmp";
+
+/// How the temporary files of `target` begin: `.NAME.`, then six letters or digits.
+fn temporary_prefix(target: &Path) -> OsString {
+    let mut prefix = OsString::from(".");
+    prefix.push(target.file_name().unwrap_or_default());
+    prefix.push(".");
+    prefix
+}
+
+/// Removes the temporary files that killed processes have left of `target`. The caller holds the lock of
+/// `target`, so that nobody is writing one.
+pub(crate) fn remove_leftovers(target: &Path) {
+    let prefix = temporary_prefix(target).into_string().unwrap_or_default();
+    let Ok(entries) = fs::read_dir(directory_of(target)) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name().into_string().unwrap_or_default();
+        let random = name.strip_prefix(&prefix).and_then(|rest| rest.strip_suffix(TEMPORARY));
+        if random.is_some_and(|r| r.len() == 6 && r.bytes().all(|b| b.is_ascii_alphanumeric())) {
+            // One that stays only takes up space.
+            let _ = fs::remove_file(entry.path());
         }
     }
+}
+
+/// Where a file written to `path` is to be: `path`, or what a link there leads to, which need not exist.
+pub(crate) fn link_target(path: &Path) -> io::Result<PathBuf> {
+    /// As many as Linux follows.
+    const MOST_LINKS: usize = 40;
+    let mut target = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        match fs::symlink_metadata(&target) {
+            Ok(data) if data.is_symlink() => {
+                let next = fs::read_link(&target)?;
+                target = directory_of(&target).join(next);
+            }
+            _ => return Ok(target),
+        }
+    }
+    Err(io::Error::from_raw_os_error(libc::ELOOP))
 }
 
 pub(crate) fn directory_of(path: &Path) -> &Path {
@@ -159,6 +204,8 @@ pub fn path_beside(path: &Path, ending: &str) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::symlink;
+
     use super::*;
 
     #[test]
@@ -186,6 +233,53 @@ mod tests {
         assert!(check_writable(&path.join("below")).is_err());
         let error = check_writable(directory.path()).unwrap_err();
         assert_eq!(error.source.kind(), io::ErrorKind::IsADirectory);
+    }
+
+    #[test]
+    fn links_are_followed_and_files_of_temporary_names_are_left_alone() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        fs::create_dir(at("far")).unwrap();
+        fs::write(at("far/target.txt"), "old").unwrap();
+        symlink("far/target.txt", at("link.txt")).unwrap();
+        symlink("link.txt", at("link of link.txt")).unwrap();
+        fs::write(at("link.txt.tmp"), "mine").unwrap();
+        write_text(&at("link of link.txt"), "new").unwrap();
+        assert_eq!(fs::read_to_string(at("far/target.txt")).unwrap(), "new");
+        assert!(at("link of link.txt").is_symlink() && at("link.txt").is_symlink());
+        assert_eq!(fs::read_to_string(at("link.txt.tmp")).unwrap(), "mine");
+        symlink("far/not there yet.txt", at("dangling.txt")).unwrap();
+        write_text(&at("dangling.txt"), "first").unwrap();
+        assert_eq!(fs::read_to_string(at("far/not there yet.txt")).unwrap(), "first");
+        symlink("round.txt", at("round.txt")).unwrap();
+        assert!(write_text(&at("round.txt"), "").is_err());
+        assert_eq!(fs::read_dir(at("far")).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn only_leftovers_of_the_same_file_are_removed() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        let leftover = AtomicFile::new(&at("run.h5")).unwrap();
+        let name = leftover.temporary().to_owned();
+        std::mem::forget(leftover);
+        let others = [".run.h5.ckpt.abcdef.dempm-tmp", "run.h5.tmp", ".run.h5.backup", "run.h5"];
+        for name in others {
+            fs::write(at(name), "").unwrap();
+        }
+        remove_leftovers(&at("run.h5"));
+        assert!(!name.exists());
+        assert!(others.iter().all(|name| at(name).exists()));
+    }
+
+    #[test]
+    fn a_written_file_has_the_permissions_of_any_other() {
+        let directory = tempfile::tempdir().unwrap();
+        let [plain, atomic] = ["plain", "atomic"].map(|name| directory.path().join(name));
+        fs::write(&plain, "").unwrap();
+        write_text(&atomic, "").unwrap();
+        let mode = |path| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&plain), mode(&atomic));
     }
 
     #[test]

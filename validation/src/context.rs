@@ -10,7 +10,7 @@ use dempm::scene::Scene;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use surrogate::train::Precision;
+use surrogate::network::Precision;
 
 use crate::folder::{files_in, stem};
 use crate::models::Model;

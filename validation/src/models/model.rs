@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use surrogate::train::Precision;
+use surrogate::network::Precision;
 
 use crate::folder::{files_in, stem};
 

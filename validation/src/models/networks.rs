@@ -1,7 +1,7 @@
 //! Which of the paper's networks a model is, by its name.
 
-use surrogate::config::PAPER_NETWORKS;
-use surrogate::range::Range;
+use surrogate::network::PAPER_NETWORKS;
+use surrogate::diagnostics::TrainingRange;
 use surrogate::simulator::Training;
 
 use super::model::Model;
@@ -46,7 +46,7 @@ pub fn is_on_finest_data(model: &Model) -> bool {
 
 /// The range of a model's training data, as text.
 pub fn trained_on(training: &Training) -> String {
-    let Some(Range { least, most }) = &training.range else {
+    let Some(TrainingRange { least, most }) = &training.range else {
         return "an unknown range".into();
     };
     format!(

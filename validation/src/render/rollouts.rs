@@ -5,7 +5,7 @@ use std::path::Path;
 use dempm::trajectory::{Frame, Trajectory};
 use plot::{Axis, Chart, Mark, Series};
 use rayon::prelude::*;
-use surrogate::metrics::Errors;
+use surrogate::evaluation::Errors;
 
 use crate::difference::common_times;
 use crate::render::animation::animated;
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn why_a_rollout_ended_is_short() {
-        let error = RolloutError::Pressed { frame: 9, neighbours: 155.0, plane: 50.0 };
+        let error = RolloutError::Crowded { frame: 9, neighbours: 155.0, plane: 50.0 };
         assert_eq!(
             early(&format!("failed: {error}")),
             "early, frame 9: points are pressed together"

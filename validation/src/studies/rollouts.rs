@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use surrogate::metrics::Errors;
+use surrogate::evaluation::Errors;
 
 use crate::context::{Context, Start};
 use crate::difference::kept_difference;
@@ -103,7 +103,7 @@ fn predicted(mut errors: Errors) -> Errors {
 
 #[cfg(test)]
 mod tests {
-    use surrogate::metrics::FrameError;
+    use surrogate::evaluation::FrameError;
 
     use super::*;
 

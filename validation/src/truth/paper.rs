@@ -12,7 +12,7 @@ const fn network(parameters: usize, step_milliseconds: f64) -> Network {
     Network { parameters, step_milliseconds }
 }
 
-/// Table 6, in the order of [`PAPER_NETWORKS`](surrogate::config::PAPER_NETWORKS).
+/// Table 6, in the order of [`PAPER_NETWORKS`](surrogate::network::PAPER_NETWORKS).
 pub const NETWORKS: [Network; 10] = [
     network(1_425_282, 70.5),
     network(1_062_018, 64.7),
@@ -147,7 +147,7 @@ pub const GIVEN_FRAMES: usize = 6;
 
 #[cfg(test)]
 mod tests {
-    use surrogate::config::{ModelConfig, PAPER_NETWORKS};
+    use surrogate::network::{ModelConfig, PAPER_NETWORKS};
 
     use super::*;
 

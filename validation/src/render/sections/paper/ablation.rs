@@ -1,6 +1,6 @@
 //! Fig. 11 to 14: the ten networks on the validation cases.
 
-use surrogate::config::PAPER_NETWORKS;
+use surrogate::network::PAPER_NETWORKS;
 
 use super::absent::absent;
 use super::ranking::ranking_blocks;

@@ -1,6 +1,6 @@
 //! Table 6: the ten networks.
 
-use surrogate::config::{ModelConfig, PAPER_NETWORKS};
+use surrogate::network::{ModelConfig, PAPER_NETWORKS};
 use surrogate::simulator::Simulator;
 
 use super::cells::ratio;
