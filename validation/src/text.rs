@@ -33,7 +33,7 @@ pub fn length(value: f64) -> String {
 fn rounded(value: f64) -> String {
     let digits = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
     let decimals = (1 - digits).max(0) as usize;
-    trimmed(format!("{value:.decimals$}"))
+    format!("{value:.decimals$}")
 }
 
 /// The letters and digits of a title in lower case, with hyphens between words: for addresses and
@@ -44,14 +44,6 @@ pub fn slug(title: &str) -> String {
     words.join("-")
 }
 
-fn trimmed(number: String) -> String {
-    if number.contains('.') {
-        number.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        number
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,7 +51,10 @@ mod tests {
     #[test]
     fn quantities_are_short() {
         assert_eq!([0.25, 42.0, 3000.0].map(seconds), ["0.25 s", "42 s", "50 min"]);
-        assert_eq!([0.0, 0.00442, 0.0234, 1.38].map(length), ["0 mm", "4.4 mm", "2.3 cm", "1.4 m"]);
+        assert_eq!(
+            [0.0, 0.00442, 0.0234, 1.38].map(length),
+            ["0.0 mm", "4.4 mm", "2.3 cm", "1.4 m"]
+        );
         assert_eq!(percent(0.05), "5 %");
     }
 

@@ -8,6 +8,7 @@ use plotters::style::RGBColor;
 
 use super::area::{Drawn, HEIGHT, TEXT, WIDTH};
 use super::colours::{COLOURS, GRID, INK, dark_style};
+use super::labels::offsets;
 use super::legend::{self, Entry};
 use super::series::{Axis, Mark, Series};
 use crate::error::PlotError;
@@ -123,17 +124,46 @@ impl Chart {
                     }
                 }
             }
-            for (place, label) in places.into_iter().filter(|(_, label)| !label.is_empty()) {
-                let text = Text::new(label.to_owned(), (8, -15), style(TEXT - 1));
-                chart.draw_series([EmptyElement::at(place) + text])?;
-            }
         }
+        self.draw_labels(&mut chart)?;
         if let Some((floor, meaning)) = &self.floor
             && *floor > y.start
         {
             // At the left end, just below the edge of the shade.
             let text = Text::new(meaning.clone(), (6, 4), style(TEXT - 1));
             chart.draw_series([EmptyElement::at((x.start, floor.min(y.end))) + text])?;
+        }
+        Ok(())
+    }
+
+    fn draw_labels<'a, X, Y>(
+        &self,
+        chart: &mut ChartContext<'_, SVGBackend<'a>, Cartesian2d<X, Y>>,
+    ) -> Drawn<'a>
+    where
+        X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+        Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    {
+        let pixel = |place: &(f64, f64)| <[i32; 2]>::from(chart.backend_coord(place));
+        let marked = self.series.iter().filter(|s| !matches!(s.mark, Mark::Line | Mark::Reference));
+        let points: Vec<((f64, f64), &str)> = marked.flat_map(|s| self.shown(s)).collect();
+        let marks: Vec<[i32; 2]> = points.iter().map(|(place, _)| pixel(place)).collect();
+        let lines = self.series.iter().filter(|s| matches!(s.mark, Mark::Line | Mark::Reference));
+        let labelled: Vec<((f64, f64), &str)> = points
+            .iter()
+            .copied()
+            .chain(lines.flat_map(|s| self.shown(s)))
+            .filter(|(_, label)| !label.is_empty())
+            .collect();
+        let labels: Vec<([i32; 2], &str)> =
+            labelled.iter().map(|(place, label)| (pixel(place), *label)).collect();
+        let (x, y) = chart.plotting_area().get_pixel_range();
+        let frame = [x.start, y.start, x.end, y.end];
+        let style = (FONT, TEXT - 1).into_font().color(&INK);
+        let offsets = offsets(&labels, &marks, frame, TEXT - 1);
+        for ((place, label), offset) in labelled.into_iter().zip(offsets) {
+            let text = Text::new(label.to_owned(), offset, style.clone());
+            chart.draw_series([EmptyElement::at(place) + text])?;
         }
         Ok(())
     }

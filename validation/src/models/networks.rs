@@ -1,7 +1,7 @@
 //! Which of the paper's networks a model is, by its name.
 
-use surrogate::network::PAPER_NETWORKS;
 use surrogate::diagnostics::TrainingRange;
+use surrogate::network::PAPER_NETWORKS;
 use surrogate::simulator::Training;
 
 use super::model::Model;

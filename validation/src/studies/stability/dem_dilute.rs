@@ -109,7 +109,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
         parameter: "area over that of the start".into(),
         measured: Threshold::of_sweep(expansions.iter().zip(row).map(|(&e, o)| (e, o.works()))),
         theory: None,
-        beyond: row.iter().find(|o| !o.works()).or(row.last()).cloned().unwrap_or(Outcome::Stable),
+        beyond: Outcome::first_failure(row),
     });
     let curve = |name: &str, rate: &f64, row: &Vec<Cycle>| {
         let points = expansions.iter().zip(row).map(|(&e, c)| [e, c.returned]).collect();

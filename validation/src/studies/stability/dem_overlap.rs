@@ -1,4 +1,4 @@
-//! Over-compression: packings pressed until discs pass through each other.
+//! Over-compression: packings compressed until discs pass through each other.
 
 use dem::RveParameters;
 use dem::element::Element;
@@ -11,7 +11,7 @@ use super::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError};
 use super::threshold::Threshold;
 use crate::suite::Suite;
 
-/// One look: areal strain, stiffness number `kn / (p t)`, largest overlap over the radius.
+/// A sample of the path: areal strain, stiffness number `kn / (p t)`, largest overlap over the radius.
 struct Look {
     strain: f64,
     stiffness_number: f64,

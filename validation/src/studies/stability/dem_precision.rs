@@ -13,7 +13,7 @@ use crate::suite::Suite;
 /// Relative difference of stress that counts as failure.
 const TOLERANCE: f64 = 0.01;
 
-/// The same shear in both precisions.
+/// A shear test in both precisions.
 struct Look {
     /// Relative difference of stress.
     difference: f64,

@@ -1,4 +1,4 @@
-//! What makes a packing stronger than it is: Cundall damping, mass scaling.
+//! Damping and mass scaling, which make a packing stronger than it is.
 
 use dem::element::{Element, Row, Stage};
 use dem::{Packing, RveParameters};
@@ -13,7 +13,7 @@ use super::threshold::Threshold;
 use crate::suite::Suite;
 
 const PRESSURE: f64 = 20.0e3;
-/// Friction may differ by this part from that of the same flow without the measure.
+/// Tolerated relative change of the friction.
 const TOLERANCE: f64 = 0.15;
 
 /// Shear rate (1/s) of an inertial number with the true mass.
@@ -51,7 +51,7 @@ fn friction(
     Ok(sheared(packing, p, inertial_number, strain)?.0)
 }
 
-/// What `dempm run` and `dempm check` say of a column with such packings.
+/// Warnings of `dempm run` and `dempm check` for a column of such packings.
 fn said(p: &RveParameters) -> Option<String> {
     scene_messages::checked(&format!(
         "duration = 1.5\n[domain]\nsize = [6.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
@@ -170,14 +170,13 @@ fn add(
     let outcomes: Vec<Vec<Outcome>> = measured.iter().zip(reference).map(judge).collect();
     for (&i, row) in numbers.iter().zip(&outcomes) {
         let works = sweep.values.iter().zip(row).map(|(&v, o)| (v, o.works()));
-        let fails = row.iter().find(|o| !o.works()).or(row.last());
         study.findings.push(Finding {
             case: format!("{} at I = {i}", sweep.name),
             parameter: sweep.name.into(),
             measured: Threshold::of_sweep(works),
             theory: (sweep.name == "mass_scale")
                 .then(|| (scaled_theory(i), "μ(I √s) = 1.15 μ(I)".into())),
-            beyond: fails.cloned().unwrap_or(Outcome::Stable),
+            beyond: Outcome::first_failure(row),
         });
     }
     if sweep.name == "mass_scale" {

@@ -1,4 +1,4 @@
-//! How few discs still make a material: scatter of the strength against the size of an RVE.
+//! Size of the RVE: scatter of the strength over the number of discs.
 
 use dem::RveParameters;
 use dem::element::{Element, Stage, sin_phi};
@@ -44,7 +44,7 @@ fn strength(p: &RveParameters, seed: u64, strain: f64) -> Measured {
     Ok(Strength { mean, scatter: variance.sqrt(), picture })
 }
 
-/// What a scene with so many discs is told.
+/// Errors or warnings of a scene with so many discs.
 fn said(discs: usize) -> Option<String> {
     scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\

@@ -105,7 +105,7 @@ impl Rest {
         (None, None)
     }
 
-    /// The same, and what a scene file with this step is told.
+    /// The outcome of [`run`](Self::run), with the errors and warnings of a scene with this step.
     fn outcome(&mut self, steps: usize) -> Outcome {
         let (symptom, _) = self.run(steps);
         // Unstable, it is left running, to hear whether the DEM says something.
@@ -128,7 +128,7 @@ fn relaxed(packing: Packing<f64>, p: &RveParameters) -> Result<Packing<f64>, Stu
     Ok(element.rve.packing)
 }
 
-/// What is said of a scene with these parameters of the contact law and step.
+/// Errors or warnings of a scene with this contact law and step.
 fn refused(p: &RveParameters) -> Option<String> {
     super::scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\

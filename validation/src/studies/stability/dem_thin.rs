@@ -1,4 +1,4 @@
-//! Thin cells: packings stretched until a cell has no room for them.
+//! Thin cells: packings stretched until their cell is too thin for them.
 
 use dem::RveParameters;
 use dem::cuda::Room;
@@ -16,7 +16,7 @@ use crate::suite::Suite;
 const PRESSURE: f64 = 20.0e3;
 /// Strain rate (1/s); inertial numbers are below 0.02.
 const RATE: f64 = 4.0;
-/// Strain between two looks.
+/// Strain between two samples.
 const WINDOW: f64 = 0.25;
 /// Critical state, measured on square cells.
 const SIN_PHI: f64 = 0.30;
@@ -33,7 +33,7 @@ struct Stretched {
     picture: Picture,
 }
 
-/// One look: Hencky strain, width over mean diameter, mean `sin phi` of the window, held thin, and
+/// A sample of the path: Hencky strain, width over mean diameter, mean `sin phi` of the window, held thin, and
 /// what ended the path.
 struct Look {
     strain: f64,
@@ -85,7 +85,7 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
     Outcome::of((!sound).then_some(symptom), held.or_else(|| said(p)))
 }
 
-/// What a scene with such a limit is told.
+/// Errors or warnings of a scene with this limit.
 fn said(p: &RveParameters) -> Option<String> {
     super::scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
@@ -166,12 +166,7 @@ fn add(study: &mut Study, thin_width: f64, cases: &[Stretched]) {
             parameter: "extension, Hencky strain".into(),
             measured: Threshold::of_sweep(strengths),
             theory: None,
-            beyond: row
-                .iter()
-                .find(|o| !o.works())
-                .or(row.last())
-                .cloned()
-                .unwrap_or(Outcome::Stable),
+            beyond: Outcome::first_failure(&row),
         });
         let points = looks.iter().map(|look| [look.width, look.sin_phi]).collect();
         curves.push(Curve::measured(format!("{} discs", p.discs), points));

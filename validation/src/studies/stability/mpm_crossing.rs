@@ -1,4 +1,4 @@
-//! Cell-crossing noise: how far points may move through the grid before stress becomes rough.
+//! Cell-crossing noise: roughness of the stress over the displacement of points.
 
 use std::f64::consts::PI;
 
@@ -54,7 +54,7 @@ fn roughness(points: &Points) -> f64 {
     rough / rms(&mut stress.iter().copied())
 }
 
-/// What a scene with this basis is told.
+/// Errors or warnings of a scene with this basis.
 fn said(basis: Basis) -> Option<String> {
     scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\

@@ -1,4 +1,4 @@
-//! The step of the MPM against its bounds, per basis and scheme.
+//! The longest stable step of the MPM, for each basis and scheme.
 
 use mpm::{
     Basis, Domain, Elastic, ElasticParameters, Numerics, Points, Scheme, Solver, Transfer, Vec2,

@@ -1,5 +1,4 @@
-//! What the velocity transfers dissipate: viscosity, and energy of a vibrating bar, against the
-//! step.
+//! Dissipation of the velocity transfers over the step: viscosity, and energy of a vibrating bar.
 
 use std::f64::consts::PI;
 
@@ -139,7 +138,7 @@ fn share_left(viscosity: f64) -> f64 {
     (-viscosity * k * k * PERIODS * WAVE * CELL / SPEED).exp()
 }
 
-/// What a scene with this transfer and step is told.
+/// Errors or warnings of a scene with this transfer and step.
 fn said(transfer: Transfer, step: f64) -> Option<String> {
     let (kind, rate) = match transfer {
         Transfer::Flip { rate } => ("flip", Some(rate)),
@@ -183,13 +182,12 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
     let findings = TRANSFERS.iter().zip(&rows).map(|((name, _), row)| {
         // From the longest step down: the share of a step is what dissipates.
         let sweep = steps.iter().zip(row).rev().map(|(&s, (_, o))| (s, o.works()));
-        let fails = row.iter().rev().map(|(_, o)| o).find(|o| !o.works());
         Finding {
             case: (*name).to_owned(),
             parameter: "smallest step, s".into(),
             measured: Threshold::of_sweep(sweep),
             theory: None,
-            beyond: fails.or(row.first().map(|(_, o)| o)).cloned().unwrap_or(Outcome::Stable),
+            beyond: Outcome::first_failure(row.iter().rev().map(|(_, o)| o)),
         }
     });
     let mut curves = Vec::new();

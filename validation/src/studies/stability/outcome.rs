@@ -37,6 +37,18 @@ impl Outcome {
         }
     }
 
+    /// The first wrong outcome of a sweep, or the last one if none is wrong.
+    pub(super) fn first_failure<'o>(sweep: impl IntoIterator<Item = &'o Self>) -> Self {
+        let mut last = &Self::Stable;
+        for outcome in sweep {
+            last = outcome;
+            if !outcome.works() {
+                break;
+            }
+        }
+        last.clone()
+    }
+
     /// Whether the result is correct.
     pub fn works(&self) -> bool {
         matches!(self, Self::Stable | Self::Warned { .. })

@@ -1,4 +1,4 @@
-//! Packings that several studies share, kept on disk by the direct solver's cache.
+//! Packings of several studies, from the solver's cache on disk.
 
 use dem::{Packing, Real, RveParameters};
 

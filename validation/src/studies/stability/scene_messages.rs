@@ -1,24 +1,24 @@
-//! What the program says of a scene before it runs.
+//! Errors and warnings of a scene before it runs.
 
 use dempm::check::Needs;
 use dempm::scene::{Problem, Scene, SceneError};
 
 use super::study::StudyError;
 
-/// Stands for the file in messages.
+/// Name of the file in messages.
 const NAME: &str = "scene.toml";
 
-/// Errors of a scene file, or else its warnings; `None` if there are neither.
+/// Errors of a scene, or else its warnings; `None` if there are neither.
 pub fn said(text: &str) -> Option<String> {
     join(problems(text))
 }
 
-/// Errors, warnings, and what `dempm check` doubts.
+/// Errors and warnings of a scene, including those of `dempm check`; `None` if there are none.
 pub fn checked(text: &str) -> Option<String> {
     join(doubts(text))
 }
 
-/// The same, one by one.
+/// Errors and warnings of a scene, including those of `dempm check`.
 pub fn doubts(text: &str) -> Vec<String> {
     let scene = Scene::parse(text, NAME);
     // The rate only enters the estimated duration.

@@ -1,4 +1,4 @@
-//! Tall columns: energy of their fall, overlaps under their weight.
+//! Tall columns: energy of their collapse, overlaps under their weight.
 
 use dempm::simulation::{SceneMaterial, Simulation, SimulationError};
 use dempm::watch::Watch;
@@ -11,7 +11,7 @@ use super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError}
 use super::threshold::Threshold;
 use crate::suite::Suite;
 
-/// One run of a scene with everything that was said.
+/// A run of a scene, with all messages.
 struct Fall {
     said: Vec<String>,
     error: Option<String>,
@@ -67,7 +67,7 @@ fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
     Ok(fall)
 }
 
-/// Few discs and short runs are meant here.
+/// Whether a warning is about few discs or a short run, which are intended here.
 fn meant(doubt: &str) -> bool {
     doubt.contains("noisy material") || doubt.contains("before a collapse")
 }
@@ -105,7 +105,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
     Ok(study)
 }
 
-/// A column of the continuum law that falls apart.
+/// The scene of a collapsing column of the mu(I) law.
 fn collapse(height: f64, transfer: &str) -> String {
     let frame = 0.02;
     let duration = frame * (3.3 * (height / 9.81_f64).sqrt() / frame).round();
@@ -149,12 +149,7 @@ fn falls(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
             parameter: "height, m".into(),
             measured: Threshold::of_sweep(works),
             theory: None,
-            beyond: row
-                .iter()
-                .find(|o| !o.works())
-                .or(row.last())
-                .cloned()
-                .unwrap_or(Outcome::Stable),
+            beyond: Outcome::first_failure(row),
         });
     }
     study.maps.push(Map {
@@ -168,7 +163,7 @@ fn falls(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
     Ok(())
 }
 
-/// A shaft full of packings without initial stress.
+/// The scene of a shaft full of packings without initial stress.
 fn shaft(height: f64, thickness: f64) -> String {
     // A quarter of the period and a bit: the base is then pressed most. c ~ 80 m/s at 7.5 mm.
     let speed = 80.0 * (7.5e-3 / thickness).sqrt();

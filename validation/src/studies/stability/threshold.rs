@@ -1,4 +1,4 @@
-//! Where a method stops working, by bisection.
+//! Thresholds, by bisection or from a sweep.
 
 use serde::{Deserialize, Serialize};
 

@@ -93,13 +93,7 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
             values.iter().zip(cases).map(|(&v, c)| (v, c.outcome.works())),
         ),
         theory: None,
-        beyond: cases
-            .iter()
-            .map(|c| &c.outcome)
-            .find(|o| !o.works())
-            .or(cases.last().map(|c| &c.outcome))
-            .cloned()
-            .unwrap_or(Outcome::Stable),
+        beyond: Outcome::first_failure(cases.iter().map(|c| &c.outcome)),
     };
     let map = |title: &str, label: &str, values: &[f64], cases: &[Case], caption: &str| Map {
         title: title.into(),

@@ -83,13 +83,12 @@ fn noise(
         })
         .collect::<Result<_, StudyError>>()?;
     let works = deviations.iter().zip(&cases).map(|(&d, (_, o, _))| (d, o.works()));
-    let fails = cases.iter().map(|(_, o, _)| o).find(|o| !o.works());
     study.findings.push(Finding {
         case: "noise on the initial frames".into(),
         parameter: "standard deviation, m".into(),
         measured: Threshold::of_sweep(works),
         theory: None,
-        beyond: fails.or(cases.last().map(|(_, o, _)| o)).cloned().unwrap_or(Outcome::Stable),
+        beyond: Outcome::first_failure(cases.iter().map(|(_, o, _)| o)),
     });
     study.maps.push(Map {
         title: "Noise on the initial frames".into(),

@@ -1,4 +1,4 @@
-//! A rollout beside the direct solver, and how it is judged.
+//! A rollout beside the direct solver, and its outcome.
 
 use std::path::Path;
 
@@ -18,12 +18,15 @@ use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::scene_messages;
 use crate::studies::stability::study::{Picture, StudyError};
 
-/// A prediction that is wrong by this part of the motion is a failure.
+/// Error, relative to the motion, above which a prediction is a failure.
 pub const WRONG: f64 = 0.5;
 
 pub type Frames = Vec<Vec<[f64; 2]>>;
 
-/// A model that is pushed, on a device.
+/// A model to be tested, on a device.
+///
+/// # Errors
+/// If the file cannot be read or the device cannot be used.
 pub fn load(path: &Path, device: Device) -> Result<Simulator, StudyError> {
     let error = |reason| StudyError::Scene { name: path.display().to_string(), reason };
     let mut simulator = Simulator::load(path).map_err(|e| error(e.to_string()))?;
@@ -44,7 +47,7 @@ pub fn column(corner: [f64; 2], size: [f64; 2], velocity: [f64; 2]) -> String {
     format!("[[column]]\ncorner = {corner:?}\nsize = {size:?}\nvelocity = {velocity:?}\n")
 }
 
-/// What the direct solver does with a scene, in frames of a model.
+/// A run of the direct solver at the frame interval of a model.
 pub struct Direct {
     scene: Scene,
     interval: f64,
@@ -106,7 +109,7 @@ impl Direct {
     }
 }
 
-/// A prediction and what was said of it, but for mirror images, which take two more predictions.
+/// A prediction with its messages, except those about mirror images, which take two more predictions.
 pub struct Rolled {
     /// Frames from the first of the start on.
     pub positions: Frames,
@@ -114,7 +117,7 @@ pub struct Rolled {
     pub error: Option<String>,
 }
 
-/// What the direct solver does with several scenes at a time.
+/// Runs of the direct solver, in parallel.
 pub fn beside<T: Sync>(
     of: &[T],
     run: impl Fn(&T) -> Result<Direct, StudyError> + Sync,
@@ -142,7 +145,7 @@ pub fn roll(simulator: &Simulator, start: &InitialFrames, frames: usize) -> Roll
 }
 
 impl Rolled {
-    /// What the program said, if anything.
+    /// All messages; `None` if there are none.
     pub fn said(&self) -> Option<String> {
         let all: Vec<&str> = self.said.iter().chain(&self.error).map(String::as_str).collect();
         (!all.is_empty()).then(|| all.join("; "))
@@ -154,7 +157,7 @@ impl Rolled {
         difference(&self.positions[frame], &truth[frame]) / motion
     }
 
-    /// Whether it came to the same end as the direct solver, with the error there.
+    /// The error at the end, relative to the motion, and the outcome.
     pub fn judge(&self, truth: &Frames) -> (f64, Outcome) {
         if self.error.is_some() {
             return (f64::NAN, Outcome::of(Some("breaks down".into()), self.said()));

@@ -45,7 +45,7 @@ impl Throw {
     }
 }
 
-/// Predicts what the direct solver did.
+/// Predictions of what the direct solver computes.
 fn cases(simulator: &Simulator, throws: &[Throw], frames: usize) -> Result<Vec<Case>, StudyError> {
     let interval = simulator.training.frame_interval;
     let directs = beside(throws, |throw| throw.simulate(interval, frames))?;
@@ -117,13 +117,11 @@ fn finding(
     works: impl Iterator<Item = (f64, bool)>,
     cases: &[Case],
 ) -> Finding {
-    let fails = cases.iter().map(|c| &c.outcome).find(|o| !o.works());
-    let last = cases.last().map(|c| &c.outcome);
     Finding {
         case,
         parameter: parameter.into(),
         measured: Threshold::of_sweep(works),
         theory: None,
-        beyond: fails.or(last).cloned().unwrap_or(Outcome::Stable),
+        beyond: Outcome::first_failure(cases.iter().map(|c| &c.outcome)),
     }
 }

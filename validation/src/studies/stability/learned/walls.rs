@@ -1,4 +1,4 @@
-//! Points through walls: a block thrown at a wall, ever faster.
+//! A block thrown at a wall, ever faster: points that pass through it.
 
 use surrogate::simulator::Simulator;
 
