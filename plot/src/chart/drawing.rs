@@ -34,9 +34,18 @@ impl Chart {
     /// # Errors
     /// If plotters refuses, for example without its font.
     pub fn svg(&self) -> Result<String, PlotError> {
+        self.svg_of_size([WIDTH, HEIGHT])
+    }
+
+    /// The same with another width and height (without the legend), pixels. Texts keep their size: a
+    /// small chart stays readable on a phone.
+    ///
+    /// # Errors
+    /// As [`svg`](Self::svg).
+    pub fn svg_of_size(&self, size: [u32; 2]) -> Result<String, PlotError> {
         let mut text = String::new();
         register_font()?;
-        self.draw_into(&mut text).map_err(|error| PlotError::Draw {
+        self.draw_into(&mut text, size).map_err(|error| PlotError::Draw {
             what: format!("the chart of {}", self.y.label),
             reason: error.to_string(),
         })?;
@@ -46,12 +55,12 @@ impl Chart {
         Ok(text.replacen("<svg ", "<svg class=\"chart\" ", 1))
     }
 
-    fn draw_into<'a>(&self, text: &'a mut String) -> Drawn<'a> {
+    fn draw_into<'a>(&self, text: &'a mut String, [width, height]: [u32; 2]) -> Drawn<'a> {
         let entries = self.legend();
-        let lines = legend::lines(&entries);
+        let lines = legend::lines(&entries, width);
         let legend = legend::LINE * lines.len() as u32 + 6;
-        let area = SVGBackend::with_string(text, (WIDTH, HEIGHT + legend)).into_drawing_area();
-        let (upper, lower) = area.split_vertically(HEIGHT);
+        let area = SVGBackend::with_string(text, (width, height + legend)).into_drawing_area();
+        let (upper, lower) = area.split_vertically(height);
         let [x, y] = self.ranges();
         let mut builder = ChartBuilder::on(&upper);
         builder.margin(8).margin_right(24).x_label_area_size(46).y_label_area_size(72);

@@ -27,6 +27,9 @@ pub struct SpeedAccuracy {
 /// Load average per core above which wall times are doubtful: one program, and a little.
 const BUSY: f64 = 1.3;
 
+/// Width and height of the chart of the first screen, pixels.
+const COVER: [u32; 2] = [460, 330];
+
 /// The series of a chart, and their names and marks.
 const FAMILIES: [(Family, &str, Mark); 4] = [
     (Family::Packings, "packings (direct solver)", Mark::Circles),
@@ -187,13 +190,13 @@ fn cover_chart(case: &Case, sweep: &Sweep) -> miette::Result<Figure> {
     let label = |place: usize, m: &Measured| {
         let name = Some(m.name.as_str());
         let text = if place == 0 {
-            "solver, finest setting"
+            "solver, finest"
         } else if name == network {
-            "most accurate network"
+            "best network"
         } else if name == rival {
-            "solver, as accurate as the network"
+            "solver, as accurate"
         } else if name == continuum {
-            "a formula instead of grains"
+            "a formula"
         } else {
             ""
         };
@@ -201,19 +204,19 @@ fn cover_chart(case: &Case, sweep: &Sweep) -> miette::Result<Figure> {
     };
     let mut series = families(sweep, |error| error.distance, label);
     series.iter_mut().for_each(|series| series.name.clear());
-    let floor = (sweep.floor.distance, "difference between two runs of the solver".to_owned());
+    let floor = (sweep.floor.distance, "two runs of the solver differ by this".to_owned());
     let svg = Chart {
         x: Axis::log("computing time [s]"),
-        y: Axis::log("distance of points from the solver's [m]"),
+        y: Axis::log("distance of points [m]"),
         series,
         floor: Some(floor),
     }
-    .svg()?;
+    .svg_of_size(COVER)?;
     let [width, height] = case.size;
     let caption = format!(
         "Collapse of a column {width} m wide and {height} m high: each mark is a setting of the solver \
-         (circles: grains; squares: a formula) or a network (triangles, crosses). Down and left is \
-         better."
+         (circles: grains; squares: a formula for their flow) or a network (triangles, crosses), by its \
+         root mean square distance from the finest setting. Down and left is better."
     );
     Ok(Figure::new("How fast, and how far off", Picture::Svg(svg), caption))
 }
