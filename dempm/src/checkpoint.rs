@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use files::{OutputFile, WriteError, path_beside as beside, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::State;
-use crate::trajectory::{OutputFile, WriteError, beside, write_atomically};
 
 const MAGIC: &str = "DEMPM checkpoint";
 const VERSION: u32 = 1;
@@ -66,9 +66,7 @@ pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointEr
                 // Its own error says of a full disk only that a buffer is full.
                 written.unwrap_or_else(|error| Err(file.failure_or(error)))
             })
-            .map_err(|source| {
-                WriteError { path: path.to_owned(), action: "write it", source }.into()
-            })
+            .map_err(|source| WriteError::at(path, "write it")(source).into())
     })
 }
 

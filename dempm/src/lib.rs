@@ -9,7 +9,6 @@ pub mod element;
 pub mod export;
 pub mod info;
 mod output;
-pub mod overwrite;
 pub mod packings;
 pub mod plot;
 pub mod rate;

@@ -13,16 +13,16 @@ mod work;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use files::{INTERRUPTED, interrupt_flag};
 use miette::{IntoDiagnostic, bail};
 
 use crate::device::Device;
-use crate::run::{INTERRUPTED, checkpoint_interval, interrupt_flag};
+use crate::run::checkpoint_interval;
 use crate::scene::Scene;
 
 use choice::Choice;
 pub use error::DatasetError;
 pub use metadata::Metadata;
-pub use report::quoted;
 pub use split::{DataSet, Split, open_finished};
 pub use statistics::{Statistics, Welford};
 

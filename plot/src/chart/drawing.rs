@@ -1,116 +1,51 @@
-//! Charts as SVG that can be read in light and in dark: drawn with plotters in the colours of a
-//! light page, which a style sheet exchanges in a dark one.
-
-mod colours;
-mod legend;
+//! Drawing a chart with plotters.
 
 use std::ops::Range;
 
-use plotters::coord::Shift;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
-use plotters::style::{FontStyle, RGBColor, register_font};
+use plotters::style::RGBColor;
 
-use self::colours::{COLOURS, GRID, INK};
-pub use self::colours::{dark_style, inlined};
-use self::legend::Entry;
-use crate::figure::Picture;
-use crate::table::number;
+use super::area::{Drawn, HEIGHT, TEXT, WIDTH};
+use super::colours::{COLOURS, GRID, INK, dark_style};
+use super::legend::{self, Entry};
+use super::series::{Axis, Mark, Series};
+use crate::error::PlotError;
+use crate::font::{FONT, register_font};
+use crate::number::number;
 
-const FONT: &str = "DejaVu Sans";
-static FONT_FILE: &[u8] = include_bytes!("../../dempm/assets/DejaVuSans-subset.ttf");
-const WIDTH: u32 = 760;
-const HEIGHT: u32 = 440;
-const TEXT: u32 = 14;
-
-/// How a series is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mark {
-    Line,
-    /// A line in the colour of the text, to compare others with.
-    Reference,
-    Circles,
-    Squares,
-    Triangles,
-    Crosses,
-}
-
-/// Places that belong together.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Series {
-    /// As the legend has it.
-    pub name: String,
-    pub points: Vec<(f64, f64)>,
-    pub mark: Mark,
-    /// A short text beside each point; empty for none.
-    pub labels: Vec<String>,
-}
-
-impl Series {
-    pub fn new(name: impl Into<String>, mark: Mark, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark, labels: Vec::new() }
-    }
-}
-
-/// An axis.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Axis {
-    pub label: String,
-    pub log: bool,
-}
-
-impl Axis {
-    pub fn linear(label: impl Into<String>) -> Self {
-        Self { label: label.into(), log: false }
-    }
-
-    pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), log: true }
-    }
-}
-
-/// A chart. Values that a logarithmic axis cannot show are left out.
+/// A chart with a legend below it. Values that a logarithmic axis cannot show are left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
+    /// Horizontal axis.
     pub x: Axis,
+    /// Vertical axis.
     pub y: Axis,
+    /// Drawn in this order, each in the next colour.
     pub series: Vec<Series>,
-    /// Everything below this y is shaded, and what that means.
+    /// The region below this y is shaded and labelled with this text.
     pub floor: Option<(f64, String)>,
 }
 
-/// A chart that cannot be drawn.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
-#[error("cannot draw the chart of {what}: {reason}")]
-pub struct ChartError {
-    what: String,
-    reason: String,
-}
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn<'a> = Result<(), Box<dyn std::error::Error + 'a>>;
-
 impl Chart {
-    /// The chart as SVG.
+    /// The text of an SVG file, which follows light and dark by itself.
     ///
     /// # Errors
-    /// If the library refuses, such as without its font.
-    pub fn draw(&self) -> Result<Picture, ChartError> {
+    /// If plotters refuses, for example without its font.
+    pub fn svg(&self) -> Result<String, PlotError> {
         let mut text = String::new();
-        self.draw_into(&mut text).map_err(|error| ChartError {
-            what: self.y.label.clone(),
+        register_font()?;
+        self.draw_into(&mut text).map_err(|error| PlotError::Draw {
+            what: format!("the chart of {}", self.y.label),
             reason: error.to_string(),
         })?;
-        // Alone, the file follows light and dark by itself.
         let style = format!("<style>{}</style>", dark_style());
         let end = text.find('>').map_or(text.len(), |end| end + 1);
         text.insert_str(end, &style);
-        let text = text.replacen("<svg ", "<svg class=\"chart\" ", 1);
-        Ok(Picture::Svg(text))
+        Ok(text.replacen("<svg ", "<svg class=\"chart\" ", 1))
     }
 
     fn draw_into<'a>(&self, text: &'a mut String) -> Drawn<'a> {
-        register_font(FONT, FontStyle::Normal, FONT_FILE).map_err(|_| "the font is damaged")?;
         let entries = self.legend();
         let lines = legend::lines(&entries);
         let legend = legend::LINE * lines.len() as u32 + 6;
@@ -285,6 +220,7 @@ fn tick(value: f64, range: &Range<f64>, log: bool) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::colours::inlined;
     use super::*;
 
     fn chart() -> Chart {
@@ -304,7 +240,7 @@ mod tests {
 
     #[test]
     fn all_colours_of_a_chart_have_a_twin_in_the_dark() {
-        let Picture::Svg(svg) = chart().draw().unwrap() else { panic!("not an SVG") };
+        let svg = chart().svg().unwrap();
         let style = dark_style();
         let body = svg.replace(&style, "");
         for colour in body.split('"').filter(|part| part.starts_with('#')) {

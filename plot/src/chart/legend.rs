@@ -2,7 +2,10 @@
 
 use plotters::prelude::*;
 
-use super::{Area, Drawn, FONT, INK, Mark, TEXT, WIDTH};
+use super::area::{Area, Drawn, TEXT, WIDTH};
+use super::colours::INK;
+use super::series::Mark;
+use crate::font::FONT;
 
 /// Height of a line, pixels.
 pub(super) const LINE: u32 = 24;

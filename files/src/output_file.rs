@@ -1,25 +1,27 @@
-//! A file for libraries that write on after a failure.
+//! A file for encoders that hide the reason of a failed write.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// A file that fails once: it keeps the reason, which not every library hands on, and from then on
-/// takes everything without writing it, since some write again as they are dropped and complain
-/// about that.
+/// A file that reports a failed write once and keeps its reason, which not every encoder passes on.
+/// Later writes succeed without effect, since some encoders write again when they are dropped.
 #[derive(Debug)]
-pub(crate) struct OutputFile {
+pub struct OutputFile {
     file: File,
     failure: Option<io::Error>,
 }
 
 impl OutputFile {
-    /// Makes an empty file.
+    /// Creates an empty file.
+    ///
+    /// # Errors
+    /// If the system refuses.
     pub fn create(path: &Path) -> io::Result<Self> {
         Ok(Self { file: File::create(path)?, failure: None })
     }
 
-    /// Why the file could not be written; `other` if that is not what failed.
+    /// The reason of the failed write; `other` if none has failed.
     pub fn failure_or(
         self,
         other: impl Into<Box<dyn std::error::Error + Send + Sync>>,
@@ -35,7 +37,7 @@ impl Write for OutputFile {
         }
         self.file.write(bytes).inspect_err(|error| {
             if error.kind() != io::ErrorKind::Interrupted {
-                self.failure = Some(again(error));
+                self.failure = Some(copy_of(error));
             }
         })
     }
@@ -51,8 +53,8 @@ impl Seek for OutputFile {
     }
 }
 
-/// The same error once more.
-fn again(error: &io::Error) -> io::Error {
+/// A copy of the error, which is not `Clone`.
+fn copy_of(error: &io::Error) -> io::Error {
     error.raw_os_error().map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
 }
 
@@ -62,7 +64,7 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn a_full_disk_is_told_once_and_its_reason_kept() {
+    fn a_full_disk_is_reported_once_and_its_reason_kept() {
         let mut file = OutputFile::create(Path::new("/dev/full")).unwrap();
         let error = file.write(b"x").unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::StorageFull);

@@ -1,28 +1,31 @@
-//! Outputs that would replace what they are made from.
+//! Outputs that would replace their own input.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use miette::bail;
+/// An output file that is one of the inputs.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[error("{}: the output would replace its own input", path.display())]
+#[diagnostic(help("choose another name with -o"))]
+pub struct ReplacesInput {
+    /// The file that is both.
+    pub path: PathBuf,
+}
 
 /// Refuses an output that is one of the inputs.
 ///
 /// # Errors
-/// If it is, by whatever path.
+/// If `output` is the same file as an input, by whatever path.
 pub fn refuse_input(
     output: &Path,
     inputs: impl IntoIterator<Item = impl AsRef<Path>>,
-) -> miette::Result<()> {
-    if inputs.into_iter().any(|input| is_same(output, input.as_ref())) {
-        bail!(
-            help = "give -o another name",
-            "{}: is what is read, and would be replaced",
-            output.display()
-        );
+) -> Result<(), ReplacesInput> {
+    match inputs.into_iter().any(|input| is_same(output, input.as_ref())) {
+        true => Err(ReplacesInput { path: output.to_owned() }),
+        false => Ok(()),
     }
-    Ok(())
 }
 
-/// Whether two paths are of one file, which is there.
+/// Whether two paths lead to the same existing file.
 pub fn is_same(one: &Path, other: &Path) -> bool {
     one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
 }

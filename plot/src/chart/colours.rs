@@ -7,8 +7,8 @@ use plotters::style::RGBColor;
 pub(super) const INK: RGBColor = RGBColor(0x1C, 0x1C, 0x1A);
 pub(super) const GRID: RGBColor = RGBColor(0xDC, 0xDB, 0xD4);
 
-/// Colours that people with any kind of colour vision tell apart (after Okabe and Ito), the last ones
-/// less well, and their brighter twins for a dark page. Ten, for as many networks.
+/// Colours of series, distinguishable with any colour vision (after Okabe and Ito; the last ones
+/// less so), and their brighter twins for dark pages.
 pub(super) const COLOURS: [(RGBColor, &str); 10] = [
     (RGBColor(0x00, 0x72, 0xB2), "#4FB0EC"),
     (RGBColor(0xD5, 0x5E, 0x00), "#FF8A3D"),
@@ -22,7 +22,7 @@ pub(super) const COLOURS: [(RGBColor, &str); 10] = [
     (RGBColor(0x00, 0x9F, 0xC0), "#6ADDF2"),
 ];
 
-/// Style that exchanges the colours of charts on a dark screen.
+/// CSS that exchanges the colours of charts on dark screens.
 pub fn dark_style() -> String {
     let hex = |RGBColor(r, g, b): RGBColor| format!("#{r:02X}{g:02X}{b:02X}");
     let pairs = [(INK, "#E8E6E0"), (GRID, "#3D3C38")];
@@ -36,7 +36,7 @@ pub fn dark_style() -> String {
     format!("@media screen and (prefers-color-scheme: dark){{{rules}}}")
 }
 
-/// The chart as a part of a page, which has the style already: named for those who cannot see it.
+/// A chart for a page that already has [`dark_style`]; `title` (escaped) names it for screen readers.
 pub fn inlined(svg: &str, title: &str) -> String {
     let style = format!("<style>{}</style>", dark_style());
     svg.replacen(&style, "", 1).replacen(
