@@ -15,11 +15,12 @@ use surrogate::config::ModelConfig;
 use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
-    HostWindows, Integrator, Motion, Network, NewFrame, Past, Precision,
+    HostWindows, Integrator, Motion, Network, NewFrame, Past,
 };
 use surrogate::data::Batch;
 use surrogate::features::Normalisation;
 use surrogate::model::Model;
+use surrogate::precision::Precision;
 use surrogate::pressed::Packing;
 use surrogate::train::weights;
 
@@ -35,7 +36,7 @@ const BLOCKS: usize = 20;
 struct Rest(CudaSlice<f32>);
 
 impl Network for Rest {
-    fn make_room(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
+    fn reserve(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
         Ok(())
     }
 

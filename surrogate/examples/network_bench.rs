@@ -16,11 +16,12 @@ use surrogate::backend::device as cpu;
 use surrogate::config::ModelConfig;
 use surrogate::cuda::{
     BatchBuilder, Capacity, CudaError, CudaNetwork, CudaTrainer, EDGES_PER_POINT, FrameInput,
-    HostInput, HostWindows, Precision, Rates, upload,
+    HostInput, HostWindows, Rates, upload,
 };
 use surrogate::data::{Batch, Unrolling};
 use surrogate::features::{HostFrame, Normalisation, Window, host_frames};
 use surrogate::model::Model;
+use surrogate::precision::Precision;
 use surrogate::train::weights;
 
 /// Points of a side of the column, 1/16 m apart.
@@ -180,7 +181,8 @@ fn train_all_in(
         };
         let host = HostWindows::new(batch, Some(unrolling).filter(|_| unroll > 0));
         let mut step = || -> Result<(), CudaError> {
-            let batch = batches.make(&host, |seen, said| trainer.say(seen, said))?;
+            let batch = batches
+                .make(&host, |input, predicted| trainer.predict_windows(input, predicted))?;
             trainer.step(&batch.frames, &batch.targets, rates)
         };
         (0..10).try_for_each(|_| step())?;

@@ -16,6 +16,7 @@ pub mod inference;
 pub mod metrics;
 pub mod model;
 pub mod node_features;
+pub mod precision;
 pub mod pressed;
 pub mod range;
 pub mod rollout;

@@ -16,14 +16,15 @@ use miette::{Context, IntoDiagnostic, bail};
 
 use crate::asymmetry::asymmetry;
 use crate::constraints::Constraints;
-use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
+use crate::cuda::{Capacity, CudaNetwork, CudaRollout, Motion, Past, RolloutThread};
 use crate::doubts::doubts;
 use crate::features::{Obstacle, Window};
 use crate::inference::Inference;
+use crate::precision::Precision;
 use crate::pressed::Packing;
 use crate::simulator::Simulator;
 use crate::start::Start;
-use crate::train::{Precision, weights};
+use crate::train::weights;
 use crate::watch::Watch;
 
 /// A prediction that makes no sense.
@@ -47,7 +48,7 @@ enum Engine {
     /// The network on the processor.
     Cpu(Box<Inference>, Packing),
     /// A rollout on a GPU, some frames ahead.
-    Cuda(Ahead),
+    Cuda(RolloutThread),
 }
 
 /// A rollout under way.
@@ -73,7 +74,7 @@ impl<'a> Rollout<'a> {
             simulator,
             // Sets the GPU up, kernels and all, before it returns.
             engine: match &simulator.gpu {
-                Some(device) => Engine::Cuda(ahead(device, simulator, start)),
+                Some(device) => Engine::Cuda(rollout_thread(device, simulator, start)),
                 None => Engine::Cpu(Box::new(simulator.inference()), packing(simulator, start)),
             },
             obstacles: Constraints::new(&start.scene).obstacles(),
@@ -113,7 +114,7 @@ impl<'a> Rollout<'a> {
     /// [pressed together](crate::pressed), or the GPU fails; the frame is then not made.
     pub fn advance(&mut self) -> Result<&[[f64; 2]], RolloutError> {
         let next = match &mut self.engine {
-            Engine::Cuda(ahead) => ahead.next_frame()?,
+            Engine::Cuda(thread) => thread.next_frame()?,
             Engine::Cpu(network, packing) => {
                 let packing = *packing;
                 let frames = self.window.iter().flatten().flatten();
@@ -194,7 +195,11 @@ fn packing(simulator: &Simulator, start: &Start) -> Packing {
 }
 
 /// Begins a rollout on a GPU.
-fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahead {
+fn rollout_thread(
+    device: &Arc<gpu::Device>,
+    simulator: &Simulator,
+    start: &Start,
+) -> RolloutThread {
     let interval = simulator.training.frame_interval;
     let relative = f64::from(u8::from(simulator.training.without_gravity));
     let motion = Motion {
@@ -211,9 +216,9 @@ fn ahead(device: &Arc<gpu::Device>, simulator: &Simulator, start: &Start) -> Ahe
     let next = start.positions.len();
     let statics = start.statics.clone();
     let (device, precision) = (device.clone(), simulator.precision);
-    Ahead::start(move || {
+    RolloutThread::start(move || {
         let room = Capacity { points: window[0].len(), edges: 1 };
-        let mut network = CudaNetwork::new(&device, &config, precision.into(), room, false)?;
+        let mut network = CudaNetwork::new(&device, &config, precision, room, false)?;
         network.set_weights(&weights)?;
         let past = Past { window: &window, statics: &statics, next };
         CudaRollout::new(&device, &config, &norm, &motion, past, network)

@@ -14,9 +14,9 @@ use crate::cuda::{self, CudaError};
 use crate::features::{Normalisation, Window, mirrored_obstacle, window_input};
 use crate::inference::Inference;
 use crate::model::Model;
+use crate::precision::Precision;
 use crate::range::Range;
 use crate::start::ROUNDING;
-use crate::train::Precision;
 use crate::weights::{self, WeightsError};
 
 /// What a model was trained for; kept with its weights.

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use dempm::scene::Scene;
 use surrogate::metrics::FrameError;
+use surrogate::precision::Precision;
 use surrogate::rollout::Rollout;
 use surrogate::simulator::Simulator;
 use surrogate::start::Start;
-use surrogate::train::Precision;
 
 /// MSE of the model that comes with the program on the last frame of its first scene, box units
 /// (models/README.md).

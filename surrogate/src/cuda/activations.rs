@@ -235,7 +235,7 @@ impl Allocator<'_> {
         }
         let assign = |mlp: usize, saved: &mut MlpActivations| {
             if let Some(all) = all.get(&mlp) {
-                saved.norm_sums = all.sums.add(NORM_SUMS * saved.first_block);
+                saved.norm_sums = all.sums.offset(NORM_SUMS * saved.first_block);
             }
         };
         let layout = self.layout;

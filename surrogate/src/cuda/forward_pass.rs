@@ -189,8 +189,7 @@ impl CudaNetwork {
         let parts = layers.flat_map(|layer| {
             let (mlps, activations) = (&self.layout.layers[layer], &self.activations.layers[layer]);
             let state = self.node_state(layer).into();
-            let parts =
-                [(mlps.sender, activations.sender), (mlps.receiver, activations.receiver)];
+            let parts = [(mlps.sender, activations.sender), (mlps.receiver, activations.receiver)];
             parts.map(|(packed, output)| Forward {
                 x: [state, ConstPointer::NULL],
                 count: view.nodes,

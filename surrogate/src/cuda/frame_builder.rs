@@ -258,7 +258,7 @@ impl FrameBuilder {
                 edges: ConstPointer::to(&graph.edges, stream),
                 receivers: ConstPointer::to(&graph.receiver, stream),
                 senders: ConstPointer::to(&graph.sender, stream),
-                further: Pointer::to(&self.further, stream).add(k * further),
+                further: Pointer::to(&self.further, stream).offset(k * further),
                 node: Pointer::to(&new.frame.node, stream),
                 edge: Pointer::to(&new.frame.edge, stream),
                 ..Frame::default()

@@ -128,7 +128,8 @@ impl GraphBuilder {
 
     /// Whether there is room for windows with these numbers of points.
     pub fn has_room_for(&self, windows: &[usize]) -> bool {
-        windows.len() <= self.buffers.windows && windows.iter().sum::<usize>() <= self.buffers.points
+        windows.len() <= self.buffers.windows
+            && windows.iter().sum::<usize>() <= self.buffers.points
     }
 
     /// Takes other windows, for which there is [room](Self::has_room_for).

@@ -95,7 +95,7 @@ impl CudaNetwork {
         if weights.len() != expected {
             return Err(CudaError::Weights { found: weights.len(), expected });
         }
-        self.device().stream().memcpy_htod(weights, &mut self.parameters)?;
+        self.kernels.launcher.device.stream().memcpy_htod(weights, &mut self.parameters)?;
         self.pack()
     }
 
@@ -206,7 +206,7 @@ impl CudaNetwork {
             }
         }
         let features = |list: &CudaSlice<f32>, stride| FeatureRows {
-            values: self.pointer(list).add(skipped),
+            values: self.pointer(list).offset(skipped),
             stride,
         };
         Ok(FrameView {
@@ -271,6 +271,6 @@ impl CudaNetwork {
 
     /// The first word of packed matrices.
     pub(super) fn packed(&self, packed: Packed) -> ConstPointer<Word> {
-        self.pointer(&self.packed).add(packed.first)
+        self.pointer(&self.packed).offset(packed.first)
     }
 }

@@ -157,8 +157,7 @@ impl CudaNetwork {
         }
         let dz = saved.linear_gradients.into();
         // The nodes' parts of messages are apart.
-        let first =
-            m.inputs.len() - application.states.len() - usize::from(features.is_some());
+        let first = m.inputs.len() - application.states.len() - usize::from(features.is_some());
         for (k, state) in application.states.iter().enumerate() {
             let product = Product {
                 x: state.states.into(),
@@ -183,7 +182,7 @@ impl CudaNetwork {
     /// The stored number `count` numbers further on.
     fn stored(&self, pointer: Pointer<Stored>, count: usize) -> Pointer<Stored> {
         let bytes = self.kernels.launcher.precision.stored_bytes() * count;
-        pointer.cast::<u8>().add(bytes).cast()
+        pointer.cast::<u8>().offset(bytes).cast()
     }
 }
 

@@ -284,7 +284,7 @@ impl CudaTrainer {
             nodes: views[0].nodes,
             columns: network.layout.dimensions as i32,
             gradient: gradients.output,
-            sums: all.add(network.layout.parameters),
+            sums: all.offset(network.layout.parameters),
             floor: self.floor,
             relative: i32::from(self.each_relative),
         })?;

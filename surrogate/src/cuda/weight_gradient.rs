@@ -92,7 +92,7 @@ impl WeightGradient {
         let biases = Pointer::to(&self.bias_sums, device.stream());
         let mut parts = network.parts(views);
         assign(&mut parts, |weight, bias| {
-            (weights.add(weight * WEIGHT_SHARE), biases.add(bias * WIDTH))
+            (weights.offset(weight * WEIGHT_SHARE), biases.offset(bias * WIDTH))
         });
         // The long ones first, which stay in order.
         parts.sort_by_key(|part| part.application.is_none());
@@ -142,7 +142,7 @@ impl WeightGradient {
         stream: Option<&Arc<CudaStream>>,
         range: Range<usize>,
     ) -> Result<(), CudaError> {
-        let targets = network.pointer(&self.targets).add(range.start);
+        let targets = network.pointer(&self.targets).offset(range.start);
         network.kernels.optimiser.reduce_gradient(
             stream,
             targets,
@@ -165,7 +165,7 @@ impl Products {
 
     /// The products from this number on.
     fn from(&self, number: usize, device: &Device) -> ConstPointer<Product> {
-        ConstPointer::to(&self.products, device.stream()).add(number)
+        ConstPointer::to(&self.products, device.stream()).offset(number)
     }
 }
 
@@ -248,7 +248,7 @@ impl CudaNetwork {
                 ..Target::default()
             };
             targets.push((shares.edges, weight));
-            weight_sums = weight_sums.add(shares.weight * WEIGHT_SHARE);
+            weight_sums = weight_sums.offset(shares.weight * WEIGHT_SHARE);
             if shares.bias > 0 {
                 let bias = Target {
                     sums: bias_sums,
@@ -261,7 +261,7 @@ impl CudaNetwork {
                     ..Target::default()
                 };
                 targets.push((shares.edges, bias));
-                bias_sums = bias_sums.add(shares.bias * WIDTH);
+                bias_sums = bias_sums.offset(shares.bias * WIDTH);
             }
         }
         targets

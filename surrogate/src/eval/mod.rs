@@ -14,10 +14,10 @@ use self::tables::{chart, frames_table, report, summary_table};
 use crate::accuracy::Accuracy;
 use crate::data::trajectories_in;
 use crate::metrics::{Errors, FrameError};
+use crate::precision::Precision;
 use crate::rollout::Rollout;
 use crate::simulator::Simulator;
 use crate::start::{Start, StartError, stride};
-use crate::train::Precision;
 
 /// Arguments of `surrogate eval`.
 #[derive(clap::Args)]

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::schedule::Schedule;
 use crate::backend::{Cpu, device};
 use crate::config::{ModelConfig, PAPER_NETWORKS};
-use crate::cuda;
 use crate::model::{Model, Start};
+use crate::precision::Precision;
 use crate::weights::{self, WeightsError};
 
 /// A training. The defaults are those of the paper.
@@ -81,25 +81,6 @@ pub enum LossOver {
     Process,
 }
 
-/// Precision of products; weights and sums are single precision in any case.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    #[default]
-    F32,
-    /// Tensor cores of a GPU.
-    Bf16,
-}
-
-impl From<Precision> for cuda::Precision {
-    fn from(precision: Precision) -> Self {
-        match precision {
-            Precision::F32 => Self::F32,
-            Precision::Bf16 => Self::Bf16,
-        }
-    }
-}
-
 /// Windows that the model itself has moved on, so that it learns to go on from its own errors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -132,7 +113,7 @@ impl Default for TrainConfig {
             ema: 0.0,
             loss_floor: 0.0,
             loss_over: LossOver::default(),
-            precision: Precision::default(),
+            precision: Precision::F32,
             data: Data::default(),
             schedule: Schedule::default(),
             pushforward: Pushforward::default(),

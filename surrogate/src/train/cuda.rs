@@ -63,12 +63,12 @@ impl CudaEngine {
         points: usize,
         ranks: Option<Arc<Ranks>>,
     ) -> Result<Self, CudaError> {
-        let precision = config.precision.into();
         // Room decides which sums are made together: it has to be the same after a resume.
         let room = Capacity { points, edges: EDGES_PER_POINT * points };
         let averaging = config.ema > 0.0;
-        let mut trainer = CudaTrainer::new(device, model, precision, room, averaging, ranks)?
-            .with_loss(config.loss_floor as f32, config.loss_over == LossOver::Process);
+        let mut trainer =
+            CudaTrainer::new(device, model, config.precision, room, averaging, ranks)?
+                .with_loss(config.loss_floor as f32, config.loss_over == LossOver::Process);
         let model = config.start(model, &cpu());
         let start = weights(&model);
         let zeros = vec![0.0; start.len()];
@@ -167,8 +167,9 @@ impl CudaEngine {
             none => none.insert(BatchBuilder::new(device, config, normalisation, bounds)?),
         };
         let trainer = &mut self.trainer;
-        let batch = builder.make(&batch.windows, |seen, said| trainer.say(seen, said))?;
-        trainer.grow(batch.room())?;
+        let batch = builder
+            .make(&batch.windows, |input, predicted| trainer.predict_windows(input, predicted))?;
+        trainer.grow(batch.capacity())?;
         Ok((trainer, batch))
     }
 

@@ -26,7 +26,7 @@ use dempm::run::checkpoint_interval;
 use files::{interrupt_flag, is_same};
 use miette::bail;
 
-pub use self::config::{ConfigError, Precision, TrainConfig};
+pub use self::config::{ConfigError, TrainConfig};
 pub use self::parameters::{gradients, weights, with_weights};
 pub use self::schedule::{Decay, Schedule};
 use self::sitting::Sitting;

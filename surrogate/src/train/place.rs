@@ -183,11 +183,11 @@ impl Engine {
 
 #[cfg(test)]
 mod tests {
-    use super::super::config::Precision;
     use super::super::ranks::Alone;
     use super::*;
     use crate::data::{Example, Shard};
     use crate::features::Normalisation;
+    use crate::precision::Precision;
 
     fn preparation() -> Preparation {
         let config = ModelConfig { width: 16, frames: 3, ..Default::default() };

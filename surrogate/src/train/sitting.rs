@@ -11,7 +11,7 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, bail};
 
 use super::checkpoint::{Checkpoint, Identity};
-use super::config::{Precision, TrainConfig};
+use super::config::TrainConfig;
 use super::engine::{Preparation, State};
 use super::folder::{checkpoint_in, claim, clear};
 use super::given::Given;
@@ -23,6 +23,7 @@ use crate::backend::Cpu;
 use crate::data::{DataFolder, DataSet, Draft, Prefetch, Recipe, Shape, Shard};
 use crate::eval::errors;
 use crate::model::Model;
+use crate::precision::Precision;
 use crate::range::Range;
 use crate::simulator::{Simulator, Training};
 use crate::start::Start;

@@ -8,9 +8,7 @@ use super::geometry::{WARP, blocks};
 use super::gradient::Product;
 use super::launcher::{Launcher, Rows};
 use super::source::Source;
-use super::tile::{
-    Stored, Word, network_source, stream_shared, stream_threads, vector_bytes,
-};
+use super::tile::{Stored, Word, network_source, stream_shared, stream_threads, vector_bytes};
 use crate::cuda::error::CudaError;
 use crate::precision::Precision;
 

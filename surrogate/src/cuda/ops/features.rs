@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use gpu::{
-    ConstPointer, Device, Error, Function, Kernel, Launch, Pointer, checks, cuda_struct, cuda_types,
-    definitions, files, kernel,
+    ConstPointer, Device, Error, Function, Kernel, Launch, Pointer, checks, cuda_struct,
+    cuda_types, definitions, files, kernel,
 };
 
 use super::geometry::{WARP, one_thread_each};

@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use cudarc::driver::{CudaSlice, CudaStream};
-use gpu::{ConstPointer, Function, Kernel, Launch, Pointer, checks, cuda_struct, definitions, files, kernel};
+use gpu::{
+    ConstPointer, Function, Kernel, Launch, Pointer, checks, cuda_struct, definitions, files,
+    kernel,
+};
 
 use super::geometry::blocks;
 use super::launcher::Launcher;

@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use gpu::{ConstPointer, Function, Kernel, Launch, Pointer, checks, cuda_struct, definitions, files, kernel};
+use gpu::{
+    ConstPointer, Function, Kernel, Launch, Pointer, checks, cuda_struct, definitions, files,
+    kernel,
+};
 
 use super::geometry::{WARP, blocks};
 use super::launcher::{Launcher, Rows};

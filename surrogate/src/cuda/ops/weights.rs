@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use cudarc::driver::CudaSlice;
-use gpu::{ConstPointer, Function, Kernel, Pointer, checks, cuda_struct, definitions, files, kernel};
+use gpu::{
+    ConstPointer, Function, Kernel, Pointer, checks, cuda_struct, definitions, files, kernel,
+};
 
 use super::geometry::blocks;
 use super::launcher::Launcher;
