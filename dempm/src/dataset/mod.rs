@@ -26,7 +26,7 @@ pub use metadata::Metadata;
 pub use split::{DataSet, Split, open_finished};
 pub use statistics::{Statistics, Welford};
 
-/// Scenes at a time on a GPU: measured in docs/benchmarks-gpu.md.
+/// Scenes at a time on a GPU: measured in docs/notes/2026-11-22-rve-kernel.md.
 const JOBS_ON_A_GPU: usize = 4;
 
 /// Arguments of `dempm dataset`.
