@@ -10,9 +10,9 @@ use super::frame_builder::{FrameBuilder, NewFrame};
 use super::ops::frame_input::FrameInput;
 use super::pushforward::PushedWindows;
 use super::support::Capacity;
-use crate::config::{ModelConfig, ModelKind};
 use crate::data::{Batch, Unrolling};
 use crate::features::{Normalisation, Obstacle};
+use crate::network::{ModelConfig, ModelKind};
 
 /// Edges of each point that there is memory for at first; it grows as needed.
 pub const EDGES_PER_POINT: usize = 48;

@@ -15,9 +15,8 @@ use super::ops::features::{
 use super::ops::frame_input::FrameInput;
 use super::ops::graph::FRAMES;
 use super::support::supports;
-use crate::config::{ModelConfig, ModelKind};
-use crate::features::{Normalisation, Obstacle, SKIN};
-use crate::node_features::{self, NodeFeature};
+use crate::features::{Normalisation, Obstacle, SKIN, standardised};
+use crate::network::{ModelConfig, ModelKind, NodeFeature};
 
 /// Numbers of an obstacle: lower and upper corner in two dimensions.
 const OBSTACLE: usize = 4;
@@ -125,7 +124,7 @@ impl FrameBuilder {
     }
 
     /// Takes the features of points that never change, points x columns
-    /// ([`node_features::static_features`]).
+    /// ([`static_features`](crate::features::static_features)).
     ///
     /// # Errors
     /// The copy was refused.
@@ -142,8 +141,7 @@ impl FrameBuilder {
             .filter(|feature| !feature.is_static())
             .map(|feature| vec![0.0; self.points() * feature.columns(self.config.dimensions)])
             .collect();
-        let values =
-            node_features::standardised(features, &self.norm, self.points(), statics, &moving);
+        let values = standardised(features, &self.norm, self.points(), statics, &moving);
         if values.is_empty() {
             return Ok(());
         }

@@ -1,5 +1,5 @@
 //! Radius graphs of frames on the device. Their CPU twin is
-//! [`radius_graph`](crate::features::graph::radius_graph).
+//! [`radius_graph`](crate::features::radius_graph).
 
 use std::sync::Arc;
 

@@ -8,11 +8,10 @@ use gpu::{ConstPointer, Device, Error, Pointer};
 
 use super::ops::constraints::{self, RigidBox};
 use super::ops::integrate::{Clock, Integrate, Setup, Step};
-use crate::config::ModelConfig;
-use crate::constraints::Constraints;
+use crate::diagnostics::CrowdingLimit;
 use crate::features::Normalisation;
-use crate::pressed::Packing;
-use crate::rollout::RolloutError;
+use crate::network::ModelConfig;
+use crate::rollout::{Constraints, RolloutError};
 
 /// Frames that are predicted before the host looks at them.
 pub const BLOCK: usize = 8;
@@ -32,10 +31,10 @@ pub struct Motion {
     /// Time between frames (s).
     pub interval: f64,
     /// Takes the mean of accelerations and of the mirror images of those of the mirrored window
-    /// ([`mirrored`](crate::simulator::mirrored)).
+    /// ([`mirrored`](crate::features::mirrored)).
     pub mirror: bool,
     /// How densely points may be packed.
-    pub packing: Packing,
+    pub packing: CrowdingLimit,
 }
 
 /// Positions of points in double precision, with the last frames of their history.

@@ -1,10 +1,9 @@
-//! Places of each MLP's weights in the list of all weights ([`crate::train::weights`]), and of the
+//! Places of each MLP's weights in the list of all weights ([`weights`](crate::network::parameters::weights)), and of the
 //! packed weights that the kernels read.
 
 use super::ops::tile::MATRIX_WORDS;
 use super::ops::weights::Pack;
-use crate::config::{ModelConfig, ModelKind};
-use crate::precision::Precision;
+use crate::network::{ModelConfig, ModelKind, Precision};
 
 /// What the first linear of an MLP reads, side by side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -357,7 +356,7 @@ impl Packer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::PAPER_NETWORKS;
+    use crate::network::PAPER_NETWORKS;
 
     #[test]
     fn the_lists_of_weights_are_as_long_as_the_networks() {

@@ -15,8 +15,7 @@ use super::ops::launcher::Rows;
 use super::ops::tile::{WIDTH, Word};
 use super::ops::weights::Pack;
 use super::support::{Capacity, supports};
-use crate::config::{ModelConfig, ModelKind};
-use crate::precision::Precision;
+use crate::network::{ModelConfig, ModelKind, Precision};
 
 /// A network on a GPU.
 #[derive(Debug)]
@@ -24,7 +23,7 @@ pub struct CudaNetwork {
     pub(super) kernels: Kernels,
     pub(super) layout: Layout,
     pub(super) config: ModelConfig,
-    /// All weights, in the order of [`crate::train::weights`].
+    /// All weights, in the order of [`weights`](crate::network::parameters::weights).
     pub(super) parameters: CudaSlice<f32>,
     /// The matrices among them as the kernels read them.
     packed: CudaSlice<Word>,
@@ -86,7 +85,7 @@ impl CudaNetwork {
         })
     }
 
-    /// Takes weights in the order of [`crate::train::weights`].
+    /// Takes weights in the order of [`weights`](crate::network::parameters::weights).
     ///
     /// # Errors
     /// If their number is not that of the network.

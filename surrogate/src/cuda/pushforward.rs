@@ -1,5 +1,5 @@
 //! Windows that the network moves on before it learns from them, on the device. The CPU twin is
-//! [`Draft::push_forward`](crate::data::Draft::push_forward).
+//! [`Examples::push_forward`](crate::data::Examples::push_forward).
 
 use std::sync::Arc;
 

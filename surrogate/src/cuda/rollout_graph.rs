@@ -15,11 +15,10 @@ use super::integrator::{BLOCK, Frames, Integrator, Landing, Motion};
 use super::network::CudaNetwork;
 use super::ops::frame_input::FrameInput;
 use super::support::Capacity;
-use crate::config::{ModelConfig, ModelKind};
-use crate::features::{Normalisation, mirrored_obstacle};
-use crate::pressed::Packing;
+use crate::diagnostics::CrowdingLimit;
+use crate::features::{Normalisation, mirrored, mirrored_obstacle};
+use crate::network::{ModelConfig, ModelKind};
 use crate::rollout::RolloutError;
-use crate::simulator::mirrored;
 
 /// One over the part of their edges by which mirror images may differ.
 const ROUNDING: usize = 64;
@@ -80,7 +79,7 @@ pub struct CudaRollout<N> {
     network: N,
     builder: FrameBuilder,
     integrator: Integrator,
-    packing: Packing,
+    packing: CrowdingLimit,
     config: ModelConfig,
     /// Width of the domain, if each frame is followed by its mirror image.
     mirror: Option<f64>,

@@ -2,7 +2,7 @@
 
 use super::error::CudaError;
 use super::ops::tile::{MAX_HIDDEN_LAYERS, WIDTH};
-use crate::config::{ModelConfig, ModelKind};
+use crate::network::{ModelConfig, ModelKind};
 
 /// Most features of a node whose products fit into shared memory.
 const MAX_FEATURES: usize = 32;

@@ -15,8 +15,7 @@ use super::ops::frame_input::FrameInput;
 use super::ops::optimiser::{Adam, Loss};
 use super::support::Capacity;
 use super::weight_gradient::{Products, WeightGradient};
-use crate::config::ModelConfig;
-use crate::precision::Precision;
+use crate::network::{ModelConfig, Precision};
 
 /// Most losses that the device keeps until they are read.
 pub const LOSSES: usize = 4096;

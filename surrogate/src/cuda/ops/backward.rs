@@ -10,7 +10,7 @@ use super::launcher::{Launcher, Rows};
 use super::source::Source;
 use super::tile::{Stored, Word, network_source, stream_shared, stream_threads, vector_bytes};
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 /// Most MLPs of a launch.
 pub(super) const BACKWARD_BATCH: usize = 8;

@@ -5,7 +5,7 @@ use cudarc::driver::CudaSlice;
 use gpu::{Device, Error, cuda_struct};
 use mpm::Friction;
 
-use crate::constraints::Constraints;
+use crate::rollout::Constraints;
 
 cuda_struct! {
     /// A rigid box.

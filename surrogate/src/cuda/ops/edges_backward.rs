@@ -11,7 +11,7 @@ use super::launcher::Launcher;
 use super::source::Source;
 use super::tile::network_source;
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 /// Threads of a block.
 const THREADS: u32 = 512;

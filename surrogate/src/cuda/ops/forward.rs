@@ -12,7 +12,7 @@ use super::tile::{
     OTHER_VECTORS, Stored, Word, network_source, stream_shared, stream_threads, vector_bytes,
 };
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 /// Most MLPs of a launch.
 pub(in crate::cuda) const FORWARD_BATCH: usize = 16;

@@ -12,7 +12,7 @@ use super::launcher::Launcher;
 use super::source::Source;
 use super::tile::{Stored, network_source};
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 cuda_struct! {
     /// The gradient of a linear's weights, X^T dZ, and of its bias, the column sums of dZ. The rows

@@ -1,5 +1,5 @@
 //! Kernels that build radius graphs. Their CPU twin is
-//! [`radius_graph`](crate::features::graph::radius_graph).
+//! [`radius_graph`](crate::features::radius_graph).
 
 use std::sync::Arc;
 

@@ -14,7 +14,7 @@ use super::segment::{self, Segment};
 use super::source::Source;
 use super::weights::{self, Weights};
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 /// All kernels of a network.
 #[derive(Debug)]

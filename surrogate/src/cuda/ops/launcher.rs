@@ -11,7 +11,7 @@ use super::profile::Profile;
 use super::source::Source;
 use super::tile::ROWS_OF_TEAM;
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 /// The rows of a launch.
 #[derive(Clone, Copy, Debug)]

@@ -13,7 +13,7 @@ use super::launcher::Launcher;
 use super::source::Source;
 use super::tile::{WIDTH, network_source};
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 /// Numbers behind the gradient: the sums of squared errors and of squared targets, or of the losses of
 /// GPUs and of ones; their ratio is the loss.

@@ -1,5 +1,5 @@
 // Pushforward: moves windows on with the network's predictions. The CUDA twin of
-// `Draft::push_forward` in Rust, equal to it to the bit. Arguments are described in push_forward.rs.
+// `Examples::push_forward` in Rust, equal to it to the bit. Arguments are described in push_forward.rs.
 
 // A thread for each value. After the last step `targets` is not null and gets the accelerations to learn:
 // those that lead to the velocity between the two frames of `truth`, standardised.

@@ -1,5 +1,5 @@
 //! The kernel of pushforward. Its CPU twin is
-//! [`Draft::push_forward`](crate::data::Draft::push_forward).
+//! [`Examples::push_forward`](crate::data::Examples::push_forward).
 
 use std::sync::Arc;
 

@@ -12,7 +12,7 @@ use super::launcher::{Launcher, Rows};
 use super::source::Source;
 use super::tile::{Stored, network_source};
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 /// Most sums of a launch.
 const RECEIVE_BATCH: usize = 8;

@@ -5,7 +5,7 @@ use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
 use gpu::{CudaName, cuda_types, files};
 
 use super::source::Source;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 /// Columns of a state; narrower networks are padded with zeros.
 pub(in crate::cuda) const WIDTH: usize = 128;

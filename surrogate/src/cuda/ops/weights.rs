@@ -12,7 +12,7 @@ use super::launcher::Launcher;
 use super::source::Source;
 use super::tile::{Word, network_source};
 use crate::cuda::error::CudaError;
-use crate::precision::Precision;
+use crate::network::Precision;
 
 cuda_struct! {
     /// A matrix to pack.
