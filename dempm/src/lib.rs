@@ -18,6 +18,7 @@ pub mod rve_material;
 pub mod scene;
 pub mod simulation;
 mod sitting;
+pub mod soundness;
 pub mod summary;
 pub mod trajectory;
 pub mod watch;

@@ -5,9 +5,8 @@
 //! them.
 //!
 //! Networks are computed in float32, or in bfloat16 with sums in float32. The plain Burn model of
-//! [`crate::network`] is the reference; docs/notes/2026-11-22-network-kernels.md
-//! describes the design. States
-//! are rows of 128 columns; narrower networks are padded with zeros.
+//! [`crate::network`] is the reference; docs/notes/2026-11-22-network-kernels.md describes the design.
+//! States are rows of 128 columns; narrower networks are padded with zeros.
 
 mod activations;
 mod advance;
