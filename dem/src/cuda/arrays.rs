@@ -1,11 +1,10 @@
-//! A batch as the arrays that `rve.cu` works on.
+//! A batch as the arrays that the kernel works on.
 
 use std::collections::HashMap;
 
-use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
-use nalgebra::Matrix2;
 use rayon::prelude::*;
 
+use super::abi::{self, Header, Motion, Position, Rows, State, Status, Vector};
 use super::error::{CudaError, RveFailure};
 use super::list::SlotList;
 use super::real::CudaReal;
@@ -13,93 +12,29 @@ use super::shape::Shape;
 use crate::batch::RveBatch;
 use crate::cell::Cell;
 use crate::contact::ContactLaw;
+use crate::disc::Disc;
 use crate::neighbours::Neighbours;
-use crate::packing::{Disc, Packing};
+use crate::packing::Packing;
 use crate::parameters::RveParameters;
-use crate::rve::{Rve, RveState};
+use crate::rve::Rve;
 
-/// `Header` of `batch.cuh`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Header {
-    cell: [f64; 4],
-    reference_cell: [f64; 4],
-    skin: f64,
-    reach: f64,
-    solid: f64,
-    mass: f64,
-    spin: f64,
-    drift: [f64; 2],
-    free_area: f64,
-    grading: u32,
-    imaged: u32,
-    pub status: u32,
-    pub steps: u32,
-    owned: u32,
-    incoming: u32,
-}
-
-// SAFETY: plain numbers without padding, laid out as in `batch.cuh`.
-unsafe impl DeviceRepr for Header {}
-
-/// [`RveState`] in device memory: `State` of `batch.cuh`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default)]
-pub struct State {
-    stress: [f64; 4],
-    area: f64,
-    solid_fraction: f64,
-    coordination: f64,
-    pub(super) relative_overlap: f64,
-    min_width: f64,
-    searches: u32,
-    free: u32,
-    thin: u32,
-    unused: u32,
-}
-
-// SAFETY: plain numbers without padding, laid out as in `batch.cuh`.
-unsafe impl DeviceRepr for State {}
-
-// SAFETY: as above.
-unsafe impl ValidAsZeroBits for State {}
-
-impl From<State> for RveState {
-    fn from(s: State) -> Self {
-        Self {
-            stress: matrix(s.stress),
-            area: s.area,
-            solid_fraction: s.solid_fraction,
-            coordination: s.coordination,
-            relative_overlap: s.relative_overlap,
-            min_width: s.min_width,
-            searches: s.searches,
-            free: s.free != 0,
-            thin: s.thin != 0,
-        }
-    }
-}
-
-/// `Disc` of `batch.cuh`: radius, inverse mass, inverse inertia, mass.
-type DiscConstants<R> = [R; 4];
-
-/// Arrays over RVEs and, last, the fresh packing: `Batch` of `batch.cuh`.
-pub(super) struct HostState<R: CudaReal> {
+/// Arrays of [`Batch`](abi::Batch): over RVEs and, last, the fresh packing.
+pub(super) struct Arrays<R: CudaReal> {
     pub header: Vec<Header>,
-    pub position: Vec<[R::Fraction; 2]>,
-    pub motion: Vec<[R; 4]>,
-    pub reference: Vec<[R::Fraction; 2]>,
+    pub position: Vec<Position<R>>,
+    pub motion: Vec<Motion<R>>,
+    pub reference: Vec<Position<R>>,
     pub seated: Vec<u16>,
-    pub rows: Vec<[u16; 4]>,
+    pub rows: Vec<Rows>,
     pub neighbour: Vec<u32>,
-    pub pair: Vec<[R; 2]>,
+    pub pair: Vec<Vector<R>>,
     pub tangential: Vec<R>,
     pub incoming: Vec<u16>,
     /// What does not change, once for all RVEs that have the same discs.
-    pub disc: Vec<DiscConstants<R>>,
+    pub disc: Vec<abi::Disc<R>>,
 }
 
-impl<R: CudaReal> HostState<R> {
+impl<R: CudaReal> Arrays<R> {
     /// Bytes of the arrays of `rves` RVEs and the fresh packing.
     pub fn bytes(shape: &Shape, rves: usize) -> usize {
         let real = size_of::<R>();
@@ -121,16 +56,15 @@ impl<R: CudaReal> HostState<R> {
         let (gradings, disc) = gradings(&rves, shape);
         let threads = rves.len() * shape.threads;
         let slots = rves.len() * shape.slots;
-        let zero = R::Fraction::default();
         let mut state = Self {
             header: vec![Header::default(); rves.len()],
-            position: vec![[zero; 2]; threads],
-            motion: vec![[R::default(); 4]; threads],
-            reference: vec![[zero; 2]; threads],
+            position: vec![Position::default(); threads],
+            motion: vec![Motion::default(); threads],
+            reference: vec![Position::default(); threads],
             seated: vec![0; threads],
-            rows: vec![[0; 4]; threads],
+            rows: vec![Rows::default(); threads],
             neighbour: vec![0; slots],
-            pair: vec![[R::default(); 2]; slots],
+            pair: vec![Vector::default(); slots],
             tangential: vec![R::default(); slots],
             incoming: vec![0; rves.len() * shape.incoming_slots()],
             disc,
@@ -188,9 +122,9 @@ impl<R: CudaReal> HostState<R> {
 /// One RVE's part of the arrays.
 struct Chunk<'a, R: CudaReal> {
     header: &'a mut Header,
-    position: &'a mut [[R::Fraction; 2]],
-    motion: &'a mut [[R; 4]],
-    reference: &'a mut [[R::Fraction; 2]],
+    position: &'a mut [Position<R>],
+    motion: &'a mut [Motion<R>],
+    reference: &'a mut [Position<R>],
     list: SlotList<'a, R>,
 }
 
@@ -202,26 +136,28 @@ impl<R: CudaReal> Chunk<'_, R> {
         for (seat, &i) in self.list.seated[..shape.discs].iter().enumerate() {
             let d = &packing.discs[usize::from(i)];
             let half_w = R::from_f64(0.5) * d.w;
-            self.position[seat] = d.s;
-            // The kernel renews r w.
-            self.motion[seat] = [d.u[0], d.u[1], half_w, R::default()];
-            self.reference[seat] = list.reference.get(usize::from(i)).copied().unwrap_or(d.s);
+            let position = |[x, y]: [R::Fraction; 2]| Position { x, y };
+            self.position[seat] = position(d.s);
+            self.motion[seat] = Motion { x: d.u[0], y: d.u[1], half_w, unused: R::default() };
+            let reference = list.reference.get(usize::from(i)).copied().unwrap_or(d.s);
+            self.reference[seat] = position(reference);
         }
 
         let r_max = packing.discs.iter().fold(0.0, |r: f64, d| r.max(d.r.to_f64()));
         *self.header = Header {
-            cell: row_major(&packing.cell.h),
-            reference_cell: row_major(&list.reference_cell),
+            cell: (&packing.cell.h).into(),
+            reference_cell: (&list.reference_cell).into(),
             skin: list.skin,
             reach: 2.0 * r_max,
             solid: packing.solid_fraction() * packing.cell.area(),
             mass: packing.discs.iter().map(|d| 1.0 / d.inv_mass.to_f64()).sum(),
             spin: packing.spin,
-            drift: [f64::NAN; 2],
+            drift_x: f64::NAN,
+            drift_y: f64::NAN,
             free_area: rve.free_area.unwrap_or(-1.0),
             grading,
             imaged: u32::from(!list.images.is_empty()),
-            status: 0,
+            status: Status::OK,
             steps: 0,
             owned,
             incoming,
@@ -229,7 +165,7 @@ impl<R: CudaReal> Chunk<'_, R> {
         Ok(())
     }
 
-    fn get(&self, disc: &[DiscConstants<R>], shape: &Shape, law: &ContactLaw<R>) -> Rve<R> {
+    fn get(&self, disc: &[abi::Disc<R>], shape: &Shape, law: &ContactLaw<R>) -> Rve<R> {
         let header = &*self.header;
         let constants = &disc[header.grading as usize * shape.threads..][..shape.discs];
         let mut seat = vec![0; shape.discs];
@@ -239,10 +175,10 @@ impl<R: CudaReal> Chunk<'_, R> {
         let discs: Vec<Disc<R>> = constants
             .iter()
             .zip(&seat)
-            .map(|(&[r, inv_mass, inv_inertia, _], &seat)| {
-                let [x, y, half_w, _] = self.motion[seat];
+            .map(|(&abi::Disc { r, inv_mass, inv_inertia, .. }, &seat)| {
+                let Motion { x, y, half_w, .. } = self.motion[seat];
                 Disc {
-                    s: self.position[seat],
+                    s: fractions(self.position[seat]),
                     u: [x, y],
                     w: R::from_f64(2.0) * half_w,
                     r,
@@ -256,21 +192,21 @@ impl<R: CudaReal> Chunk<'_, R> {
         let mut neighbours = Neighbours {
             pairs,
             images,
-            reference_cell: matrix(header.reference_cell),
-            reference: seat.iter().map(|&seat| self.reference[seat]).collect(),
+            reference_cell: header.reference_cell.into(),
+            reference: seat.iter().map(|&seat| fractions(self.reference[seat])).collect(),
             reach: header.reach,
             skin: header.skin,
             ..Neighbours::default()
         };
         neighbours.travel = neighbours.displacement(&discs);
-        let cell = Cell { h: matrix(header.cell) };
+        let cell = Cell { h: header.cell.into() };
         let packing = Packing { cell, discs, neighbours, spin: header.spin };
         Rve { packing, free_area: (header.free_area >= 0.0).then_some(header.free_area) }
     }
 }
 
 /// The distinct tables of discs, one after the other, and which one each RVE has.
-fn gradings<R: CudaReal>(rves: &[&Rve<R>], shape: &Shape) -> (Vec<u32>, Vec<DiscConstants<R>>) {
+fn gradings<R: CudaReal>(rves: &[&Rve<R>], shape: &Shape) -> (Vec<u32>, Vec<abi::Disc<R>>) {
     let mut known: HashMap<Vec<u64>, u32> = HashMap::new();
     let mut table = Vec::new();
     let index = rves
@@ -282,9 +218,13 @@ fn gradings<R: CudaReal>(rves: &[&Rve<R>], shape: &Shape) -> (Vec<u32>, Vec<Disc
             *known.entry(key).or_insert_with(|| {
                 // Threads without a disc compute on harmless numbers.
                 let one = R::from_f64(1.0);
-                let rest = std::iter::repeat_n([one; 4], shape.threads - shape.discs);
-                let mass = |inverse: R| R::from_f64(1.0 / inverse.to_f64());
-                table.extend(constants.map(|[r, m, j]| [r, m, j, mass(m)]).chain(rest));
+                let harmless = abi::Disc { r: one, inv_mass: one, inv_inertia: one, mass: one };
+                let rest = std::iter::repeat_n(harmless, shape.threads - shape.discs);
+                let disc = |[r, inv_mass, inv_inertia]: [R; 3]| {
+                    let mass = R::from_f64(1.0 / inv_mass.to_f64());
+                    abi::Disc { r, inv_mass, inv_inertia, mass }
+                };
+                table.extend(constants.map(disc).chain(rest));
                 next
             })
         })
@@ -292,10 +232,6 @@ fn gradings<R: CudaReal>(rves: &[&Rve<R>], shape: &Shape) -> (Vec<u32>, Vec<Disc
     (index, table)
 }
 
-fn row_major(m: &Matrix2<f64>) -> [f64; 4] {
-    [m[(0, 0)], m[(0, 1)], m[(1, 0)], m[(1, 1)]]
-}
-
-fn matrix(row_major: [f64; 4]) -> Matrix2<f64> {
-    Matrix2::from_row_slice(&row_major)
+fn fractions<R: CudaReal>(p: Position<R>) -> [R::Fraction; 2] {
+    [p.x, p.y]
 }
