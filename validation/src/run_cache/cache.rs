@@ -237,7 +237,7 @@ impl RunCache {
         let command = format!("{} {}", job.program, arguments.join(" "))
             .replace(&*self.root.to_string_lossy(), "report-work");
         if job.resumes {
-            let checkpoint = dempm::checkpoint::path_beside(&output);
+            let checkpoint = dempm::run::checkpoint::path_beside(&output);
             let flag = if checkpoint.exists() { "--resume" } else { "--overwrite" };
             arguments.push(flag.to_owned());
         }
