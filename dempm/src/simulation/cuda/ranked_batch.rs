@@ -1,7 +1,7 @@
-//! One scene on several GPUs, one process (rank) a GPU. Every rank keeps all material points and
-//! makes the same MPM step; of the packings, where the work is, it advances its slice. Their states
-//! are then gathered, so that all ranks go on with the same numbers: the result does not depend on
-//! the number of ranks by a single bit.
+//! One scene on several GPUs, one process (rank) per GPU. Every rank makes the MPM step of all points and
+//! advances its slice of the packings, where most of the work is. The states of all packings are then
+//! gathered, so that all ranks continue with the same numbers: the result is bitwise independent of the
+//! number of ranks.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,12 +18,12 @@ pub struct RankedRveBatch<R: CudaReal> {
     /// The packings of this rank.
     own: CudaRveBatch<R>,
     range: Range<usize>,
-    /// How many there are on all ranks.
+    /// Packings on all ranks.
     count: usize,
     shared: Option<Shared>,
 }
 
-/// What several ranks exchange in every step, in equal parts.
+/// The data that ranks exchange in every step, in equal parts.
 struct Shared {
     ranks: Arc<Ranks>,
     states: CudaSlice<State>,
@@ -150,7 +150,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
     }
 }
 
-/// What is no failure of a packing.
+/// An error that is not the failure of a packing.
 fn failed(error: impl std::fmt::Display) -> CudaError {
     CudaError::Gpu(gpu::Error::Driver(error.to_string()))
 }
