@@ -171,7 +171,7 @@ impl<'a> Table<'a> {
         chosen
     }
 
-    /// A word out of `options` or a number: `words` says what the words are.
+    /// One of the `words`, or a number.
     pub fn word_or_number<T: Copy>(
         &self,
         key: &str,

@@ -38,7 +38,7 @@ impl WriteThrough {
         Ok(Self(ManuallyDrop::new(options(choose).open_rw(path)?)))
     }
 
-    /// Writes what is left, the metadata, and closes the file.
+    /// Writes the metadata and closes the file.
     pub fn close(self) -> hdf5::Result<()> {
         // A flush may fail and leave the file open; a close that fails does not.
         self.0.flush()?;

@@ -160,7 +160,7 @@ impl TrajectoryWriter {
         self.wall_time.insert(phase.to_owned(), seconds);
     }
 
-    /// The wall time per phase, s; after a resume, what the file said.
+    /// The wall time per phase, s; after a resume, that of the file.
     pub fn wall_time(&self) -> &BTreeMap<String, f64> {
         &self.wall_time
     }

@@ -34,7 +34,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
     /// Copies the packings of this rank to its GPU; all of them without `ranks`.
     ///
     /// # Errors
-    /// More ranks than packings, or what [`CudaRveBatch::upload`] says.
+    /// If there are more ranks than packings, or [`CudaRveBatch::upload`] fails.
     pub fn upload(
         device: &Arc<Device>,
         batch: &RveBatch<R>,
@@ -126,7 +126,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
         Ok(Some(batch))
     }
 
-    /// Why a packing failed: its rank tells rank 0, the others know the rank only.
+    /// The reason why a packing failed, known to its rank and to rank 0; other ranks know the rank only.
     ///
     /// # Errors
     /// A failure of a device or of a rank.
