@@ -171,7 +171,7 @@ impl<'a> Table<'a> {
         chosen
     }
 
-    /// One of the `words`, or a number.
+    /// One of the words in `options`, or a number.
     pub fn word_or_number<T: Copy>(
         &self,
         key: &str,
