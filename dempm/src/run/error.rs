@@ -1,4 +1,4 @@
-//! What can stop a session.
+//! Errors of sessions.
 
 use std::path::PathBuf;
 

@@ -183,7 +183,7 @@ impl<'a> Session<'a> {
             // Decided before the steps: where nothing is to be saved, a GPU goes on at once.
             let stop = self.agreed(interrupt.requested(), frame_done);
             let due = interval.is_zero() || self.is_due(interval);
-            // The first rank knows best what a checkpoint costs.
+            // The first rank writes and knows the cost of a checkpoint.
             let due = self.agreed(due && self.writer.is_some(), frame_done);
             let (stop, due) = match (stop, due) {
                 (Ok(stop), Ok(due)) => (stop, due),
@@ -242,7 +242,7 @@ impl<'a> Session<'a> {
         !saving && self.saved.elapsed() >= pause
     }
 
-    /// Whether any rank says yes; several ranks ask each other only after a frame, as that takes time.
+    /// Whether `own` is true on any rank; several ranks agree only after a frame, as that takes time.
     fn agreed(&self, own: bool, frame_done: bool) -> Result<bool, RanksError> {
         match &self.ranks {
             None => Ok(own),

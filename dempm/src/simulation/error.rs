@@ -1,4 +1,4 @@
-//! What can stop a simulation.
+//! Errors of simulations.
 
 use gpu::ranks::RanksError;
 use mpm::MaterialError;

@@ -16,12 +16,12 @@ use super::layout::{
     frame_selection, unlocked,
 };
 
-/// Deflate makes data at most 1032 times smaller. A file that claims more is damaged, and asking
-/// for that much memory would end the program instead of giving an error.
+/// Deflate compresses at most 1032 times. A file that claims more is damaged, and allocating the claimed
+/// memory would abort the program.
 const MOST_COMPRESSION: u64 = 1100;
 
-/// A trajectory file, open for reading. Header, points and times are in memory; frames are read
-/// when asked for, and only those.
+/// A trajectory file open for reading. Header, points and times are in memory; frames are read on
+/// demand.
 #[derive(Debug)]
 pub struct Trajectory {
     path: PathBuf,
@@ -123,7 +123,7 @@ impl Trajectory {
         &self.path
     }
 
-    /// What the file says about its run.
+    /// The header.
     pub fn header(&self) -> &Header {
         &self.header
     }
@@ -143,7 +143,7 @@ impl Trajectory {
         &self.time
     }
 
-    /// How the run stands: `running` (or killed), `finished`, or what stopped it.
+    /// Status of the run: `running` (or killed), `finished`, or what stopped it.
     pub fn status(&self) -> &str {
         &self.status
     }
@@ -158,7 +158,7 @@ impl Trajectory {
         &self.wall_time
     }
 
-    /// The scalars of the whole scene: for each name one value a frame.
+    /// The scalars of the whole scene: one value per frame for each name.
     pub fn budget(&self) -> &BTreeMap<String, Vec<f64>> {
         &self.budget
     }
@@ -168,7 +168,7 @@ impl Trajectory {
         self.fields.iter().map(|(field, _)| *field)
     }
 
-    /// Bytes that a field takes in the file, after compression.
+    /// Compressed size of a field, bytes.
     pub fn stored_bytes(&self, field: Field) -> u64 {
         self.dataset(field).map_or(0, |dataset| dataset.storage_size())
     }
@@ -320,7 +320,7 @@ impl Trajectory {
     }
 }
 
-/// Refuses other HDF5 files and trajectories from the future.
+/// Refuses other HDF5 files and trajectories of later formats.
 fn check_format(path: &Path, file: &File) -> Result<()> {
     if read_text(file, "format").ok().as_deref() != Some(FORMAT) {
         return Err(TrajectoryError::NotATrajectory { path: path.to_owned() });
