@@ -1,7 +1,7 @@
 # make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
 # make learn   train a small network on direct runs, let it predict scenes/column.toml: out/learn
 # make test    the whole test suite
-# make lint    formatting and clippy, as the continuous integration does
+# make lint    formatting, clippy and licences, as the continuous integration does
 # make build   all programs
 
 # Programs of the workspace, one crate each.
@@ -41,6 +41,7 @@ test:
 lint:
 	cargo fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --release -- -D warnings
+	scripts/deny
 
 build: $(PROGRAMS:%=build-%)
 
