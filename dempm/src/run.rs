@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use gpu::ranks::{Launch, Ranks};
+use gpu::ranks::{Environment, Ranks};
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use miette::{Context, IntoDiagnostic, bail};
 
@@ -45,8 +45,8 @@ pub const INTERRUPTED: u8 = 130;
 /// # Errors
 /// An invalid scene, an existing output file, a failed step or a file that cannot be written.
 pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
-    let launch = Launch::from_environment().into_diagnostic()?;
-    let speaks = launch.rank == 0;
+    let environment = Environment::read().into_diagnostic()?;
+    let speaks = environment.rank == 0;
     let scene = Scene::load(&args.scene)?;
     if let Some(report) = scene.warning_report().filter(|_| speaks) {
         eprintln!("{report:?}");
@@ -56,7 +56,7 @@ pub fn run(args: &RunArgs) -> miette::Result<ExitCode> {
         None => default_output(&args.scene, ".h5"),
     };
     refuse_input(&output, [&args.scene])?;
-    let Place { device, ranks } = place(&scene, args.device, &launch)?;
+    let Place { device, ranks } = place(&scene, args.device, &environment)?;
     let bars = MultiProgress::new();
     if !speaks {
         bars.set_draw_target(ProgressDrawTarget::hidden());
@@ -101,11 +101,11 @@ struct Place {
     ranks: Option<Arc<Ranks>>,
 }
 
-fn place(scene: &Scene, device: Device, launch: &Launch) -> miette::Result<Place> {
-    if !launch.is_shared() {
+fn place(scene: &Scene, device: Device, environment: &Environment) -> miette::Result<Place> {
+    if !environment.is_shared() {
         return Ok(Place { device: device.open().into_diagnostic()?, ranks: None });
     }
-    let Launch { rank, size, local_rank, .. } = *launch;
+    let Environment { rank, size, local_rank, .. } = *environment;
     let has_packings = matches!(scene.material, Material::Rve(_));
     if !has_packings || device == Device::Cpu {
         bail!(
@@ -115,7 +115,7 @@ fn place(scene: &Scene, device: Device, launch: &Launch) -> miette::Result<Place
     }
     let device = device.open_for_rank(local_rank).into_diagnostic()?;
     let scene = blake3::hash(scene.text.as_bytes());
-    let ranks = Ranks::join(launch, &device, scene.as_bytes())?;
+    let ranks = Ranks::join(environment, &device, scene.as_bytes())?;
     Ok(Place { device: Some(device), ranks: Some(Arc::new(ranks)) })
 }
 

@@ -19,7 +19,7 @@ pub fn argument<T: DeviceRepr>(value: &T) -> Argument<'_> {
 
 /// How a kernel is launched.
 #[derive(Clone, Copy, Debug)]
-pub struct Launch {
+pub struct How {
     /// It may take its place on the GPU while the one kernel before it still runs (CUDA's programmatic
     /// dependent launch), so that a row of small kernels does not wait for each to start. GPUs older
     /// than sm_90 start one kernel after the other.
@@ -40,7 +40,7 @@ impl Device {
     /// early kernel calls `await_turn` (`await_turn.cuh`) before it reads or writes global memory.
     pub unsafe fn launch(
         &self,
-        how: Launch,
+        how: How,
         stream: &CudaStream,
         kernel: &CudaFunction,
         config: LaunchConfig,

@@ -3,8 +3,7 @@
 
 use std::process::Command;
 
-use cudarc::driver::{LaunchConfig, PushKernelArg};
-use gpu::{Device, Error};
+use gpu::{Device, Error, Function, Launch, Pointer, kernel};
 
 #[test]
 fn without_a_driver_the_remedy_is_named() {
@@ -45,6 +44,12 @@ const WRONG: &str = r#"
 extern "C" __global__ void wrong(unsigned* there) { there[1ull << 40] = 1; }
 "#;
 
+kernel! {
+    struct Wrong: wrong {
+        there: Pointer<u32>,
+    }
+}
+
 /// Not a test of its own: the process that [`an_illegal_access_ends_a_run`] starts, since it leaves
 /// the GPU of no use to whoever did it.
 #[test]
@@ -53,13 +58,12 @@ fn access_what_is_not_there() {
         return;
     }
     let device = Device::new(0).unwrap();
-    let kernel = device.module("wrong.cu", WRONG, &[]).unwrap().load_function("wrong").unwrap();
-    let mut numbers = device.zeros::<u32>(1000).unwrap();
-    let one = LaunchConfig { grid_dim: (1, 1, 1), block_dim: (1, 1, 1), shared_mem_bytes: 0 };
-    let mut launch = device.stream().launch_builder(&kernel);
-    launch.arg(&mut numbers);
-    // SAFETY: the argument of `wrong`, which goes beyond it: in this process nothing else does work.
-    unsafe { launch.launch(one) }.unwrap();
+    let module = device.module("wrong.cu", WRONG, &[]).unwrap();
+    let kernel = Function::<Wrong>::load(&device, &module).unwrap();
+    let (numbers, stream) = (device.zeros::<u32>(1000).unwrap(), device.stream());
+    let arguments = Wrong { there: Pointer::to(&numbers, stream) };
+    // SAFETY: it goes beyond the array: in this process nothing else does work.
+    unsafe { kernel.launch(stream, Launch::blocks(1, 1), &arguments) }.unwrap();
     let copied = device.stream().clone_dtoh(&numbers).map_err(Error::from);
     let synchronised = device.stream().synchronize().map_err(Error::from);
     let error = copied.map(drop).and(synchronised).unwrap_err();

@@ -2,8 +2,7 @@
 //! `DEMPM_REQUIRE_GPU=1`.
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
-use cudarc::driver::{CudaFunction, DevicePtr, LaunchConfig};
-use gpu::{Device, Error, Launch, argument};
+use gpu::{ConstPointer, Device, Error, Function, Launch, Pointer, checks, kernel};
 
 const LEN: usize = 10_000;
 const SOURCE: &str = r#"
@@ -13,6 +12,15 @@ extern "C" __global__ void turn(const unsigned* from, unsigned* to, unsigned n) 
     if (k < n) to[k] = 3 * from[(k + n / 2 + 1) % n] + k;
 }
 "#;
+
+kernel! {
+    /// Moves numbers by half the array, and changes them.
+    struct Turn: turn {
+        from: ConstPointer<u32>,
+        to: Pointer<u32>,
+        n: u32,
+    }
+}
 
 /// The CPU's `turn`.
 fn turned(from: &[u32]) -> Vec<u32> {
@@ -25,11 +33,12 @@ fn turned(from: &[u32]) -> Vec<u32> {
 #[test]
 fn every_kernel_sees_the_work_of_the_one_before() {
     let Some(device) = gpu::for_tests() else { return };
-    let kernel = device.module("turn.cu", SOURCE, &[]).unwrap().load_function("turn").unwrap();
+    let module = device.module("turn.cu", &source(), &[]).unwrap();
+    let kernel = Function::load(&device, &module).unwrap();
     let start: Vec<u32> = (0..LEN as u32).collect();
     let buffers = [device.upload(&start).unwrap(), device.zeros::<u32>(LEN).unwrap()];
     let stream = device.stream();
-    let addresses = [&buffers[0], &buffers[1]].map(|buffer| buffer.device_ptr(stream).0);
+    let addresses = [&buffers[0], &buffers[1]].map(|buffer| Pointer::to(buffer, stream));
     let there_and_back = || {
         turn(&device, &kernel, addresses).unwrap();
         turn(&device, &kernel, [addresses[1], addresses[0]]).unwrap();
@@ -46,15 +55,36 @@ fn every_kernel_sees_the_work_of_the_one_before() {
     assert_eq!(found, expected);
 }
 
-fn turn(device: &Device, kernel: &CudaFunction, [from, to]: [u64; 2]) -> Result<(), Error> {
-    let config = LaunchConfig {
-        grid_dim: (LEN.div_ceil(64) as u32, 1, 1),
-        block_dim: (64, 1, 1),
-        shared_mem_bytes: 0,
-    };
-    let n = LEN as u32;
-    let arguments = [argument(&from), argument(&to), argument(&n)];
-    // SAFETY: the arguments of `turn`; both buffers have LEN entries.
-    let how = Launch { early: true, urgent: true };
-    unsafe { device.launch(how, device.stream(), kernel, config, &arguments) }
+fn turn(
+    device: &Device,
+    kernel: &Function<Turn>,
+    [from, to]: [Pointer<u32>; 2],
+) -> Result<(), Error> {
+    let launch = Launch::each(LEN, 64).early(true).urgent();
+    let arguments = Turn { from: from.into(), to, n: LEN as u32 };
+    // SAFETY: both buffers have LEN entries.
+    unsafe { kernel.launch(device.stream(), launch, &arguments) }
+}
+
+fn source() -> String {
+    format!("{SOURCE}{}", checks![Turn])
+}
+
+kernel! {
+    struct Wrong: turn {
+        from: ConstPointer<u32>,
+        to: Pointer<u32>,
+        n: i32,
+    }
+}
+
+#[test]
+fn parameters_are_checked() {
+    if !gpu::nvrtc_for_tests() {
+        return;
+    }
+    gpu::compile("turn.cu", &source(), "sm_80", &[]).unwrap();
+    let wrong = format!("{SOURCE}{}", checks![Wrong]);
+    let error = gpu::compile("turn.cu", &wrong, "sm_80", &[]).unwrap_err().to_string();
+    assert!(error.contains("turn has other parameters in Rust"), "{error}");
 }

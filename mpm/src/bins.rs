@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::basis::Stencil;
+use crate::stencil::Stencil;
 
 /// Marks a cell without points.
 const EMPTY: u32 = u32::MAX;

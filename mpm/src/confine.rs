@@ -1,10 +1,10 @@
 //! Keeps points out of walls and obstacles.
 
-use crate::boundary::contact;
 use crate::budget::Ledger;
+use crate::friction::{Friction, contact};
 use crate::grid::Shape;
 use crate::obstacle::Placed;
-use crate::{Error, Friction, Points, Vec2};
+use crate::{Error, Points, Vec2};
 
 /// Moves points that left the domain or entered an obstacle back onto the face, takes their
 /// velocity into it away, and books count and impulse in the ledger.

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::basis::Stencil;
 use crate::grid::Node;
+use crate::stencil::Stencil;
 use crate::{Mat2, PARALLEL_GRAIN, Points, Transfer, Vec2};
 
 /// With the PIC share `s` of the transfer ([`Transfer`]):

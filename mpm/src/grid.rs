@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Vec2, Walls};
+use crate::friction::Walls;
+use crate::{Error, Vec2};
 
 /// The box `[0, size]` with walls on its four sides and square cells.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

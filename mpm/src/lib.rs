@@ -32,6 +32,7 @@ mod cell_average;
 mod confine;
 pub mod cuda;
 mod error;
+mod friction;
 mod g2p;
 mod grid;
 mod grid_update;
@@ -42,12 +43,13 @@ mod p2g;
 mod points;
 mod solver;
 mod stable_step;
+mod stencil;
 mod velocity_gradient;
 
 pub use basis::{Basis, SUPPORT, ShapeFunctions};
-pub use boundary::{Friction, Walls};
 pub use budget::{Budget, Ledger};
 pub use error::Error;
+pub use friction::{Friction, Walls};
 pub use grid::Domain;
 pub use material::{
     DruckerPrager, DruckerPragerParameters, Elastic, ElasticParameters, Material, MaterialError,

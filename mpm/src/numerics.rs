@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Basis, Error};
+use crate::basis::Basis;
+use crate::error::Error;
 
 /// When in a step stresses are updated, and from which grid velocity.
 ///

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::boundary::contact;
+use crate::friction::{Friction, Walls, contact};
 use crate::grid::Shape;
-use crate::{Error, Friction, Vec2, Walls};
+use crate::{Error, Vec2};
 
 /// A rigid box, at rest or with a prescribed velocity (barrier, piston, gate).
 ///

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use crate::basis::Stencil;
 use crate::bins::Bins;
 use crate::grid::Node;
+use crate::stencil::Stencil;
 use crate::{Mat2, PARALLEL_GRAIN, Points, Vec2};
 
 /// What maps points to nodes: sorted points and their basis functions.

@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use crate::basis::{self, Stencil, with_width};
 use crate::bins::Bins;
 use crate::boundary::{Boundary, set_approach};
 use crate::budget::{self, Budget, Ledger};
@@ -14,6 +13,7 @@ use crate::grid_update;
 use crate::obstacle::{Obstacle, Placed};
 use crate::p2g::{self, Mapping};
 use crate::stable_step::{self, StableStep};
+use crate::stencil::{self, Stencil, with_width};
 use crate::velocity_gradient::velocity_gradient;
 use crate::{Error, Material, Numerics, PARALLEL_GRAIN, Points, Scheme, Vec2, WallContact};
 
@@ -131,7 +131,7 @@ impl Solver {
     /// Basis functions at the points, and points sorted by the nodes they see.
     fn evaluate_basis(&mut self, points: &Points) {
         let Shape { columns, rows, .. } = self.shape;
-        basis::evaluate(&self.numerics, &self.shape, &points.position, &mut self.stencils);
+        stencil::evaluate(&self.numerics, &self.shape, &points.position, &mut self.stencils);
         self.bins.sort(&self.stencils, columns, rows, self.numerics.basis.width());
     }
 

@@ -1,7 +1,7 @@
 //! Bounds on the step.
 
-use crate::basis::{self, Stencil};
 use crate::grid::Shape;
+use crate::stencil::{self, Stencil};
 use crate::{Error, Material, Numerics, Points, Scheme};
 
 /// How large a step may be in the present state.
@@ -72,7 +72,7 @@ fn gershgorin(
     material: &dyn Material,
 ) -> f64 {
     let mut stencils = Vec::new();
-    basis::evaluate(numerics, shape, &points.position, &mut stencils);
+    stencil::evaluate(numerics, shape, &points.position, &mut stencils);
     let (columns, width) = (shape.columns, numerics.basis.width());
     let support = || (0..width).flat_map(|b| (0..width).map(move |a| (a, b)));
     let node = |stencil: &Stencil, a: usize, b: usize| stencil.node + b * columns + a;

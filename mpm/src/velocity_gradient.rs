@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::basis::Stencil;
 use crate::grid::Node;
+use crate::stencil::Stencil;
 use crate::{Mat2, PARALLEL_GRAIN};
 
 /// `L_p = sum v_i (x) grad S_ip` (1/s), so `L_ij = dv_i/dx_j`.

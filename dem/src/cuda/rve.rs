@@ -6,7 +6,7 @@ use cudarc::driver::sys::CUfunction_attribute;
 use cudarc::driver::{
     CudaFunction, CudaSlice, CudaStream, DevicePtr, DeviceRepr, LaunchConfig, sys,
 };
-use gpu::{Device, Launch, argument};
+use gpu::{Device, How, argument};
 use nalgebra::Matrix2;
 
 use super::error::{CudaError, RveFailure};
@@ -228,7 +228,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let arguments = [argument(&arrays), argument(&parameters), argument(&gradient)];
         // SAFETY: the argument types are laid out as those of `rve_advance`, the arrays as long as
         // it expects, and the gradients by the caller's slice.
-        let how = Launch { early: true, urgent: false };
+        let how = How { early: true, urgent: false };
         Ok(unsafe { self.device.launch(how, stream, &self.kernel, config, &arguments) }?)
     }
 

@@ -157,7 +157,7 @@ fn failed(error: impl std::fmt::Display) -> CudaError {
 
 #[cfg(test)]
 mod tests {
-    use gpu::ranks::{Launch, RanksError};
+    use gpu::ranks::{Environment, RanksError};
 
     use super::*;
 
@@ -166,7 +166,7 @@ mod tests {
     fn gathered_states_are_those_of_the_batch() {
         let Some(device) = gpu::for_tests() else { return };
         let launch =
-            Launch { rank: 0, size: 1, local_rank: 0, address: ("127.0.0.1".to_owned(), 0) };
+            Environment { rank: 0, size: 1, local_rank: 0, address: ("127.0.0.1".to_owned(), 0) };
         let ranks = match Ranks::join(&launch, &device, &[0; 32]) {
             Ok(ranks) => Arc::new(ranks),
             Err(RanksError::NcclMissing) => {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use cudarc::driver::{CudaEvent, CudaFunction, CudaSlice, CudaStream, LaunchConfig, PushKernelArg};
-use gpu::{Argument, Device, Launch, argument};
+use gpu::{Argument, Device, How, argument};
 
 use super::error::CudaError;
 use super::frame::FrameCopy;
@@ -21,9 +21,9 @@ const LANES: usize = 16;
 pub(super) const SUM_THREADS: usize = 256;
 
 /// All kernels are small, and the packings of the scene wait for them: they go before those of others.
-const IN_A_ROW: Launch = Launch { early: true, urgent: true };
+const IN_A_ROW: How = How { early: true, urgent: true };
 /// For a kernel that follows several others.
-const AFTER_SEVERAL: Launch = Launch { early: false, urgent: true };
+const AFTER_SEVERAL: How = How { early: false, urgent: true };
 
 /// Points, background grid and time on a GPU: the twin of [`Solver`].
 pub struct CudaSolver {
@@ -313,7 +313,7 @@ impl CudaSolver {
 
     fn launch(
         &self,
-        how: Launch,
+        how: How,
         stream: &CudaStream,
         kernel: &CudaFunction,
         config: LaunchConfig,

@@ -2,7 +2,7 @@
 
 use cudarc::driver::DeviceRepr;
 
-use crate::boundary::Friction;
+use crate::friction::Friction;
 use crate::{Ledger, Mat2, Obstacle, Vec2, Walls};
 
 /// `Mpm` of `mpm.cuh`: numbers, and addresses of the arrays.

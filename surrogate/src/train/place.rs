@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use dempm::device::Device;
-use gpu::ranks::{Launch, Ranks};
+use gpu::ranks::{Environment, Ranks};
 use miette::IntoDiagnostic;
 
 use super::config::TrainConfig;
@@ -33,12 +33,12 @@ pub enum EngineBatch {
 ///
 /// # Errors
 /// When a GPU that was asked for cannot be used.
-pub fn open(device: Device, launch: &Launch) -> miette::Result<Option<Arc<gpu::Device>>> {
+pub fn open(device: Device, environment: &Environment) -> miette::Result<Option<Arc<gpu::Device>>> {
     let opened = match device {
-        _ if !launch.is_shared() => device.open(),
+        _ if !environment.is_shared() => device.open(),
         Device::Cpu => Ok(None),
         Device::Auto if gpu::Device::count() == 0 => Ok(None),
-        _ => device.open_for_rank(launch.local_rank).map(Some),
+        _ => device.open_for_rank(environment.local_rank).map(Some),
     };
     opened.into_diagnostic()
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::thread;
 
 use gpu::Device;
-use gpu::ranks::{Launch, Ranks, RanksError};
+use gpu::ranks::{Environment, Ranks, RanksError};
 
 use super::config::{LossOver, TrainConfig};
 use super::cuda::{CudaEngine, HostBatch};
@@ -92,21 +92,21 @@ pub fn free_port() -> u16 {
 }
 
 /// Ranks that meet there.
-fn launches(size: usize) -> Vec<Launch> {
+fn environments(size: usize) -> Vec<Environment> {
     let port = free_port();
     let address = ("127.0.0.1".to_owned(), port);
     (0..size)
-        .map(|rank| Launch { rank, size, local_rank: rank, address: address.clone() })
+        .map(|rank| Environment { rank, size, local_rank: rank, address: address.clone() })
         .collect()
 }
 
 /// Runs two ranks, each with two of the four windows.
-fn two_ranks<T: Send>(train: impl Fn(Launch, Range<u64>) -> T + Sync) -> [T; 2] {
+fn two_ranks<T: Send>(train: impl Fn(Environment, Range<u64>) -> T + Sync) -> [T; 2] {
     let train = &train;
-    let [first, second] = launches(2).try_into().unwrap();
+    let [first, second] = environments(2).try_into().unwrap();
     thread::scope(|scope| {
         let ranks = [(first, 0..2), (second, 2..4)];
-        let ranks = ranks.map(|(launch, windows)| scope.spawn(|| train(launch, windows)));
+        let ranks = ranks.map(|(environment, windows)| scope.spawn(|| train(environment, windows)));
         ranks.map(|rank| rank.join().unwrap())
     })
 }
@@ -149,8 +149,8 @@ fn compare_means([first, second]: [(State, Vec<f64>); 2], alone: [(State, Vec<f6
 
 #[test]
 fn ranks_hold_equal_weights_and_learn_like_one() {
-    let [first, second] = two_ranks(|launch, windows| {
-        let mut ranks = Tcp::join(launch, &[0; 32]).unwrap();
+    let [first, second] = two_ranks(|environment, windows| {
+        let mut ranks = Tcp::join(environment, &[0; 32]).unwrap();
         [config(), own_losses()].map(|config| train(&config, windows.clone(), &mut ranks))
     });
     let [[first, first_mean], [second, second_mean]] = [first, second];
@@ -175,7 +175,7 @@ fn a_loss_of_its_own_changes_nothing_for_one() {
 #[test]
 fn one_rank_on_a_gpu_is_alone() {
     let Some(device) = gpu::for_tests() else { return };
-    let ranks = match Ranks::join(&launches(1)[0], &device, &[0; 32]) {
+    let ranks = match Ranks::join(&environments(1)[0], &device, &[0; 32]) {
         Err(RanksError::NcclMissing) => {
             eprintln!("skipped: {}", RanksError::NcclMissing);
             return;
@@ -194,9 +194,9 @@ fn gpus_hold_equal_weights_and_learn_like_one() {
         return;
     }
     let two = |config: &TrainConfig| {
-        two_ranks(|launch, windows| {
-            let device = Device::new(launch.rank).unwrap();
-            let ranks = Arc::new(Ranks::join(&launch, &device, &[0; 32]).unwrap());
+        two_ranks(|environment, windows| {
+            let device = Device::new(environment.rank).unwrap();
+            let ranks = Arc::new(Ranks::join(&environment, &device, &[0; 32]).unwrap());
             let learnt = train_on(&device, config, windows, Some(ranks.clone()));
             ranks.all_done();
             learnt

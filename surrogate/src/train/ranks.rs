@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use gpu::Device;
-use gpu::ranks::{Fingerprint, Launch, Ranks, RanksError};
+use gpu::ranks::{Environment, Fingerprint, Ranks, RanksError};
 
 use super::tcp::Tcp;
 
@@ -87,21 +87,21 @@ impl AllReduce for Arc<Ranks> {
 /// How sums are made on the host, and the GPUs that make them among themselves, if there are any.
 pub type Joined = (Box<dyn AllReduce>, Option<Arc<Ranks>>);
 
-/// Joins the other processes of a launch, if there are any, who are about to train what has the same
+/// Joins the other ranks, if there are any, who are about to train what has the same
 /// fingerprint. Those with a GPU are given as GPUs too.
 ///
 /// # Errors
 /// If they do not meet, or train different things.
 pub fn join(
-    launch: Launch,
+    environment: Environment,
     device: Option<&Arc<Device>>,
     fingerprint: &Fingerprint,
 ) -> Result<Joined, RanksError> {
     match device {
-        _ if !launch.is_shared() => Ok((Box::new(Alone), None)),
-        None => Ok((Box::new(Tcp::join(launch, fingerprint)?), None)),
+        _ if !environment.is_shared() => Ok((Box::new(Alone), None)),
+        None => Ok((Box::new(Tcp::join(environment, fingerprint)?), None)),
         Some(device) => {
-            let gpus = Arc::new(Ranks::join(&launch, device, fingerprint)?);
+            let gpus = Arc::new(Ranks::join(&environment, device, fingerprint)?);
             Ok((Box::new(gpus.clone()), Some(gpus)))
         }
     }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use dempm::run::INTERRUPTED;
 use dempm::trajectory::TrajectoryLock;
-use gpu::ranks::Launch;
+use gpu::ranks::Environment;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, bail};
 
@@ -66,8 +66,8 @@ impl Sitting {
     /// Opens the data and prepares everything.
     pub fn start(args: &TrainArgs, config: TrainConfig) -> miette::Result<Self> {
         let (data, folder) = (&args.data, &args.output);
-        let launch = Launch::from_environment().into_diagnostic()?;
-        let Launch { rank, size, .. } = launch;
+        let environment = Environment::read().into_diagnostic()?;
+        let Environment { rank, size, .. } = environment;
         let model = config.model();
         let files = DataFolder::open(data)?;
         let frames = model.window() + config.pushforward.steps;
@@ -89,7 +89,7 @@ impl Sitting {
             steps_before = given.simulator.training.steps;
         }
 
-        let device = open(args.device, &launch)?;
+        let device = open(args.device, &environment)?;
         if device.is_none() && config.precision == Precision::Bf16 {
             bail!(
                 help = "leave it out, or say \"f32\"",
@@ -108,7 +108,7 @@ impl Sitting {
         }
         let step = state.as_ref().map_or(0, |state| state.step);
         let fingerprint = identity.fingerprint(step, device.is_some());
-        let (ranks, gpus) = ranks::join(launch, device.as_ref(), &fingerprint)?;
+        let (ranks, gpus) = ranks::join(environment, device.as_ref(), &fingerprint)?;
         if let Some(device) = device.as_ref().filter(|_| rank == 0) {
             let count = if size > 1 { format!("{size} x ") } else { String::new() };
             eprintln!("on {count}{}", device.name());

@@ -4,13 +4,13 @@
 use std::io::{Read, Write};
 use std::net::TcpStream;
 
-use gpu::ranks::{Fingerprint, Launch, RanksError, meet};
+use gpu::ranks::{Environment, Fingerprint, RanksError, rendezvous};
 
 use super::ranks::AllReduce;
 
 /// Connections of one process.
 pub struct Tcp {
-    launch: Launch,
+    environment: Environment,
     /// On rank 0 those to ranks 1, 2, ...; elsewhere the one to rank 0.
     peers: Vec<TcpStream>,
     buffer: Vec<u8>,
@@ -21,23 +21,23 @@ impl Tcp {
     ///
     /// # Errors
     /// If they do not meet, or train different things.
-    pub fn join(launch: Launch, fingerprint: &Fingerprint) -> Result<Self, RanksError> {
-        let peers = meet(&launch, fingerprint)?;
-        Ok(Self { launch, peers, buffer: Vec::new() })
+    pub fn join(environment: Environment, fingerprint: &Fingerprint) -> Result<Self, RanksError> {
+        let peers = rendezvous(&environment, fingerprint)?;
+        Ok(Self { environment, peers, buffer: Vec::new() })
     }
 }
 
 impl AllReduce for Tcp {
     fn rank(&self) -> usize {
-        self.launch.rank
+        self.environment.rank
     }
 
     fn ranks(&self) -> usize {
-        self.launch.size
+        self.environment.size
     }
 
     fn sum(&mut self, values: &mut [f32]) -> Result<(), RanksError> {
-        let rank = self.launch.rank;
+        let rank = self.environment.rank;
         let other = |peer: usize| if rank == 0 { peer + 1 } else { 0 };
         let lost = |peer, source| RanksError::Lost { rank, other: other(peer), source };
         self.buffer.resize(4 * values.len(), 0);
@@ -78,10 +78,10 @@ mod tests {
         let threads: Vec<_> = (0..3)
             .map(|rank| {
                 let address = ("127.0.0.1".to_owned(), port);
-                let launch = Launch { rank, size: 3, local_rank: rank, address };
+                let environment = Environment { rank, size: 3, local_rank: rank, address };
                 thread::spawn(move || {
                     let number = rank as f32;
-                    let mut ranks = Tcp::join(launch, &[7; 32]).unwrap();
+                    let mut ranks = Tcp::join(environment, &[7; 32]).unwrap();
                     let mut values = vec![number + 1.0, 0.1 * (number + 1.0), -number];
                     ranks.sum(&mut values).unwrap();
                     ranks.sum(&mut values[2..]).unwrap();

@@ -1,76 +1,95 @@
-//! Which rank this process is, from what launchers leave in its environment.
+//! Which rank this process is, from the environment variables that launchers set.
 
-/// What a launcher says.
+/// This process among the ranks of a launcher (torchrun, `mpirun`, `srun`).
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Launch {
+pub struct Environment {
+    /// Number of this rank, from 0.
     pub rank: usize,
-    /// How many ranks there are; 1 without a launcher.
+    /// Number of ranks; 1 without a launcher.
     pub size: usize,
     /// Number of this rank on its host.
     pub local_rank: usize,
-    /// Host and port where rank 0 is found.
+    /// Host and port at which rank 0 listens.
     pub address: (String, u16),
 }
 
-/// A variable of the environment that cannot be right.
+/// An environment variable that is wrong or missing.
 #[derive(Debug, PartialEq, thiserror::Error)]
-pub enum LaunchError {
-    #[error("{name}={value} in the environment is not {expected}")]
-    Variable { name: &'static str, value: String, expected: &'static str },
-    #[error("{present} is set in the environment, but not {missing}")]
-    Incomplete { present: &'static str, missing: &'static str },
+pub enum EnvironmentError {
+    /// A variable has an impossible value.
+    #[error("environment variable {name}={value} is not {expected}")]
+    Variable {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: String,
+        /// Values it may have.
+        expected: &'static str,
+    },
+    /// One of two variables that belong together is missing.
+    #[error("environment variable {present} is set, but {missing} is not")]
+    Incomplete {
+        /// The variable that is set.
+        present: &'static str,
+        /// The variable that is missing.
+        missing: &'static str,
+    },
 }
 
-/// Rank, number of ranks and rank on the host, as launchers name them.
+/// Variables for rank, number of ranks and rank on the host.
 const LAUNCHERS: [[&str; 3]; 3] = [
-    // torchrun, and whoever sets them by hand
+    // torchrun, or set by hand
     ["RANK", "WORLD_SIZE", "LOCAL_RANK"],
-    // mpirun of Open MPI
+    // Open MPI's mpirun
     ["OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_LOCAL_RANK"],
-    // srun; the number of tasks of the step, since a batch script has the others too
+    // srun; not SLURM_NTASKS, which batch scripts outside of srun have too
     ["SLURM_PROCID", "SLURM_STEP_NUM_TASKS", "SLURM_LOCALID"],
 ];
 
-/// Port of rank 0 unless MASTER_PORT says otherwise.
+/// Port of rank 0 unless MASTER_PORT is set.
 const PORT: u16 = 29_500;
 
-impl Launch {
-    /// From the environment of this process.
+impl Environment {
+    /// Reads the environment variables of this process.
     ///
     /// # Errors
-    /// Variables that contradict each other or are no numbers.
-    pub fn from_environment() -> Result<Self, LaunchError> {
+    /// Variables are missing, contradict each other or are no numbers.
+    pub fn read() -> Result<Self, EnvironmentError> {
         Self::from(|name| std::env::var(name).ok())
     }
 
-    fn from(variable: impl Fn(&str) -> Option<String>) -> Result<Self, LaunchError> {
-        let number = |name: &'static str| -> Result<Option<usize>, LaunchError> {
+    fn from(variable: impl Fn(&str) -> Option<String>) -> Result<Self, EnvironmentError> {
+        let number = |name: &'static str| -> Result<Option<usize>, EnvironmentError> {
             let Some(value) = variable(name) else { return Ok(None) };
             let parsed = value.trim().parse();
             let expected = "a whole number";
-            parsed.map(Some).map_err(|_| LaunchError::Variable { name, value, expected })
+            parsed.map(Some).map_err(|_| EnvironmentError::Variable { name, value, expected })
         };
-        let address = |torch: bool| -> Result<(String, u16), LaunchError> {
+        let address = |torch: bool| -> Result<(String, u16), EnvironmentError> {
             let host = variable("MASTER_ADDR").unwrap_or_else(|| "127.0.0.1".to_owned());
             let port = number("MASTER_PORT")?.unwrap_or(PORT.into());
             // torchrun itself listens on MASTER_PORT.
             let port = if torch { port + 1 } else { port };
-            u16::try_from(port).map(|port| (host, port)).map_err(|_| LaunchError::Variable {
+            u16::try_from(port).map(|port| (host, port)).map_err(|_| EnvironmentError::Variable {
                 name: "MASTER_PORT",
                 value: port.to_string(),
-                expected: "a port",
+                expected: "a port number",
             })
         };
         for [rank_name, size_name, local_name] in LAUNCHERS {
             let Some(size) = number(size_name)? else { continue };
-            let missing = |missing| LaunchError::Incomplete { present: size_name, missing };
+            let missing = |missing| EnvironmentError::Incomplete { present: size_name, missing };
             let rank = number(rank_name)?.ok_or_else(|| missing(rank_name))?;
             if size <= 1 {
                 break;
             }
             if rank >= size {
                 let (name, value) = (rank_name, rank.to_string());
-                return Err(LaunchError::Variable { name, value, expected: "below their number" });
+                return Err(EnvironmentError::Variable {
+                    name,
+                    value,
+                    expected: "less than the number of ranks",
+                });
             }
             let local_rank = number(local_name)?.ok_or_else(|| missing(local_name))?;
             let address = address(variable("TORCHELASTIC_RUN_ID").is_some())?;
@@ -90,15 +109,16 @@ mod tests {
     use super::*;
 
     /// Parses `NAME=value` pairs.
-    fn launch(environment: &str) -> Result<Launch, LaunchError> {
-        Launch::from(|name| {
-            let pairs = environment.split_whitespace().filter_map(|pair| pair.split_once('='));
+    fn parse(variables: &str) -> Result<Environment, EnvironmentError> {
+        Environment::from(|name| {
+            let pairs = variables.split_whitespace().filter_map(|pair| pair.split_once('='));
             pairs.into_iter().find(|(key, _)| *key == name).map(|(_, value)| value.to_owned())
         })
     }
 
-    fn of(environment: &str) -> (usize, usize, usize, String, u16) {
-        let Launch { rank, size, local_rank, address: (host, port) } = launch(environment).unwrap();
+    fn of(variables: &str) -> (usize, usize, usize, String, u16) {
+        let Environment { rank, size, local_rank, address: (host, port) } =
+            parse(variables).unwrap();
         (rank, size, local_rank, host, port)
     }
 
@@ -124,15 +144,15 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
-        for (environment, name) in [
+    fn impossible_values_are_refused() {
+        for (variables, name) in [
             ("RANK=x WORLD_SIZE=2 LOCAL_RANK=0", "RANK"),
             ("RANK=2 WORLD_SIZE=2 LOCAL_RANK=0", "RANK"),
             ("WORLD_SIZE=2", "RANK"),
             ("RANK=0 WORLD_SIZE=2", "LOCAL_RANK"),
             ("RANK=0 WORLD_SIZE=2 LOCAL_RANK=0 MASTER_PORT=70000", "MASTER_PORT"),
         ] {
-            let error = launch(environment).unwrap_err().to_string();
+            let error = parse(variables).unwrap_err().to_string();
             assert!(error.contains(name), "{error}");
         }
     }

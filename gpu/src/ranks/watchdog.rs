@@ -1,4 +1,4 @@
-//! Ranks notice when another one ends. A collective operation of NCCL would wait for it for ever.
+//! Ends a rank when another one has ended, for which an operation of NCCL would wait for ever.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -7,33 +7,33 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, sleep};
 use std::time::Duration;
 
-/// What a rank has for saying itself why it ends, if it does so too.
+/// Time for a rank that fails too to report its own error first.
 const GRACE: Duration = Duration::from_secs(5);
 
-/// Open connections, of rank 0 to ranks 1, 2, ..., of the others to rank 0.
+/// A thread for each connection: from rank 0 to ranks 1, 2, ..., from the others to rank 0.
 #[derive(Debug)]
-pub struct Lifeline {
+pub struct Watchdog {
     peers: Vec<TcpStream>,
-    /// Nobody is to be missed any more.
+    /// Lost connections no longer matter.
     over: Arc<AtomicBool>,
 }
 
-impl Lifeline {
-    /// Ends this process some seconds after a peer has ended without saying
+impl Watchdog {
+    /// From now on, ends this process five seconds after a peer has ended without a
     /// [`goodbye`](Self::goodbye).
     ///
     /// # Errors
-    /// If a connection cannot be listened to.
-    pub fn watch(rank: usize, peers: Vec<TcpStream>) -> io::Result<Self> {
-        Self::watch_with(rank, peers, GRACE, move |other| {
-            eprintln!("Error: rank {rank}: rank {other} has ended, so this one cannot go on");
-            // At once: to exit in order, CUDA would wait for work that never ends.
+    /// A connection cannot be read from.
+    pub fn start(rank: usize, peers: Vec<TcpStream>) -> io::Result<Self> {
+        Self::start_with(rank, peers, GRACE, move |other| {
+            eprintln!("Error: rank {rank} stops because rank {other} has ended");
+            // Not `exit`, in which CUDA would wait for work that never ends.
             // SAFETY: has no preconditions.
             unsafe { libc::_exit(1) }
         })
     }
 
-    fn watch_with(
+    fn start_with(
         rank: usize,
         peers: Vec<TcpStream>,
         grace: Duration,
@@ -56,16 +56,16 @@ impl Lifeline {
         Ok(Self { peers, over })
     }
 
-    /// Tells the others that this rank is done and may end.
+    /// Tells the peers that this rank is done and may end.
     pub fn goodbye(&mut self) {
         for peer in &mut self.peers {
-            // One that has ended in the meantime does not want to know.
+            // It may have ended already.
             let _ = peer.write_all(&[1]);
         }
     }
 }
 
-impl Drop for Lifeline {
+impl Drop for Watchdog {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Relaxed);
         for peer in &self.peers {
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_ends_without_goodbye_is_missed() {
+    fn a_peer_that_ends_without_goodbye_is_reported() {
         let pair = || {
             let listener = TcpListener::bind("127.0.0.1:0").unwrap();
             let peer = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
@@ -93,14 +93,14 @@ mod tests {
         let (send, missed) = channel();
         let lost = move |rank| send.send(rank).unwrap();
         let grace = Duration::from_millis(1);
-        let lifeline = Lifeline::watch_with(0, vec![to_first, to_second], grace, lost).unwrap();
-        let quiet = |peer| Lifeline::watch_with(1, vec![peer], grace, |_| ()).unwrap();
+        let watchdog = Watchdog::start_with(0, vec![to_first, to_second], grace, lost).unwrap();
+        let quiet = |peer| Watchdog::start_with(1, vec![peer], grace, |_| ()).unwrap();
         let mut first = quiet(first);
         first.goodbye();
         drop(first);
         assert_eq!(missed.recv_timeout(Duration::from_millis(50)), Err(RecvTimeoutError::Timeout));
         drop(quiet(second));
         assert_eq!(missed.recv_timeout(Duration::from_secs(10)), Ok(2));
-        drop(lifeline);
+        drop(watchdog);
     }
 }

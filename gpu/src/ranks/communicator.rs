@@ -1,70 +1,19 @@
-//! Several processes (ranks) that work together, one on each GPU, joined by NCCL. How they are
-//! started ([`Launch`]) and find each other ([`meet`]) serves ranks without GPUs too.
+//! NCCL's collective operations between ranks.
 
-mod launch;
-mod lifeline;
-mod meeting;
-
-use std::ffi::CStr;
 use std::io::{Read, Write};
 use std::ops::Range;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use cudarc::driver::{CudaSlice, DevicePtr, DevicePtrMut, DeviceRepr};
 use cudarc::nccl::{result, sys};
 
-pub use self::launch::{Launch, LaunchError};
-use self::lifeline::Lifeline;
-pub use self::meeting::{Fingerprint, meet};
-use crate::{Device, Error};
+use super::environment::Environment;
+use super::error::RanksError;
+use super::rendezvous::{Fingerprint, rendezvous};
+use super::watchdog::Watchdog;
+use crate::device::Device;
 
-/// Why ranks could not work together.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
-pub enum RanksError {
-    #[error(transparent)]
-    Launch(#[from] LaunchError),
-    #[error("rank {rank}: {action} {address}")]
-    #[diagnostic(help(
-        "all ranks have to be started, and MASTER_ADDR and MASTER_PORT to name a free port of the host of rank 0 that all hosts can reach"
-    ))]
-    Meeting { rank: usize, action: &'static str, address: String, source: std::io::Error },
-    #[error("rank {rank} does not belong to rank 0: {why}")]
-    #[diagnostic(help("all ranks have to be started by one launcher, or in the same way"))]
-    Stranger { rank: usize, why: &'static str },
-    #[error("several ranks need NCCL, and libnccl.so was not found")]
-    #[diagnostic(help(
-        "add its folder to LD_LIBRARY_PATH; where there is only libnccl.so.2, link it to that name"
-    ))]
-    NcclMissing,
-    #[error("rank {rank} has lost rank {other}")]
-    Lost { rank: usize, other: usize, source: std::io::Error },
-    #[error("NCCL, {action}: {reason}")]
-    #[diagnostic(help("each rank needs a GPU of its own"))]
-    Nccl { action: &'static str, reason: String },
-    #[error("another rank failed; see its message")]
-    Other,
-    #[error(transparent)]
-    Gpu(#[from] Error),
-}
-
-impl RanksError {
-    fn nccl(action: &'static str) -> impl Fn(result::NcclError) -> Self {
-        move |error| {
-            // SAFETY: returns a static text for every code.
-            let text = unsafe { CStr::from_ptr(sys::ncclGetErrorString(error.0)) };
-            Self::Nccl { action, reason: text.to_string_lossy().into_owned() }
-        }
-    }
-}
-
-impl From<cudarc::driver::DriverError> for RanksError {
-    fn from(error: cudarc::driver::DriverError) -> Self {
-        Self::Gpu(error.into())
-    }
-}
-
-/// This process among its peers. All methods but [`rank`](Self::rank), [`size`](Self::size),
-/// [`chunk`](Self::chunk) and [`slice`](Self::slice) are collective: every rank calls them in the
+/// This process among its peers. Methods marked *collective* have to be called by all ranks, in the
 /// same order.
 #[derive(Debug)]
 pub struct Ranks {
@@ -72,25 +21,24 @@ pub struct Ranks {
     size: usize,
     device: Arc<Device>,
     communicator: sys::ncclComm_t,
-    /// `None` once all ranks have come to the end.
-    lifeline: Mutex<Option<Lifeline>>,
+    /// `None` once all ranks are done.
+    watchdog: Mutex<Option<Watchdog>>,
 }
 
-// SAFETY: a communicator may be used from any thread, one at a time. A simulation is advanced by
-// one thread at a time, and so are its collective calls.
+// SAFETY: NCCL allows calls from any thread, one at a time. One thread at a time advances a simulation
+// and so makes collective calls.
 unsafe impl Send for Ranks {}
 // SAFETY: as above.
 unsafe impl Sync for Ranks {}
 
 impl Ranks {
-    /// Joins the peers, who are about to do what has the same fingerprint; waits until all are
-    /// there. From then on this process ends if another rank ends before
-    /// [`all_done`](Self::all_done).
+    /// Joins the other ranks and waits until all have joined. From then on this process ends if
+    /// another rank ends before [`all_done`](Self::all_done). Collective.
     ///
     /// # Errors
-    /// NCCL is missing, or the peers are not found or do something else.
+    /// NCCL is missing, ranks are missing, or their fingerprints differ.
     pub fn join(
-        launch: &Launch,
+        environment: &Environment,
         device: &Arc<Device>,
         fingerprint: &Fingerprint,
     ) -> Result<Self, RanksError> {
@@ -98,18 +46,18 @@ impl Ranks {
         if !unsafe { sys::is_culib_present() } {
             return Err(RanksError::NcclMissing);
         }
-        let mut peers = meet(launch, fingerprint)?;
+        let mut peers = rendezvous(environment, fingerprint)?;
         let mut id = sys::ncclUniqueId { internal: [0; 128] };
-        if launch.rank == 0 {
-            id = result::get_uniqueid().map_err(RanksError::nccl("making an id"))?;
+        if environment.rank == 0 {
+            id = result::get_uniqueid().map_err(RanksError::nccl("creating an id"))?;
         }
         let mut bytes = id.internal.map(|byte| byte as u8);
         for (place, peer) in peers.iter_mut().enumerate() {
-            let (given, other) = match launch.rank {
+            let (given, other) = match environment.rank {
                 0 => (peer.write_all(&bytes), place + 1),
                 _ => (peer.read_exact(&mut bytes), 0),
             };
-            given.map_err(|source| RanksError::Lost { rank: launch.rank, other, source })?;
+            given.map_err(|source| RanksError::Lost { rank: environment.rank, other, source })?;
         }
         id.internal = bytes.map(|byte| byte as std::ffi::c_char);
         device.context().bind_to_thread()?;
@@ -118,58 +66,57 @@ impl Ranks {
         unsafe {
             result::comm_init_rank(
                 &raw mut communicator,
-                launch.size as i32,
+                environment.size as i32,
                 id,
-                launch.rank as i32,
+                environment.rank as i32,
             )
         }
         .map_err(RanksError::nccl("joining the ranks"))?;
-        let Launch { rank, size, .. } = *launch;
-        let lifeline = Lifeline::watch(rank, peers);
-        let lifeline = lifeline.map_err(|source| RanksError::Lost { rank, other: 0, source })?;
+        let Environment { rank, size, .. } = *environment;
+        let watchdog = Watchdog::start(rank, peers);
+        let watchdog = watchdog.map_err(|source| RanksError::Lost { rank, other: 0, source })?;
         Ok(Self {
             rank,
             size,
             device: device.clone(),
             communicator,
-            lifeline: Mutex::new(Some(lifeline)),
+            watchdog: Mutex::new(Some(watchdog)),
         })
     }
 
-    /// Number of this rank, from 0. Rank 0 writes files and speaks.
+    /// Number of this rank, from 0.
     pub fn rank(&self) -> usize {
         self.rank
     }
 
-    /// How many ranks there are.
+    /// Number of ranks.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// Whether this rank writes files and speaks.
+    /// Whether this is rank 0, which writes files and messages.
     pub fn is_first(&self) -> bool {
         self.rank == 0
     }
 
-    /// Most of `count` items that a rank has.
+    /// Largest share of a rank if the ranks divide `count` items.
     pub fn chunk(&self, count: usize) -> usize {
         count.div_ceil(self.size)
     }
 
-    /// The items of this rank out of `count`: all ranks have [`chunk`](Self::chunk) of them, but
-    /// for the last ones, which have the rest.
+    /// This rank's share of `count` items: [`chunk`](Self::chunk) of them, fewer on the last ranks.
     pub fn slice(&self, count: usize) -> Range<usize> {
         slice(self.rank, self.size, count)
     }
 
-    /// Queues a gathering of equal parts on the device's stream: rank `k` gives part `k` of
-    /// `buffer` and gets all others. May be captured in a graph.
+    /// Queues an all-gather on the device's stream: rank `k` sends part `k` of `buffer` and receives
+    /// the other parts. Collective; may be captured in a graph.
     ///
     /// # Errors
-    /// NCCL refuses, or a peer is gone.
+    /// NCCL failed or a rank is gone.
     ///
     /// # Panics
-    /// If the buffer cannot be divided equally.
+    /// If the length of the buffer is no multiple of the number of ranks.
     pub fn all_gather<T: DeviceRepr>(&self, buffer: &mut CudaSlice<T>) -> Result<(), RanksError> {
         assert_eq!(buffer.len() % self.size, 0, "equal parts");
         let part = buffer.len() / self.size * size_of::<T>();
@@ -191,12 +138,12 @@ impl Ranks {
         Ok(())
     }
 
-    /// Queues the sum of the lists of all ranks, which takes the place of each, on the device's
-    /// stream. May be captured in a graph. All ranks get the same bits, and as many ranks give the
-    /// same bits again on the same machine.
+    /// Queues an all-reduce on the device's stream: `list` becomes the sum of the lists of all ranks.
+    /// Collective; may be captured in a graph. All ranks get the same bits, and a repetition with as
+    /// many ranks on the same machine gets them again.
     ///
     /// # Errors
-    /// NCCL refuses, or a peer is gone.
+    /// NCCL failed or a rank is gone.
     pub fn all_reduce(&self, list: &mut CudaSlice<f32>) -> Result<(), RanksError> {
         let (stream, count) = (self.device.stream(), list.len());
         self.device.context().bind_to_thread()?;
@@ -217,7 +164,7 @@ impl Ranks {
         Ok(())
     }
 
-    /// Replaces numbers in the host's memory by their sums over all ranks. Waits.
+    /// Replaces numbers in host memory by their sums over all ranks, and waits. Collective.
     ///
     /// # Errors
     /// As [`all_reduce`](Self::all_reduce).
@@ -228,7 +175,7 @@ impl Ranks {
         Ok(self.device.stream().synchronize()?)
     }
 
-    /// A number of every rank.
+    /// Gathers one number from every rank, in the order of ranks. Collective.
     ///
     /// # Errors
     /// As [`all_gather`](Self::all_gather).
@@ -240,7 +187,7 @@ impl Ranks {
         Ok(self.device.stream().clone_dtoh(&on_device)?)
     }
 
-    /// Whether any rank says so.
+    /// Whether `own` is true on any rank. Collective.
     ///
     /// # Errors
     /// As [`all_gather`](Self::all_gather).
@@ -248,18 +195,18 @@ impl Ranks {
         Ok(self.numbers(own.into())?.contains(&1))
     }
 
-    /// Says that all ranks are done, and each may end: what is still on its way to a peer arrives.
+    /// Stops the watchdog: ranks may end. Data on its way to another rank still arrives.
     pub fn all_done(&self) {
-        if let Some(mut lifeline) = self.lifeline().take() {
-            lifeline.goodbye();
+        if let Some(mut watchdog) = self.watchdog().take() {
+            watchdog.goodbye();
         }
     }
 
-    fn lifeline(&self) -> std::sync::MutexGuard<'_, Option<Lifeline>> {
-        self.lifeline.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    fn watchdog(&self) -> MutexGuard<'_, Option<Watchdog>> {
+        self.watchdog.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Brings the bytes of all ranks to rank 0; the others get nothing.
+    /// Gathers bytes of all ranks on rank 0; the others get nothing. Collective.
     ///
     /// # Errors
     /// As [`all_gather`](Self::all_gather), or too little memory on the GPU of rank 0.
@@ -308,8 +255,8 @@ impl Ranks {
 
 impl Drop for Ranks {
     fn drop(&mut self) {
-        let done = self.lifeline().is_none();
-        // SAFETY: once, here. A rank that ends because it failed does not wait for the others.
+        let done = self.watchdog().is_none();
+        // SAFETY: called once. A rank that failed aborts: it does not wait for the others.
         let _ = unsafe {
             if done {
                 result::comm_destroy(self.communicator)
