@@ -167,7 +167,10 @@ fn owner(files: &BTreeMap<Names, File>, path: &[String], depth: usize) -> Option
 }
 
 /// Modules that can be reached from `start` along imports.
-fn reached<'a>(imports: &'a BTreeMap<Names, BTreeSet<Names>>, start: &'a Names) -> BTreeSet<&'a Names> {
+fn reached<'a>(
+    imports: &'a BTreeMap<Names, BTreeSet<Names>>,
+    start: &'a Names,
+) -> BTreeSet<&'a Names> {
     let mut reached = BTreeSet::new();
     let mut ahead: Vec<&Names> = imports[start].iter().collect();
     while let Some(module) = ahead.pop() {
