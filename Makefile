@@ -1,7 +1,8 @@
 # make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
 # make learn   train a small network on direct runs, let it predict scenes/column.toml: out/learn
 # make test    the whole test suite
-# make lint    formatting, clippy and licences, as the continuous integration does
+# make lint    links, formatting, clippy and licences, as the continuous integration does
+# make docs    the documentation as a book: target/book/index.html
 # make build   all programs
 
 # Programs of the workspace, one crate each.
@@ -11,7 +12,7 @@ PROGRAMS := dempm surrogate validation
 CARGO := scripts/with-cmake cargo
 RUN := $(CARGO) run --release --quiet --package
 
-.PHONY: demo learn test lint build
+.PHONY: demo learn test lint docs build
 .DELETE_ON_ERROR:
 
 demo: build-dempm
@@ -39,9 +40,15 @@ test:
 	$(CARGO) test --workspace --release
 
 lint:
+	python3 scripts/check_links.py
+	python3 scripts/check_reference.py
 	cargo fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --release -- -D warnings
 	scripts/deny
+
+docs:
+	@command -v mdbook >/dev/null || { echo 'mdbook is missing: cargo install mdbook --locked'; exit 1; }
+	mdbook build
 
 build: $(PROGRAMS:%=build-%)
 

@@ -2,20 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
+use files::{
+    OutputFile, SealError, SealedWriter, WriteError, path_beside as beside, read_sealed,
+    write_atomically,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::State;
-use crate::trajectory::{OutputFile, WriteError, beside, write_atomically};
 
 const MAGIC: &str = "DEMPM checkpoint";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Why a checkpoint could not be used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum CheckpointError {
-    #[error("{}: cannot read the checkpoint", path.display())]
-    Read { path: PathBuf, source: std::io::Error },
-    #[error("{}: not a checkpoint of this version of dempm, or damaged", path.display())]
+    #[error("the run cannot continue from its checkpoint")]
+    #[diagnostic(help("start again with --overwrite"))]
+    Seal(#[from] SealError),
+    #[error("{}: not a checkpoint of this version of dempm", path.display())]
     #[diagnostic(help("start again with --overwrite"))]
     Format { path: PathBuf },
     #[error("{}: the checkpoint belongs to another scene", path.display())]
@@ -61,14 +65,13 @@ pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointEr
         OutputFile::create(temporary)
             .and_then(|mut file| {
                 let buffer = std::io::BufWriter::with_capacity(1 << 20, &mut file);
-                let written = postcard::to_io(&content, buffer)
-                    .map(|buffer| buffer.into_inner().map(drop).map_err(|e| e.into_error()));
+                let written = postcard::to_io(&content, SealedWriter::new(buffer)).map(|writer| {
+                    writer.seal()?.into_inner().map(drop).map_err(|e| e.into_error())
+                });
                 // Its own error says of a full disk only that a buffer is full.
                 written.unwrap_or_else(|error| Err(file.failure_or(error)))
             })
-            .map_err(|source| {
-                WriteError { path: path.to_owned(), action: "write it", source }.into()
-            })
+            .map_err(|source| WriteError::at(path, "write it")(source).into())
     })
 }
 
@@ -78,8 +81,7 @@ pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointEr
 /// When there is no such file, it is damaged, or it belongs to another scene.
 pub fn read(path: &Path, scene: &str) -> Result<State, CheckpointError> {
     let path_owned = || path.to_owned();
-    let bytes = std::fs::read(path)
-        .map_err(|source| CheckpointError::Read { path: path_owned(), source })?;
+    let bytes = read_sealed(path)?;
     let read: Read =
         postcard::from_bytes(&bytes).map_err(|_| CheckpointError::Format { path: path_owned() })?;
     if read.magic != MAGIC || read.version != VERSION {

@@ -6,15 +6,14 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use dem::element::{Element, Row, Stage, summary};
 use dem::{Cell, Packing, PlainDisc, Real, RveParameters, consolidate};
+use files::{check_writable, refuse_input, write_text};
 use miette::{IntoDiagnostic, LabeledSpan, NamedSource, Report, WrapErr, miette};
 use nalgebra::Matrix2;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::overwrite::refuse_input;
 use crate::run::default_output;
 use crate::scene::parameters::outside;
-use crate::trajectory::{check_writable, write_text};
 use crate::watch;
 
 /// Drive one RVE along a path, as an element test in a laboratory.

@@ -228,9 +228,9 @@ mod tests {
         output.save(simulation.state.clone());
         saved(&mut output).unwrap();
 
-        // Where the new file would go there is something that cannot be overwritten.
-        let obstacle = directory.path().join("run.h5.tmp");
-        std::fs::create_dir(&obstacle).unwrap();
+        // The file to add to is away for a while.
+        let aside = directory.path().join("aside.h5");
+        std::fs::rename(&path, &aside).unwrap();
         next_frame(&mut simulation, &mut output);
         let news = output.news.recv().unwrap();
         let News::Failed(report) = news else { panic!("no failure") };
@@ -238,15 +238,15 @@ mod tests {
         output.save(simulation.state.clone());
         let report = saved(&mut output).unwrap_err();
         assert!(report.to_string().contains("run.h5"), "{report}");
-        assert_eq!(Trajectory::open(&path).unwrap().frames(), 1);
 
-        std::fs::remove_dir(&obstacle).unwrap();
+        std::fs::rename(&aside, &path).unwrap();
+        assert_eq!(Trajectory::open(&path).unwrap().frames(), 1);
         next_frame(&mut simulation, &mut output);
         output.save(simulation.state.clone());
         saved(&mut output).unwrap();
         assert_eq!(Trajectory::open(&path).unwrap().frames(), 3);
 
-        std::fs::create_dir(&obstacle).unwrap();
+        std::fs::rename(&path, &aside).unwrap();
         let end = output.finish("finished".to_owned(), BTreeMap::new());
         assert!(end.unwrap_err().to_string().contains("run.h5"));
     }

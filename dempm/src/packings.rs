@@ -1,16 +1,16 @@
 //! Prepared packings, made once and kept on disk.
 
-use std::fs::File;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use dem::{Packing, Rung, RveParameters};
+use files::{FileLock, note, read_sealed, seal, write_atomically};
 use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// Changes whenever packings made by an older version must not be used any more.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// A consolidated packing and one packing per overburden.
 #[derive(Clone, Debug)]
@@ -64,9 +64,14 @@ fn cached<T: Serialize + DeserializeOwned, E>(
     }
     // Whoever else wants this packing, in this process or another, waits for it instead of making
     // it too. Where files cannot be locked everybody makes it.
-    let _lock = lock(&file.with_extension("lock"));
+    let _lock = FileLock::wait(&file, |holder| {
+        note!("waiting for {holder}, which prepares the same packing");
+    });
     if let Some(value) = kept(&file) {
         return Ok(value);
+    }
+    if file.exists() {
+        note!("{}: damaged; preparing this packing again", file.display());
     }
     let value = make()?;
     // Without a cache the next run only takes longer.
@@ -74,32 +79,15 @@ fn cached<T: Serialize + DeserializeOwned, E>(
     Ok(value)
 }
 
-/// The value in a cache file. One that does not parse, cut short by a full disk say, is made again.
+/// The value in a cache file, unless the file is missing or damaged.
 fn kept<T: DeserializeOwned>(file: &Path) -> Option<T> {
-    postcard::from_bytes(&std::fs::read(file).ok()?).ok()
+    postcard::from_bytes(&read_sealed(file).ok()?).ok()
 }
 
-/// Under a temporary name of its own first: two processes never write one file.
+/// Whole or not at all: other processes may read it at any moment.
 fn keep(file: &Path, value: &impl Serialize) -> io::Result<()> {
-    let bytes = postcard::to_stdvec(value).map_err(io::Error::other)?;
-    let folder = file.parent().unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    // As any other file, and not for this user alone.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut temporary = builder.tempfile_in(folder)?;
-    temporary.write_all(&bytes)?;
-    temporary.as_file().sync_all()?;
-    temporary.persist(file)?;
-    Ok(())
-}
-
-/// Waits for the lock; it ends with the returned file, also when the process is killed.
-fn lock(path: &Path) -> io::Result<File> {
-    std::fs::create_dir_all(path.parent().unwrap_or(Path::new(".")))?;
-    let file = File::create(path)?;
-    file.lock()?;
-    Ok(file)
+    let bytes = seal(postcard::to_stdvec(value).map_err(io::Error::other)?);
+    write_atomically(file, |temporary| std::fs::write(temporary, bytes))
 }
 
 /// Cache file of a key; `None` without a home directory.
@@ -131,9 +119,13 @@ mod tests {
                 scope.spawn(|| assert_eq!(fetch().unwrap(), vec![7; 10_000]));
             }
         });
-        assert_eq!(std::fs::read_dir(file.parent().unwrap()).unwrap().count(), 2);
-        // What does not parse is as good as nothing.
-        std::fs::write(&file, b"\xff\xff").unwrap();
+        assert_eq!(std::fs::read_dir(file.parent().unwrap()).unwrap().count(), 1);
+        // A damaged packing is made anew.
+        let mut bytes = std::fs::read(&file).unwrap();
+        bytes[5000] ^= 1;
+        std::fs::write(&file, bytes).unwrap();
+        assert_eq!(fetch().unwrap(), vec![7; 10_000]);
+        assert_eq!(made.load(Ordering::SeqCst), 2);
         assert_eq!(fetch().unwrap(), vec![7; 10_000]);
         assert_eq!(made.into_inner(), 2);
     }

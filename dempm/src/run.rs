@@ -3,15 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use files::{INTERRUPTED, interrupt_flag, refuse_input};
 use gpu::ranks::{Environment, Ranks};
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::device::Device;
-use crate::overwrite::refuse_input;
 use crate::scene::{Material, Scene};
 use crate::sitting::{Options, Outcome, sit};
 
@@ -36,9 +35,6 @@ pub struct RunArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0)]
     checkpoint_interval: f64,
 }
-
-/// Exit code after Ctrl-C, as shells use it.
-pub const INTERRUPTED: u8 = 130;
 
 /// Runs a scene; as one of several ranks if a launcher started more than one.
 ///
@@ -117,19 +113,6 @@ fn place(scene: &Scene, device: Device, environment: &Environment) -> miette::Re
     let scene = blake3::hash(scene.text.as_bytes());
     let ranks = Ranks::join(environment, &device, scene.as_bytes())?;
     Ok(Place { device: Some(device), ranks: Some(Arc::new(ranks)) })
-}
-
-/// A flag that Ctrl-C and requests to terminate set.
-///
-/// # Errors
-/// If the process has one already.
-pub fn interrupt_flag() -> miette::Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&interrupted);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-        .into_diagnostic()
-        .wrap_err("cannot handle Ctrl-C")?;
-    Ok(interrupted)
 }
 
 /// The value of `--checkpoint-interval`.

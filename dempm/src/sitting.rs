@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use files::{FileLock, utc_now};
 use gpu::ranks::{Ranks, RanksError};
 use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 use miette::{IntoDiagnostic, bail};
@@ -16,7 +17,7 @@ use crate::record::STABLE_STEP;
 use crate::scene::Scene;
 use crate::simulation::{Simulation, SimulationError};
 use crate::summary;
-use crate::trajectory::{Trajectory, TrajectoryLock, TrajectoryWriter, utc_now};
+use crate::trajectory::{Trajectory, TrajectoryWriter};
 use crate::watch::Watch;
 
 /// Checkpoints take at most this part of the time.
@@ -99,7 +100,7 @@ struct Sitting {
     /// Of several ranks only the first one writes.
     output: Option<Output>,
     /// Held by whoever writes.
-    _lock: Option<TrajectoryLock>,
+    _lock: Option<FileLock>,
     checkpoint: PathBuf,
     path: PathBuf,
     bar: ProgressBar,
@@ -114,7 +115,7 @@ impl Sitting {
     fn start(scene: Scene, path: PathBuf, options: &Options) -> miette::Result<Self> {
         let checkpoint = checkpoint::path_beside(&path);
         let writes = options.ranks.as_ref().is_none_or(|ranks| ranks.is_first());
-        let lock = writes.then(|| TrajectoryLock::take(&path)).transpose()?;
+        let lock = writes.then(|| FileLock::take(&path)).transpose()?;
         let place = |simulation: &mut Simulation| match &options.device {
             Some(device) => simulation.move_to(device, options.ranks.as_ref()),
             None => Ok(()),

@@ -2,9 +2,9 @@
 
 use std::ffi::{CStr, CString};
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::path::Path;
 
 use cudarc::nvrtc::{result, sys};
+use files::{WriteError, read_sealed, seal, write_atomically};
 
 use crate::cache_directory;
 use crate::error::Error;
@@ -114,23 +114,17 @@ pub(crate) fn compile_cached(
         let stem = name.trim_end_matches(".cu");
         folder.join(format!("{stem}-{architecture}-{:016x}.cubin", hasher.finish()))
     });
-    if let Some(cubin) = file.as_ref().and_then(|file| std::fs::read(file).ok()) {
+    // A damaged one is compiled again.
+    if let Some(cubin) = file.as_ref().and_then(|file| read_sealed(file).ok()) {
         return Ok(cubin);
     }
     let cubin = compile(name, source, architecture, defines)?;
     if let Some(file) = file {
         // A cache that cannot be written costs a second at the next start, nothing else.
-        let _ = write_atomically(&file, &cubin);
+        let _ = write_atomically::<_, WriteError>(&file, |temporary| {
+            std::fs::write(temporary, seal(cubin.clone()))
+                .map_err(WriteError::at(&file, "write it"))
+        });
     }
     Ok(cubin)
-}
-
-/// Another process may read or write the same file.
-fn write_atomically(file: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    if let Some(folder) = file.parent() {
-        std::fs::create_dir_all(folder)?;
-    }
-    let part = file.with_extension(format!("{}.part", std::process::id()));
-    std::fs::write(&part, bytes)?;
-    std::fs::rename(&part, file)
 }

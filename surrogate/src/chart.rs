@@ -3,12 +3,11 @@
 use std::ops::Range;
 use std::path::Path;
 
-use dempm::trajectory::{WriteError, write_text};
+use files::{WriteError, write_text};
+use plot::FONT;
 use plotters::prelude::*;
-use plotters::style::{RGBColor, register_font};
+use plotters::style::RGBColor;
 
-const FONT: &str = "DejaVu Sans";
-static FONT_FILE: &[u8] = include_bytes!("../../dempm/assets/DejaVuSans-subset.ttf");
 const SIZE: (u32, u32) = (900, 540);
 const TEXT: u32 = 15;
 
@@ -69,7 +68,7 @@ impl Chart {
     }
 
     fn draw(&self, text: &mut String) -> Result<(), Box<dyn std::error::Error + '_>> {
-        register_font(FONT, FontStyle::Normal, FONT_FILE).map_err(|_| "the font is damaged")?;
+        plot::register_font()?;
         let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
         area.fill(&WHITE)?;
         let [x, y] = self.ranges();

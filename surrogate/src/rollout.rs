@@ -8,10 +8,9 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::overwrite::refuse_input;
-use dempm::run::{INTERRUPTED, interrupt_flag};
 use dempm::scene::Scene;
-use dempm::trajectory::{Frame, TrajectoryLock, TrajectoryWriter};
+use dempm::trajectory::{Frame, TrajectoryWriter};
+use files::{FileLock, INTERRUPTED, interrupt_flag, refuse_input};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Context, IntoDiagnostic, bail};
 
@@ -266,7 +265,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     }
     let inputs = [Some(&args.model), args.scene.as_ref(), args.from.as_ref()];
     refuse_input(&args.output, inputs.into_iter().flatten())?;
-    let _lock = TrajectoryLock::take(&args.output)?;
+    let _lock = FileLock::take(&args.output)?;
     let (mirror, precision) = (args.mirror, args.precision);
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     simulator.place(args.device).into_diagnostic().wrap_err("--device, --precision")?;
@@ -350,7 +349,7 @@ fn begin(
     start: &Start,
 ) -> miette::Result<TrajectoryWriter> {
     let mut header = start.header.clone();
-    header.created = dempm::trajectory::utc_now();
+    header.created = files::utc_now();
     header.versions.insert("surrogate".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
     header.device = match &simulator.gpu {
         Some(device) => device.name().to_owned(),

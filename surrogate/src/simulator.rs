@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use dempm::trajectory::{WriteError, write_atomically};
+use files::{WriteError, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::accuracy::Accuracy;

@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use dempm::scene::{Scene, SceneError};
 use dempm::simulation::{Simulation, SimulationError};
-use dempm::trajectory::{Frame, Header, Points, Trajectory, TrajectoryError, utc_now};
+use dempm::trajectory::{Frame, Header, Points, Trajectory, TrajectoryError};
+use files::utc_now;
 
 use crate::node_features::{Missing, static_features};
 use crate::simulator::Simulator;

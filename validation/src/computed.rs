@@ -36,7 +36,7 @@ impl Made {
     pub fn now(context: &Context) -> Self {
         let command: Vec<String> = std::env::args().collect();
         Self {
-            when: dempm::trajectory::utc_now(),
+            when: files::utc_now(),
             command: command.join(" "),
             version: format!("{} (build {})", env!("CARGO_PKG_VERSION"), context.work.build()),
             device: context.device_name.clone(),

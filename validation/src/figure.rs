@@ -20,7 +20,7 @@ pub struct Figure {
 /// The picture itself.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Picture {
-    /// Text of an SVG file, in the colours of [`crate::chart`], which follow light and dark.
+    /// Text of an SVG file, in the colours of [`plot::Chart`], which follow light and dark.
     Svg(String),
     /// A PNG file.
     #[serde(with = "Base64")]

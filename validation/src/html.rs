@@ -24,7 +24,7 @@ pub fn page(facts: &[(&str, String)], written: &[Written]) -> String {
          <meta name=\"color-scheme\" content=\"light dark\">\n\
          <title>DEMPM validation report</title>\n<style>\n{STYLE}{}</style>\n</head>\n<body>\n\
          <header><h1>DEMPM validation report</h1>\n",
-        crate::chart::dark_style()
+        plot::dark_style()
     );
     html += "<p>Granular flow by a material point method with a packing of discs in every point (the \
              direct solver), by a continuum law, and by networks that have learnt from the solver: set \
@@ -224,7 +224,7 @@ fn write_figure(html: &mut String, section: &WrittenSection, figure: &Figure) {
     let animated = if matches!(figure.picture, Picture::Gif(_)) { " animation" } else { "" };
     let _ = write!(html, "<figure class=\"picture{animated}\"><div class=\"scroll\">");
     match &figure.picture {
-        Picture::Svg(text) => *html += &crate::chart::inlined(text, &escape(&figure.title)),
+        Picture::Svg(text) => *html += &plot::inlined(text, &escape(&figure.title)),
         picture => {
             let _ = write!(
                 html,

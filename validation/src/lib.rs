@@ -3,7 +3,6 @@
 
 pub mod animation;
 pub mod block;
-pub mod chart;
 pub mod command;
 pub mod compare;
 pub mod compare_files;

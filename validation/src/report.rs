@@ -10,8 +10,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::run::{INTERRUPTED, interrupt_flag};
-use dempm::trajectory::write_atomically;
+use files::{INTERRUPTED, interrupt_flag, write_atomically};
 use miette::{IntoDiagnostic, WrapErr, bail};
 
 use crate::block::{Block, Figure, Table};

@@ -1,6 +1,6 @@
 //! `results.json`: what the report was made with, what it says, and the runs behind it.
 
-use dempm::trajectory::utc_now;
+use files::utc_now;
 use serde_json::{Value, json};
 
 use crate::block::{Block, Table};

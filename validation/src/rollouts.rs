@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use dempm::trajectory::Trajectory;
+use plot::{Axis, Chart, Mark, Series};
 use rayon::prelude::*;
 use surrogate::metrics::Errors;
 
 use crate::animation::animated;
 use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
 use crate::compare::kept_difference;
 use crate::context::{Context, Model, Start};
 use crate::picture::{RANGE, View, in_rows};
@@ -181,7 +181,8 @@ pub fn chart(title: &str, rollouts: &[&Rollout], floor: Option<&Errors>) -> miet
     }
     let picture =
         Chart { x: Axis::linear("time [s]"), y: Axis::log("MSE [box²]"), series, floor: None }
-            .draw()?;
+            .svg()
+            .map(crate::figure::Picture::Svg)?;
     let mut caption =
         "Mean square distance of points from where they should be, in units of the box.".to_owned();
     if rollouts.iter().any(|rollout| rollout.errors.failure.is_some()) {

@@ -2,7 +2,8 @@
 
 use std::fmt::Write as _;
 
-use dempm::dataset::quoted;
+use files::csv_cell;
+pub use plot::number;
 use serde::{Deserialize, Serialize};
 
 /// A table of texts. A cell that could not be filled is empty, never a guess.
@@ -39,25 +40,11 @@ impl Table {
     pub fn csv(&self) -> String {
         let mut text = String::new();
         for row in std::iter::once(&self.columns).chain(&self.rows) {
-            let cells: Vec<String> = row.iter().map(|cell| quoted(cell)).collect();
+            let cells: Vec<String> = row.iter().map(|cell| csv_cell(cell)).collect();
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{}", cells.join(","));
         }
         text
-    }
-}
-
-/// A number for people: three significant digits, exponents where zeros would pile up.
-pub fn number(value: f64) -> String {
-    let size = value.abs();
-    match size {
-        _ if !value.is_finite() => String::new(),
-        0.0 => "0".to_owned(),
-        _ if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
-        _ => {
-            let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
-            trimmed(format!("{value:.decimals$}"))
-        }
     }
 }
 
@@ -70,14 +57,6 @@ pub fn seconds(value: f64) -> String {
         v if v < 600.0 => format!("{v:.0} s"),
         v if v < 36_000.0 => format!("{:.0} min", v / 60.0),
         v => format!("{:.1} h", v / 3600.0),
-    }
-}
-
-fn trimmed(number: String) -> String {
-    if number.contains('.') {
-        number.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        number
     }
 }
 
@@ -94,9 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_short() {
-        let texts = [0.0, 3.0, 0.0625, 2.345, 123.4, 1.23e-6, 921_600.0, f64::NAN].map(number);
-        assert_eq!(texts, ["0", "3", "0.0625", "2.35", "123", "1.2e-6", "9.2e5", ""]);
+    fn durations_are_short() {
         assert_eq!([0.25, 42.0, 3000.0].map(seconds), ["0.25 s", "42 s", "50 min"]);
     }
 }

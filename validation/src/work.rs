@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use dempm::run::INTERRUPTED;
-use dempm::trajectory::{Trajectory, write_atomically};
+use dempm::trajectory::Trajectory;
+use files::{INTERRUPTED, write_atomically};
 use miette::{IntoDiagnostic, WrapErr};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;

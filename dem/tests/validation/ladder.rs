@@ -9,7 +9,7 @@ use crate::common::{DENSE, LOOSE, MEDIUM, expect, packing, parameters};
 /// Targets: another code with the same grains, one packing each; ours are medians of five seeds.
 /// Seeds scatter: strain and modulus of dense packings by 5 %, K0 by 0.03; of loose ones by 25 %
 /// and 0.06. The K0 of loose packings also falls with the local damping of the preparation (0.05
-/// lower at 0.2 than at 0.7; see docs/validation-dem.md).
+/// lower at 0.2 than at 0.7; see docs/notes/2026-11-21-dem.md).
 #[rstest]
 #[case::dense(DENSE, 7.3e-3, 0.66, [0.49, 0.47, 0.46, 0.45], [0.10, 0.03])]
 #[case::medium(MEDIUM, 8.5e-3, 0.58, [0.60, 0.56, 0.53, 0.51], [0.10, 0.04])]

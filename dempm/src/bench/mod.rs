@@ -7,10 +7,10 @@ mod scenes;
 use std::sync::Arc;
 use std::time::Duration;
 
+use files::utc_now;
 use miette::IntoDiagnostic;
 
 use crate::device::Device;
-use crate::trajectory::utc_now;
 
 /// Arguments of `dempm bench`.
 #[derive(clap::Args)]

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::trajectory::{TrajectoryError, WriteError};
+use files::WriteError;
+
+use crate::trajectory::TrajectoryError;
 
 /// An error that names the file, and the key in it.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]

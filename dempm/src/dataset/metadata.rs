@@ -4,10 +4,10 @@
 
 use std::path::Path;
 
+use files::{WriteError, write_atomically};
 use serde::Serialize;
 
 use super::{DataSet, DatasetError, Split, Statistics, open_finished};
-use crate::trajectory::{WriteError, write_atomically};
 
 /// The content of `metadata.json`. Lengths in m, times in s; velocities and accelerations are
 /// differences of positions per frame.
@@ -112,7 +112,7 @@ impl Metadata {
             serde_json::to_string_pretty(self)
                 .map_err(std::io::Error::other)
                 .and_then(|text| std::fs::write(temporary, text + "\n"))
-                .map_err(|source| WriteError { path: path.clone(), action: "write it", source })
+                .map_err(WriteError::at(&path, "write it"))
         })
     }
 }

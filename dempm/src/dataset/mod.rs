@@ -13,20 +13,20 @@ mod work;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use files::{INTERRUPTED, interrupt_flag};
 use miette::{IntoDiagnostic, bail};
 
 use crate::device::Device;
-use crate::run::{INTERRUPTED, checkpoint_interval, interrupt_flag};
+use crate::run::checkpoint_interval;
 use crate::scene::Scene;
 
 use choice::Choice;
 pub use error::DatasetError;
 pub use metadata::Metadata;
-pub use report::quoted;
 pub use split::{DataSet, Split, open_finished};
 pub use statistics::{Statistics, Welford};
 
-/// Scenes at a time on a GPU: measured in docs/benchmarks-gpu.md.
+/// Scenes at a time on a GPU: measured in docs/notes/2026-11-22-rve-kernel.md.
 const JOBS_ON_A_GPU: usize = 4;
 
 /// Arguments of `dempm dataset`.

@@ -3,9 +3,11 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use files::{WriteError, csv_cell, write_text};
+
 use super::{Case, DatasetError, Split};
 use crate::record::STABLE_STEP;
-use crate::trajectory::{Field, Trajectory, WriteError, write_text};
+use crate::trajectory::{Field, Trajectory};
 
 /// One scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,36 +180,16 @@ pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), WriteError> {
     for row in rows {
         let fields = [
             row.split.name().to_owned(),
-            quoted(&row.name),
+            csv_cell(&row.name),
             row.points.to_string(),
             row.discs.to_string(),
             row.steps.to_string(),
             number(row.seconds),
             number(row.front),
-            quoted(&row.checks),
-            quoted(&row.values),
+            csv_cell(&row.checks),
+            csv_cell(&row.values),
         ];
         text += &(fields.join(",") + "\n");
     }
     write_text(path, &text)
-}
-
-/// A text as a field of a CSV file (RFC 4180).
-pub fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn texts_with_commas_are_quoted() {
-        assert_eq!(quoted("ok"), "ok");
-        assert_eq!(quoted("a = [1, 2], b = \"x\""), "\"a = [1, 2], b = \"\"x\"\"\"");
-    }
 }

@@ -8,12 +8,13 @@
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use files::{OutputFile, write_atomically};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::{ExportError, frames_f32};
 use crate::export::npz::npy_header;
-use crate::trajectory::{OutputFile, Trajectory, write_atomically};
+use crate::trajectory::Trajectory;
 
 /// Sand among the particle types of the GNS data sets.
 const SAND: i32 = 6;

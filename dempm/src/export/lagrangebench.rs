@@ -3,10 +3,11 @@
 
 use std::path::Path;
 
+use files::write_atomically;
 use ndarray::{Array1, s};
 
 use super::{ExportError, frames_f32};
-use crate::trajectory::{Trajectory, WriteThrough, write_atomically};
+use crate::trajectory::{Trajectory, WriteThrough};
 
 /// `NodeType.FLUID` of LagrangeBench: what moves by itself.
 const FLUID: i64 = 0;

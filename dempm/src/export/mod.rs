@@ -7,9 +7,10 @@ mod vtp;
 
 use std::path::{Path, PathBuf};
 
+use files::{WriteError, refuse_input};
+
 use crate::dataset::{DataSet, DatasetError, Metadata};
-use crate::overwrite::refuse_input;
-use crate::trajectory::{Trajectory, TrajectoryError, WriteError, system_error};
+use crate::trajectory::{Trajectory, TrajectoryError, system_error};
 
 /// The arguments of `dempm export`.
 #[derive(clap::Args, Clone, Debug)]
@@ -56,7 +57,7 @@ pub(crate) enum ExportError {
 
 impl ExportError {
     fn at(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
-        move |source| Self::Write(WriteError { path: path.to_owned(), action: "write it", source })
+        move |source| Self::Write(WriteError::at(path, "write it")(source))
     }
 
     fn hdf5(path: &Path) -> impl Fn(hdf5::Error) -> Self + '_ {

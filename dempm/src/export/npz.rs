@@ -3,11 +3,12 @@
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use files::{OutputFile, write_atomically};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::ExportError;
-use crate::trajectory::{Field, OutputFile, Trajectory, write_atomically};
+use crate::trajectory::{Field, Trajectory};
 
 /// Writes all arrays of a trajectory, frame by frame.
 pub(super) fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {

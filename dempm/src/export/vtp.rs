@@ -4,8 +4,10 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
+use files::write_atomically;
+
 use super::ExportError;
-use crate::trajectory::{Field, Frame, Points, Trajectory, write_atomically};
+use crate::trajectory::{Field, Frame, Points, Trajectory};
 
 /// Writes `output` (.pvd) and the folder of its frames beside it, `NAME_frames`.
 pub(super) fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {

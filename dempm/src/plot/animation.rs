@@ -1,21 +1,25 @@
 //! A trajectory as a film.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+use files::write_atomically;
 use image::RgbImage;
 use miette::{IntoDiagnostic, WrapErr, bail, miette};
+use plot::{Gif, Palette};
 use rayon::prelude::*;
 
 use super::figure::{Figure, Panel};
-use super::gif::Gif;
 use super::view::View;
 use super::{PictureError, PlotArgs, panels, quantity, select};
-use crate::trajectory::{Trajectory, write_atomically};
+use crate::trajectory::Trajectory;
 
 /// Frames that are drawn at a time, on all cores.
 const BATCH: usize = 32;
+/// Hundredths of a second that the last frame of a GIF stands before it begins again.
+const LAST_FRAME: u16 = 200;
 /// Frames from which the range of the colours is taken.
 const SAMPLES: usize = 60;
 
@@ -35,9 +39,16 @@ pub(super) fn animate(
     let figure = layout(trajectory, args, &chosen)?;
     let write = |temporary: &Path| -> miette::Result<()> {
         if is_gif {
-            let mut gif = Gif::create(temporary, figure.size(), args.fps, figure.scale())?;
-            draw_all(trajectory, args, &figure, &chosen, |image| gif.push(image))?;
-            gif.finish()
+            let mut palette = Palette::new(figure.scale());
+            let file = BufWriter::new(File::create(temporary).into_diagnostic()?);
+            // GIF counts in hundredths of a second.
+            let delay = (100.0 / f64::from(args.fps)).round().max(2.0) as u16;
+            let mut gif = Gif::new(file, figure.size(), palette.colours(), delay)?;
+            draw_all(trajectory, args, &figure, &chosen, |image| {
+                Ok(gif.push(palette.indexed(image))?)
+            })?;
+            gif.hold(LAST_FRAME)?;
+            Ok(gif.finish()?)
         } else {
             let mut ffmpeg = Ffmpeg::start(temporary, figure.size(), args.fps)?;
             draw_all(trajectory, args, &figure, &chosen, |image| ffmpeg.push(image))?;

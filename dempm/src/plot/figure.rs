@@ -1,13 +1,12 @@
 //! Panels with common axes above one colour bar.
 
 use image::RgbImage;
-use plotters::style::RGBColor;
+use plot::{
+    Anchor, Canvas, ColourScale, INK, Pen, PenError, RGBColor, Range, minus, tick_texts, ticks,
+};
 
 use super::PlotArgs;
-use super::canvas::{Anchor, Canvas, INK, Pen, PenError};
-use super::colour::Scale;
 use super::quantity::{Quantity, Start};
-use super::range::{Range, minus, tick_texts, ticks};
 use super::view::View;
 use crate::trajectory::{Frame, Header};
 
@@ -34,7 +33,7 @@ pub(super) struct Figure {
     walls: Vec<[f64; 4]>,
     point_spacing: f64,
     view: View,
-    scale: Scale,
+    scale: ColourScale,
     /// Pixels; see [`Layout`].
     layout: Layout,
 }
@@ -75,7 +74,7 @@ impl Figure {
             walls: header.walls.clone(),
             point_spacing: header.point_spacing,
             view,
-            scale: Scale { range, log, signed, classes },
+            scale: ColourScale { range, log, signed, classes },
             layout: Layout::new(f64::from(width), view, count),
         }
     }
@@ -86,7 +85,7 @@ impl Figure {
         (even(self.layout.width), even(self.layout.height))
     }
 
-    pub(super) const fn scale(&self) -> &Scale {
+    pub(super) const fn scale(&self) -> &ColourScale {
         &self.scale
     }
 
@@ -101,7 +100,7 @@ impl Figure {
             }
             self.draw_bar(pen)
         })?;
-        canvas.finish()
+        Ok(canvas.finish())
     }
 
     fn draw_title(&self, pen: &Pen<'_, '_>) -> Result<(), PenError> {

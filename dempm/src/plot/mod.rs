@@ -1,23 +1,19 @@
 //! `dempm plot`: pictures and animations of a trajectory.
 
 mod animation;
-mod canvas;
-mod colour;
 mod figure;
-mod gif;
 mod quantity;
-mod range;
 mod select;
 mod view;
 
 use std::path::{Path, PathBuf};
 
+use files::{refuse_input, write_atomically};
 use miette::{IntoDiagnostic, WrapErr, bail};
 
 use self::figure::{Figure, Panel};
 pub use self::quantity::Quantity;
-use crate::overwrite::refuse_input;
-use crate::trajectory::{Trajectory, write_atomically};
+use crate::trajectory::Trajectory;
 
 /// The arguments of `dempm plot`.
 #[derive(clap::Args, Clone, Debug)]
@@ -101,8 +97,8 @@ fn picture(trajectory: &Trajectory, args: &PlotArgs, output: &Path) -> miette::R
 /// Carries a report through [`write_atomically`].
 struct PictureError(miette::Report);
 
-impl From<crate::trajectory::WriteError> for PictureError {
-    fn from(error: crate::trajectory::WriteError) -> Self {
+impl From<files::WriteError> for PictureError {
+    fn from(error: files::WriteError) -> Self {
         Self(error.into())
     }
 }

@@ -10,6 +10,7 @@ mod geometry;
 mod log;
 mod model;
 pub(crate) mod parameters;
+mod plausibility;
 mod points;
 mod problem;
 mod range;
@@ -32,6 +33,10 @@ pub use problem::{Problem, Problems, SceneError};
 use log::Log;
 use miette::Severity;
 
+/// Longest scene file, in bytes: an attribute of an HDF5 file, where trajectories keep theirs, holds
+/// 64 KiB.
+const MAX_BYTES: usize = 60_000;
+
 impl Scene {
     /// Reads and validates a scene file.
     ///
@@ -51,6 +56,11 @@ impl Scene {
     pub fn parse(text: &str, name: &str) -> Result<Self, SceneError> {
         let log = Log::default();
         let invalid = |problems| SceneError::Invalid(Box::new(Problems::new(name, text, problems)));
+        if text.len() > MAX_BYTES {
+            let problem = Problem::error(format!("{} bytes are too many", text.len()));
+            let help = format!("at most {MAX_BYTES}, as every trajectory holds its scene");
+            return Err(invalid(vec![problem.help(help)]));
+        }
         let document = read::parse(&log, text);
         let problems = log.take();
         if !problems.is_empty() {
@@ -63,6 +73,7 @@ impl Scene {
         }
         geometry::validate(&scene, &log);
         stability::validate(&scene, &log);
+        plausibility::validate(&scene, &log);
         let problems = log.take();
         if problems.iter().any(|problem| problem.severity == Severity::Error) {
             return Err(invalid(problems));

@@ -22,10 +22,10 @@ const SPEED: Limits = within(1.0e3, "m/s");
 const COULOMB: Limits =
     from_zero(10.0, "").with_example(0.5).with_hint("a Coulomb friction coefficient, such as 0.5");
 
-/// Parses the text; problems of the syntax are reported to the log.
+/// Parses the text. The first problem of the syntax is reported to the log: others mostly follow from it.
 pub(super) fn parse<'a>(log: &Log, text: &'a str) -> DeTable<'a> {
     let (document, errors) = DeTable::parse_recoverable(text);
-    for error in errors {
+    if let Some(error) = errors.first() {
         log.report(
             Problem::error("this is not valid TOML")
                 .at(error.span(), error.message())

@@ -246,6 +246,15 @@ fn a_wrong_line_is_explained(#[case] line: &str, #[case] expected: &[&str]) {
     "duration = 1\n[domain]\nsize=[4,4]\n[[column]]\nsize=[2,2]\nvelocity=[300,0]",
     &["300.0000 m/s is too fast", "250.0000 m/s"]
 )]
+#[case::coarse(
+    "duration = 1\n[domain]\nsize=[4,4]\ncell=1.0\n[[column]]\nsize=[0.5,0.5]",
+    &["smaller than a cell", "0.50 cells of 1 m across"]
+)]
+#[case::soft(
+    "duration = 1\n[domain]\nsize=[4,4]\n[[column]]\nsize=[1,1]\n[material]\nkind=\"elastic\"\n\
+     [elastic]\nyoung_modulus=1e4",
+    &["compresses its base by 192 %", "waves travel at 2.3 m/s"]
+)]
 fn a_wrong_scene_is_explained(#[case] text: &str, #[case] expected: &[&str]) {
     let shown = errors(text);
     for words in expected {
@@ -260,6 +269,11 @@ fn a_wrong_scene_is_explained(#[case] text: &str, #[case] expected: &[&str]) {
 #[case("[plate]\ncorner=[5,5]\nsize=[1,1]\nvelocity=[1,0]\nstart=9", "never moves")]
 #[case("[plate]\ncorner=[8,5]\nsize=[1,1]\nvelocity=[1,0]", "leaves the domain")]
 #[case("[rve]\noverlap_limit = 0.1", "smaller overlap than it would warn at")]
+#[case("[numerics]\nrelaxation = 0", "leaves points in random motion")]
+#[case(
+    "[mu-i]\nbulk_modulus = 1e5\nshear_modulus = 1e5\n[material]\nkind = \"mu-i\"",
+    "compresses its base"
+)]
 fn a_doubtful_scene_is_warned_about(#[case] lines: &str, #[case] expected: &str) {
     let scene = parse(&format!("{SHORT}{lines}"));
     let shown = render(&scene.warning_report().unwrap());
@@ -272,6 +286,27 @@ fn all_problems_of_a_pass_are_reported_at_once_in_the_order_of_the_file() {
     let at = |words| shown.find(words).unwrap_or_else(|| panic!("{words} is not in {shown}"));
     assert!(at("4 errors") < at("[[column]] is missing"));
     assert!(at("`duration` = -1") < at("`steep`") && at("`steep`") < at("`domain.size` must be"));
+}
+
+#[test]
+fn one_missing_bracket_is_one_error() {
+    let broken = format!("{SHORT}[[obstacle]]\ncorner = [5.0, 0.0\nsize = [1, 1]\n[numerics]\n");
+    let shown = errors(&broken);
+    assert!(shown.contains("1 error in the scene") && shown.contains("expected `,`"), "{shown}");
+}
+
+#[test]
+fn an_impact_faster_than_waves_is_warned_about() {
+    let fast =
+        SHORT.replace("[[column]]\n", "[[column]]\nvelocity = [0.0, -80.0]\ncorner = [0, 1]\n");
+    let shown = render(&parse(&fast).warning_report().unwrap());
+    assert!(shown.contains("column 1 hits a wall or the floor at up to 80.1 m/s"), "{shown}");
+}
+
+#[test]
+fn a_scene_longer_than_its_trajectory_can_hold_is_refused() {
+    let shown = errors(&format!("{SHORT}# {}", "long ".repeat(12_000)));
+    assert!(shown.contains("bytes are too many") && shown.contains("at most 60000"), "{shown}");
 }
 
 #[test]

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::atomic::WriteError;
+use files::WriteError;
+
 use super::write_through::system_error;
 
 /// The result of reading or writing a trajectory.
@@ -25,12 +26,6 @@ pub enum TrajectoryError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
-    /// Another process writes the file.
-    #[error("{}: another run is writing it", path.display())]
-    InUse {
-        /// The trajectory file.
-        path: PathBuf,
-    },
     /// The HDF5 library refuses a dataset, a group or an attribute.
     #[error("{}: HDF5 refuses {item}", path.display())]
     Hdf5 {

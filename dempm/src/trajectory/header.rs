@@ -18,7 +18,7 @@ pub struct Header {
     pub scene: String,
     /// The seed of the random numbers.
     pub seed: u64,
-    /// When the run began, UTC, ISO 8601; see [`super::utc_now`].
+    /// When the run began, UTC, ISO 8601; see [`files::utc_now`].
     pub created: String,
     /// Versions of the programs and libraries that made it, such as `dempm` -> `0.1.0`.
     pub versions: BTreeMap<String, String>,

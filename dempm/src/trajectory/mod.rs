@@ -5,28 +5,19 @@
 //! the file under its own name is complete and readable, it holds whole frames only, and a resumed
 //! run continues it as though it had never stopped.
 
-mod atomic;
-mod clock;
 mod error;
 mod frame;
 mod header;
 mod layout;
-mod lock;
-mod output_file;
 mod reader;
 mod vtk;
 mod write_through;
 mod writer;
 
-pub(crate) use atomic::beside;
-pub use atomic::{WriteError, check_writable, write_atomically, write_text};
-pub use clock::utc_now;
 pub use error::{Result, TrajectoryError};
 pub use frame::{Frame, Points};
 pub use header::Header;
 pub use layout::{FORMAT, FORMAT_VERSION, Field};
-pub use lock::TrajectoryLock;
-pub(crate) use output_file::OutputFile;
 pub use reader::Trajectory;
 pub(crate) use write_through::{WriteThrough, system_error};
 pub use writer::TrajectoryWriter;

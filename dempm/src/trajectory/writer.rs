@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use files::{AtomicFile, WriteError, write_atomically};
 use hdf5::file::{FileAccessBuilder, LibraryVersion};
 use hdf5::{File, Group, H5Type};
 use ndarray::ArrayView;
 
-use super::atomic::{Draft, failed, write_atomically};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::header::{Header, write_scalar, write_text};
@@ -44,7 +44,7 @@ pub struct TrajectoryWriter {
 #[derive(Debug)]
 struct Drafted {
     file: WriteThrough,
-    draft: Draft,
+    draft: AtomicFile,
     /// Pending frames of which it holds the values at points.
     frames: usize,
 }
@@ -229,8 +229,8 @@ impl TrajectoryWriter {
 
     /// A copy of the file, cut to the frames to keep.
     fn begin_draft(&self) -> Result<Drafted> {
-        let draft = Draft::new(&self.path)?;
-        fs::copy(&self.path, draft.temporary()).map_err(failed(&self.path, "copy it"))?;
+        let draft = AtomicFile::new(&self.path)?;
+        fs::copy(&self.path, draft.temporary()).map_err(WriteError::at(&self.path, "copy it"))?;
         let file = WriteThrough::open(draft.temporary(), version_110)
             .map_err(TrajectoryError::writing(&self.path, "the file"))?;
         self.set_frames(&file, self.kept)?;

@@ -28,7 +28,7 @@ impl Collapse {
             title: "Synthetic column collapse".to_owned(),
             scene: "title = \"Synthetic column collapse\"\n# µ, σ: not only ASCII\n".to_owned(),
             seed: 42,
-            created: dempm::trajectory::utc_now(),
+            created: files::utc_now(),
             versions: BTreeMap::from([("dempm".to_owned(), "0.1.0".to_owned())]),
             device: "cpu, 2 threads".to_owned(),
             precision: "f64".to_owned(),

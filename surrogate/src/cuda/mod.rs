@@ -2,7 +2,7 @@
 //! and `graph.cu`), and each is the twin of code for the CPU.
 //!
 //! The networks are computed in float32, or in bfloat16 with sums in float32. The plain Burn model
-//! of [`crate::model`] is the reference; docs/benchmarks-gpu-surrogate.md has the design. States are
+//! of [`crate::model`] is the reference; docs/notes/2026-11-22-network-kernels.md has the design. States are
 //! rows of 128 columns; narrower networks are padded with zeros.
 
 mod ahead;

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::device::Device;
-use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError, write_text};
+use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError};
+use files::write_text;
 use miette::{Context, IntoDiagnostic, bail};
 
 use self::tables::{chart, frames_table, report, summary_table};

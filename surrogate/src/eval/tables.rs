@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use dempm::dataset::quoted;
+use files::csv_cell;
 use plotters::prelude::SeriesLabelPosition;
 
 use super::Case;
@@ -23,7 +23,7 @@ pub fn frames_table(cases: &[Case]) -> String {
             let _ = writeln!(
                 text,
                 "{},{frame},{:.6},{:.6e},{:.6e},{:.6e},{:.6e}",
-                quoted(&errors.case),
+                csv_cell(&errors.case),
                 e.time,
                 e.mse,
                 e.front,
@@ -125,7 +125,7 @@ pub fn summary_table(cases: &[Case]) -> String {
         .to_owned();
     let number = |x: f64| format!("{x:.6e}");
     for row in rows(cases) {
-        text += &row.cells(number, number).map(|cell| quoted(&cell)).join(",");
+        text += &row.cells(number, number).map(|cell| csv_cell(&cell)).join(",");
         text.push('\n');
     }
     text

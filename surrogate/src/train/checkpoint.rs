@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dempm::trajectory::{WriteError, write_atomically};
+use files::{WriteError, write_atomically};
 use gpu::ranks::Fingerprint;
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Training files: what to train and how, as TOML. `docs/surrogate.md` describes every key.
+//! Training files: what to train and how, as TOML. `docs/training.md` describes every key.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

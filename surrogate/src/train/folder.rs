@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dempm::trajectory::TrajectoryLock;
+use files::FileLock;
 use miette::{IntoDiagnostic, WrapErr};
 
 /// What a training writes. The checkpoint is first: if the others cannot all be removed, at least nothing
@@ -30,8 +30,8 @@ pub fn files_in(folder: &Path) -> impl Iterator<Item = PathBuf> {
 ///
 /// # Errors
 /// If another training is there, or no file can be written.
-pub fn claim(folder: &Path) -> miette::Result<TrajectoryLock> {
-    TrajectoryLock::take(&checkpoint_in(folder))
+pub fn claim(folder: &Path) -> miette::Result<FileLock> {
+    FileLock::take(&checkpoint_in(folder))
         .wrap_err_with(|| format!("{}: cannot train into this folder", folder.display()))
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use dempm::trajectory::write_text;
+use files::write_text;
 use plotters::prelude::SeriesLabelPosition;
 use serde::{Deserialize, Serialize};
 

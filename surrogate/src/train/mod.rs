@@ -22,8 +22,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use dempm::device::Device;
-use dempm::overwrite::is_same;
-use dempm::run::{checkpoint_interval, interrupt_flag};
+use dempm::run::checkpoint_interval;
+use files::{interrupt_flag, is_same};
 use miette::bail;
 
 pub use self::config::{ConfigError, Precision, TrainConfig};

@@ -5,8 +5,7 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use dempm::run::INTERRUPTED;
-use dempm::trajectory::TrajectoryLock;
+use files::{FileLock, INTERRUPTED};
 use gpu::ranks::Environment;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, bail};
@@ -177,7 +176,7 @@ impl Sitting {
     /// Takes the folder, where this is the process that writes; the files of an old training there go,
     /// unless this one goes on with it. What would stop the training only later is looked for first, so
     /// that nothing is lost or written for a training that cannot be.
-    pub fn take_folder(&self, resume: bool) -> miette::Result<Option<TrajectoryLock>> {
+    pub fn take_folder(&self, resume: bool) -> miette::Result<Option<FileLock>> {
         if self.ranks.rank() > 0 {
             return Ok(None);
         }

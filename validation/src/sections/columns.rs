@@ -1,10 +1,10 @@
 //! Column collapses against the scaling laws of experiments.
 
 use dempm::trajectory::Trajectory;
+use plot::{Axis, Chart, Mark, Series};
 use toml::Value;
 
 use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::{Context, Suite};
 use crate::scene::with;
 use crate::section::Section;
@@ -102,7 +102,8 @@ impl Section for Columns {
             series,
             floor: None,
         }
-        .draw()?;
+        .svg()
+        .map(crate::figure::Picture::Svg)?;
         let titles: Vec<&str> = columns.iter().map(String::as_str).collect();
         let mut table = Table::new("Runout and height", titles).note(
             "Laws: runout (L - L0) / L0. Ours: the same, and the height of the deposit over L0. \

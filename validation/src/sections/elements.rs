@@ -3,11 +3,11 @@
 use dem::element::{Element, Stage, summary};
 use dem::{Preparation, RveParameters, consolidate};
 use miette::IntoDiagnostic;
+use plot::{Axis, Chart, Mark, Series};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::{Context, Suite};
 use crate::section::Section;
 use crate::table::number;
@@ -126,7 +126,8 @@ impl Section for Elements {
             ],
             floor: None,
         }
-        .draw()?;
+        .svg()
+        .map(crate::figure::Picture::Svg)?;
         let (least, most) =
             ratios.iter().fold((f64::MAX, f64::MIN), |(low, high), r| (low.min(*r), high.max(*r)));
         Ok(vec![

@@ -3,8 +3,9 @@
 mod comparisons;
 
 use self::comparisons::{comparisons, headline, pay_back};
+use plot::{Axis, Chart, Mark, Series};
+
 use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::Context;
 use crate::pareto::front;
 use crate::section::Section;
@@ -69,7 +70,8 @@ impl Section for SpeedAccuracy {
         blocks.extend(busy(&sweep));
         blocks.extend(elsewhere(&sweep));
         for (place, (name, unit, measure)) in MEASURES.into_iter().enumerate() {
-            let picture = chart(&sweep, name, unit, measure).draw()?;
+            let picture =
+                chart(&sweep, name, unit, measure).svg().map(crate::figure::Picture::Svg)?;
             let title = format!("Error over wall time: {name}");
             let costs: Vec<_> = sweep.measured.iter().map(|m| m.cost(measure)).collect();
             let best = front(&costs, measure(&sweep.floor)).into_iter();

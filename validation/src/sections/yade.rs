@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::process::Command;
 
 use miette::{IntoDiagnostic, WrapErr, bail};
+use plot::{Axis, Chart, Mark, Series};
 use serde::{Deserialize, Serialize};
 
 use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::Context;
 use crate::machine::processor;
 use crate::section::Section;
@@ -152,7 +152,9 @@ impl Found {
             Series::new(name, Mark::Line, path.map(|row| (row[0], value(*row))).collect())
         };
         let (x, y) = (Axis::linear("shear strain"), Axis::linear(label));
-        let picture = Chart { x, y, series: codes.map(line).collect(), floor: None }.draw()?;
+        let picture = Chart { x, y, series: codes.map(line).collect(), floor: None }
+            .svg()
+            .map(crate::figure::Picture::Svg)?;
         let caption = "One packing, one path; the lines part where chaos has grown.";
         Ok(Block::Figure(Figure::new(format!("Path: {label}"), picture, caption)))
     }

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use dempm::trajectory::Trajectory;
+use plot::{Axis, Chart, Mark, Series};
 
 use super::accuracy::ranking;
 use super::networks::belongs;
 use crate::block::{Block, Figure, Table};
-use crate::chart::{Axis, Chart, Mark, Series};
 use crate::context::{Context, Model};
 use crate::rollouts::{Rollout, animation, chart, failures, roll_out, snapshots, table};
 use crate::section::Section;
@@ -122,7 +122,11 @@ fn crossings(paths: &[PathBuf]) -> miette::Result<Vec<Block>> {
     };
     let caption = "The coarser the frames, the farther a network has to predict in one step.";
     Ok(vec![
-        Block::Figure(Figure::new("Histogram of cells crossed", chart.draw()?, caption)),
+        Block::Figure(Figure::new(
+            "Histogram of cells crossed",
+            chart.svg().map(crate::figure::Picture::Svg)?,
+            caption,
+        )),
         Block::Table(table),
     ])
 }

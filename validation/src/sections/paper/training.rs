@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use plot::{Axis, Chart, Mark, Series};
 use surrogate::simulator::Simulator;
 
 use super::networks::{of_paper, on_finest_data};
 use crate::block::{Block, Figure};
-use crate::chart::{Axis, Chart, Mark, Series};
 use crate::compare::errors_if_held;
 use crate::context::{Context, Model, files_in};
 use crate::rollouts::{Rollout, roll_out};
@@ -69,7 +69,11 @@ impl Section for Training {
                 let chart =
                     Chart { x: Axis::linear("step"), y: Axis::log(axis), series, floor: None };
                 let title = format!("{title} over training steps: {group}");
-                blocks.push(Block::Figure(Figure::new(title, chart.draw()?, caption)));
+                blocks.push(Block::Figure(Figure::new(
+                    title,
+                    chart.svg().map(crate::figure::Picture::Svg)?,
+                    caption,
+                )));
             }
         }
         Ok(blocks)

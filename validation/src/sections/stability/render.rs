@@ -1,9 +1,10 @@
 //! Studies as blocks of the report.
 
+use plot::{Mark, PlotError, Series};
+
 use super::snapshot;
 use super::study::{Axis, Chart, Finding, Map, Study};
 use crate::block::{Block, Figure, Table};
-use crate::chart::{self, ChartError, Mark, Series};
 use crate::map;
 use crate::table::number;
 
@@ -11,7 +12,7 @@ use crate::table::number;
 ///
 /// # Errors
 /// If a chart or picture cannot be drawn.
-pub fn blocks(study: &Study) -> Result<Vec<Block>, ChartError> {
+pub fn blocks(study: &Study) -> Result<Vec<Block>, PlotError> {
     let mut blocks = vec![Block::text(&study.method)];
     if !study.findings.is_empty() {
         blocks.push(Block::Findings(vec![summary(study)]));
@@ -128,7 +129,7 @@ fn rendered(map: &Map) -> map::Map {
     }
 }
 
-fn drawn(chart: &Chart) -> Result<crate::figure::Picture, ChartError> {
+fn drawn(chart: &Chart) -> Result<crate::figure::Picture, PlotError> {
     let marks = [Mark::Circles, Mark::Squares, Mark::Triangles, Mark::Crosses];
     let mut measured = 0;
     let series = chart.curves.iter().map(|curve| {
@@ -141,15 +142,16 @@ fn drawn(chart: &Chart) -> Result<crate::figure::Picture, ChartError> {
         Series::new(&curve.name, mark, curve.points.iter().map(|&[x, y]| (x, y)).collect())
     });
     let axis = |label: &str, log: bool| {
-        if log { chart::Axis::log(label) } else { chart::Axis::linear(label) }
+        if log { plot::Axis::log(label) } else { plot::Axis::linear(label) }
     };
-    chart::Chart {
+    plot::Chart {
         series: series.collect(),
         x: axis(&chart.x, chart.log[0]),
         y: axis(&chart.y, chart.log[1]),
         floor: None,
     }
-    .draw()
+    .svg()
+    .map(crate::figure::Picture::Svg)
 }
 
 #[cfg(test)]

@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
+use plot::PlotError;
+
 use super::study::Picture;
 use crate::block::Figure;
-use crate::chart::ChartError;
 use crate::figure;
 use crate::table::number;
 
@@ -20,7 +21,7 @@ const COLOURS: [&str; 8] =
 ///
 /// # Errors
 /// None at present; charts have the same signature.
-pub fn figure(picture: &Picture) -> Result<Figure, ChartError> {
+pub fn figure(picture: &Picture) -> Result<Figure, PlotError> {
     let grey = if picture.reference.is_empty() { "" } else { "; grey: the direct solver" };
     let caption = format!("Colour: {}{grey}.", picture.colour);
     Ok(Figure::new(&picture.title, figure::Picture::Svg(draw(picture)), caption))

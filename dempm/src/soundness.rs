@@ -1,0 +1,149 @@
+//! Signs that a computed state is no state of the material.
+//!
+//! They need what a trajectory holds, so that a run judges itself at every frame and a data set judges its
+//! files by the same rules.
+
+use std::collections::HashMap;
+use std::fmt::{self, Display, Formatter};
+
+/// Mechanical energy may grow by this part of that at the start: the ground stores less under its own
+/// weight.
+const ENERGY_GAIN: f64 = 0.05;
+
+/// So many times the points of a filled cell of the grid are material pressed into itself. Collapses,
+/// impacts and settling reach 1.5.
+const CROWDED: f64 = 2.5;
+
+/// A continuum compressed to this part of its volume is beyond its law; grains at a solid fraction of 0.82
+/// would fill all space at 0.82 of it.
+const COMPRESSED: f64 = 0.5;
+
+/// One sign, with the place and the likely cause.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unsound {
+    /// Kinetic and potential energy, less the work of plates, grew by this part of that at the start.
+    Energy {
+        /// Part of the energy at the start.
+        gain: f64,
+    },
+    /// A cell of the grid holds too many points.
+    Crowded {
+        /// Its centre (m).
+        at: [f64; 2],
+        /// Points in it over those of a filled cell.
+        density: f64,
+    },
+    /// Points leave through walls or boxes and are moved back in every step.
+    HeldAtWalls {
+        /// How many are moved back in a step, on average since the last frame.
+        points: f64,
+    },
+}
+
+impl Display for Unsound {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Energy { gain } => write!(
+                f,
+                "the mechanical energy is {:.0} % above that of the start; try a shorter `step`, or a \
+                 larger `relaxation`",
+                100.0 * gain
+            ),
+            Self::Crowded { at: [x, y], density } => write!(
+                f,
+                "a cell at ({x:.2}, {y:.2}) m holds {density:.1} times the material that fits into it: \
+                 the material is too soft for this load or impact speed"
+            ),
+            Self::HeldAtWalls { points } => write!(
+                f,
+                "{points:.0} points a step leave through a wall or a box and are moved back: the material \
+                 is too soft for this load, or `relaxation` too small to calm its points"
+            ),
+        }
+    }
+}
+
+/// Whether the energy grew: `start` and `now` are kinetic plus potential energy less the work of plates
+/// (J/m), `stored` is the elastic energy that the material started with (J/m).
+pub fn energy(start: f64, now: f64, stored: f64) -> Option<Unsound> {
+    let gain = now - start;
+    let allowed = ENERGY_GAIN * start.abs() + stored;
+    // Nothing that moves and nothing that could: round-off may.
+    (start != 0.0 && gain > allowed).then(|| Unsound::Energy { gain: gain / start.abs() })
+}
+
+/// Whether material is pressed into itself: cells of size `cell` (m), `full` points in a filled one.
+pub fn crowding(position: &[[f64; 2]], cell: f64, full: usize) -> Option<Unsound> {
+    let mut count = HashMap::<[i64; 2], usize>::new();
+    for x in position {
+        // Points are inside of the domain: a cast cannot overflow.
+        *count.entry(x.map(|x| (x / cell).floor() as i64)).or_default() += 1;
+    }
+    // The first of several, whatever the order of the map.
+    let (index, most) = count.into_iter().max_by_key(|&(index, n)| (n, std::cmp::Reverse(index)))?;
+    let density = most as f64 / full as f64;
+    let at = index.map(|i| (i as f64 + 0.5) * cell);
+    // One point more than fits is no density where cells hold one or two.
+    (density > CROWDED && most > full + 2).then_some(Unsound::Crowded { at, density })
+}
+
+/// Whether walls and boxes hold points by force: projections since the start of the run up to two frames
+/// that are `steps` apart.
+pub fn held_at_walls(before: f64, now: f64, steps: usize) -> Option<Unsound> {
+    let points = (now - before) / steps as f64;
+    (points >= 1.0).then_some(Unsound::HeldAtWalls { points })
+}
+
+/// The point of a continuum that is compressed beyond what its law describes, with the part of its volume
+/// that is left.
+pub fn compression(volume: &[f64], start: f64) -> Option<(usize, f64)> {
+    let (point, least) =
+        volume.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    (least < COMPRESSED * start).then_some((point, least / start))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn energy_may_come_from_what_was_stored_but_not_from_nowhere() {
+        assert_eq!(energy(100.0, 104.0, 0.0), None);
+        assert_eq!(energy(100.0, 108.0, 4.0), None);
+        assert_eq!(energy(100.0, 110.0, 4.0), Some(Unsound::Energy { gain: 0.1 }));
+        // Potential energy may be negative, and there may be none at all.
+        assert_eq!(energy(-100.0, -50.0, 0.0), Some(Unsound::Energy { gain: 0.5 }));
+        assert_eq!(energy(0.0, 1.0, 0.0), None);
+    }
+
+    #[test]
+    fn a_crowded_cell_is_found_where_it_is() {
+        let block = |n: usize, spacing: f64| {
+            (0..n * n).map(move |k| [k % n, k / n].map(|i| 1.0 + (i as f64 + 0.5) * spacing))
+        };
+        let filled: Vec<_> = block(8, 0.05).collect();
+        assert_eq!(crowding(&filled, 0.1, 4), None);
+        let pressed: Vec<_> = block(8, 0.05).chain(block(3, 0.03)).collect();
+        let found = crowding(&pressed, 0.1, 4);
+        let Some(Unsound::Crowded { at, density }) = found else { panic!("{found:?}") };
+        assert!((at[0] - 1.05).abs() < 1e-9 && (at[1] - 1.05).abs() < 1e-9, "{at:?}");
+        assert_eq!(density, 13.0 / 4.0);
+        assert_eq!(crowding(&[], 0.1, 4), None);
+        // Three points that meet where one fits are chance.
+        assert_eq!(crowding(&[[0.5, 0.5]; 3], 1.0, 1), None);
+    }
+
+    #[test]
+    fn points_that_are_moved_back_in_every_step_are_held() {
+        assert_eq!(held_at_walls(5.0, 60.0, 100), None);
+        let held = held_at_walls(5.0, 1005.0, 100).unwrap();
+        assert_eq!(held, Unsound::HeldAtWalls { points: 10.0 });
+        assert!(held.to_string().starts_with("10 points a step leave"), "{held}");
+    }
+
+    #[test]
+    fn a_continuum_has_a_least_volume() {
+        assert_eq!(compression(&[1.0, 0.6, 2.0], 1.0), None);
+        assert_eq!(compression(&[1.0, 0.8, 0.4, 2.0], 2.0), Some((2, 0.2)));
+    }
+}

@@ -1,0 +1,78 @@
+//! Text for people: printing never ends a computation, and never controls the terminal.
+
+use std::borrow::Cow;
+use std::fmt::Display;
+use std::io::{self, Write};
+
+/// Standard output is closed or full.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[error("cannot write to the standard output")]
+pub struct PrintError(#[from] io::Error);
+
+/// Writes `text` and a line feed to the standard error stream. Where nobody reads it, it is lost, and the
+/// computation goes on.
+pub fn print_note(text: impl Display) {
+    let text = format!("{text}\n");
+    let _ = io::stderr().lock().write_all(printable(&text).as_bytes());
+}
+
+/// Writes `text`, the product of a command, to the standard output.
+///
+/// # Errors
+/// If the standard output is closed or full.
+pub fn print_result(text: impl Display) -> Result<(), PrintError> {
+    let text = text.to_string();
+    let mut out = io::stdout().lock();
+    out.write_all(printable(&text).as_bytes())?;
+    Ok(out.flush()?)
+}
+
+/// Writes a formatted line to the standard error stream, as `eprintln!` does, but never panics.
+#[macro_export]
+macro_rules! note {
+    ($($format:tt)*) => { $crate::print_note(::std::format_args!($($format)*)) };
+}
+
+/// `text` without characters that control a terminal. Titles and names may come from anybody's files.
+///
+/// Line feeds, tabs and the colours of messages (`ESC [ ... m`) stay.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    let is_plain = |c: char| !c.is_control() || c == '\n' || c == '\t';
+    if text.chars().all(is_plain) {
+        return Cow::Borrowed(text);
+    }
+    let mut kept = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(c) = rest.chars().next() {
+        let length = colour(rest).unwrap_or(c.len_utf8());
+        if is_plain(c) || length > c.len_utf8() {
+            kept.push_str(&rest[..length]);
+        } else {
+            kept.push(char::REPLACEMENT_CHARACTER);
+        }
+        rest = &rest[length..];
+    }
+    Cow::Owned(kept)
+}
+
+/// The length of the colour sequence that `text` begins with.
+fn colour(text: &str) -> Option<usize> {
+    let numbers = text.strip_prefix("\x1b[")?;
+    let end = numbers.find(|c: char| !(c.is_ascii_digit() || c == ';'))?;
+    numbers[end..].starts_with('m').then_some(2 + end + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_colours_reach_the_terminal() {
+        assert!(matches!(printable("a\tplain\nµ line"), Cow::Borrowed(_)));
+        assert_eq!(printable("\x1b[1;31mred\x1b[0m"), "\x1b[1;31mred\x1b[0m");
+        // A new window title, a cleared screen, a bell, a carriage return, an 8-bit control.
+        assert_eq!(printable("\x1b]0;owned\x07"), "\u{fffd}]0;owned\u{fffd}");
+        assert_eq!(printable("\x1b[2J"), "\u{fffd}[2J");
+        assert_eq!(printable("a\rb\u{9b}c\x1b["), "a\u{fffd}b\u{fffd}c\u{fffd}[");
+    }
+}

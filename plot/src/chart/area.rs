@@ -1,0 +1,15 @@
+//! The surface that a chart is drawn on.
+
+use plotters::coord::Shift;
+use plotters::prelude::{DrawingArea, SVGBackend};
+
+/// Width of all charts, pixels.
+pub(super) const WIDTH: u32 = 760;
+/// Height above the legend, pixels.
+pub(super) const HEIGHT: u32 = 440;
+/// Height of texts, pixels.
+pub(super) const TEXT: u32 = 14;
+
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+/// The result of drawing with plotters, whose errors borrow the text they draw into.
+pub(super) type Drawn<'a> = Result<(), Box<dyn std::error::Error + 'a>>;

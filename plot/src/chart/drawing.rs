@@ -1,0 +1,270 @@
+//! Drawing a chart with plotters.
+
+use std::ops::Range;
+
+use plotters::coord::ranged1d::{Ranged, ValueFormatter};
+use plotters::prelude::*;
+use plotters::style::RGBColor;
+
+use super::area::{Drawn, HEIGHT, TEXT, WIDTH};
+use super::colours::{COLOURS, GRID, INK, dark_style};
+use super::legend::{self, Entry};
+use super::series::{Axis, Mark, Series};
+use crate::error::PlotError;
+use crate::font::{FONT, register_font};
+use crate::number::number;
+
+/// A chart with a legend below it. Values that a logarithmic axis cannot show are left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chart {
+    /// Horizontal axis.
+    pub x: Axis,
+    /// Vertical axis.
+    pub y: Axis,
+    /// Drawn in this order, each in the next colour.
+    pub series: Vec<Series>,
+    /// The region below this y is shaded and labelled with this text.
+    pub floor: Option<(f64, String)>,
+}
+
+impl Chart {
+    /// The text of an SVG file, which follows light and dark by itself.
+    ///
+    /// # Errors
+    /// If plotters refuses, for example without its font.
+    pub fn svg(&self) -> Result<String, PlotError> {
+        let mut text = String::new();
+        register_font()?;
+        self.draw_into(&mut text).map_err(|error| PlotError::Draw {
+            what: format!("the chart of {}", self.y.label),
+            reason: error.to_string(),
+        })?;
+        let style = format!("<style>{}</style>", dark_style());
+        let end = text.find('>').map_or(text.len(), |end| end + 1);
+        text.insert_str(end, &style);
+        Ok(text.replacen("<svg ", "<svg class=\"chart\" ", 1))
+    }
+
+    fn draw_into<'a>(&self, text: &'a mut String) -> Drawn<'a> {
+        let entries = self.legend();
+        let lines = legend::lines(&entries);
+        let legend = legend::LINE * lines.len() as u32 + 6;
+        let area = SVGBackend::with_string(text, (WIDTH, HEIGHT + legend)).into_drawing_area();
+        let (upper, lower) = area.split_vertically(HEIGHT);
+        let [x, y] = self.ranges();
+        let mut builder = ChartBuilder::on(&upper);
+        builder.margin(8).margin_right(24).x_label_area_size(46).y_label_area_size(72);
+        match (self.x.log, self.y.log) {
+            (false, false) => self.plot(builder.build_cartesian_2d(x, y)?)?,
+            (true, false) => self.plot(builder.build_cartesian_2d(x.log_scale(), y)?)?,
+            (false, true) => self.plot(builder.build_cartesian_2d(x, y.log_scale())?)?,
+            (true, true) => self.plot(builder.build_cartesian_2d(x.log_scale(), y.log_scale())?)?,
+        }
+        legend::draw(&lower, &lines)?;
+        area.present()?;
+        Ok(())
+    }
+
+    fn plot<'a, X, Y>(
+        &self,
+        mut chart: ChartContext<'_, SVGBackend<'a>, Cartesian2d<X, Y>>,
+    ) -> Drawn<'a>
+    where
+        X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+        Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    {
+        let [x, y] = self.ranges();
+        let style = |size: u32| (FONT, size).into_font().color(&INK);
+        if let Some((floor, _)) = &self.floor
+            && *floor > y.start
+        {
+            let corners = [(x.start, y.start), (x.end, floor.min(y.end))];
+            chart.draw_series([Rectangle::new(corners, GRID.mix(0.5).filled())])?;
+        }
+        chart
+            .configure_mesh()
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GRID)
+            .axis_style(INK)
+            .label_style(style(TEXT))
+            .axis_desc_style(style(TEXT))
+            .x_desc(&self.x.label)
+            .y_desc(&self.y.label)
+            .x_labels(labels(&self.x))
+            .y_labels(labels(&self.y))
+            .x_label_formatter(&|value| tick(*value, &x, self.x.log))
+            .y_label_formatter(&|value| tick(*value, &y, self.y.log))
+            .draw()?;
+        for (series, colour) in self.series.iter().zip(self.colours()) {
+            let places = self.shown(series);
+            match series.mark {
+                Mark::Line | Mark::Reference => {
+                    let line = places.iter().map(|(place, _)| *place);
+                    chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?;
+                }
+                mark => {
+                    for &(place, _) in &places {
+                        let element = EmptyElement::at(place);
+                        match mark {
+                            Mark::Squares => {
+                                chart
+                                    .draw_series([element
+                                        + Rectangle::new([(-5, -5), (5, 5)], colour.filled())])?
+                            }
+                            Mark::Triangles => chart.draw_series([
+                                element + TriangleMarker::new((0, 0), 7, colour.filled())
+                            ])?,
+                            Mark::Crosses => chart.draw_series([
+                                element + Cross::new((0, 0), 5, colour.stroke_width(2))
+                            ])?,
+                            _ => chart
+                                .draw_series([element + Circle::new((0, 0), 5, colour.filled())])?,
+                        };
+                    }
+                }
+            }
+            for (place, label) in places.into_iter().filter(|(_, label)| !label.is_empty()) {
+                let text = Text::new(label.to_owned(), (8, -15), style(TEXT - 1));
+                chart.draw_series([EmptyElement::at(place) + text])?;
+            }
+        }
+        if let Some((floor, meaning)) = &self.floor
+            && *floor > y.start
+        {
+            // At the left end, just below the edge of the shade.
+            let text = Text::new(meaning.clone(), (6, 4), style(TEXT - 1));
+            chart.draw_series([EmptyElement::at((x.start, floor.min(y.end))) + text])?;
+        }
+        Ok(())
+    }
+
+    /// Points of a series that the axes can show, with their labels.
+    fn shown<'s>(&self, series: &'s Series) -> Vec<((f64, f64), &'s str)> {
+        let fits = |value: f64, axis: &Axis| value.is_finite() && (!axis.log || value > 0.0);
+        let labels = series.labels.iter().map(String::as_str).chain(std::iter::repeat(""));
+        let points = series.points.iter().copied().zip(labels);
+        points.filter(|((x, y), _)| fits(*x, &self.x) && fits(*y, &self.y)).collect()
+    }
+
+    fn colours(&self) -> Vec<RGBColor> {
+        let mut next = 0;
+        let colour = |series: &Series| {
+            if series.mark == Mark::Reference {
+                return INK;
+            }
+            next += 1;
+            COLOURS[(next - 1) % COLOURS.len()].0
+        };
+        self.series.iter().map(colour).collect()
+    }
+
+    fn legend(&self) -> Vec<Entry> {
+        let entry = |(series, colour): (&Series, RGBColor)| Entry {
+            name: series.name.clone(),
+            mark: series.mark,
+            colour,
+        };
+        let entries = self.series.iter().zip(self.colours()).map(entry);
+        entries.filter(|entry| !entry.name.is_empty()).collect()
+    }
+
+    fn ranges(&self) -> [Range<f64>; 2] {
+        let places = || self.series.iter().flat_map(|s| self.shown(s)).map(|(place, _)| place);
+        let floor = self.floor.iter().map(|(y, _)| *y);
+        [
+            range(places().map(|(x, _)| x), self.x.log),
+            range(places().map(|(_, y)| y).chain(floor), self.y.log),
+        ]
+    }
+}
+
+/// A range with some air around the values.
+fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
+    let (low, high) = values
+        .filter(|value| value.is_finite() && (!log || *value > 0.0))
+        .fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
+    match (low > high, log) {
+        (true, true) => 0.1..1.0,
+        (true, false) => 0.0..1.0,
+        (false, true) => {
+            // At least a decade, so that there are ticks.
+            let (low, high) = (low / 1.6, high * 1.6);
+            let air = (10.0 * low / high).max(1.0).sqrt();
+            let (low, high) = (low / air, high * air);
+            low..high
+        }
+        (false, false) => {
+            let air = if high > low { 0.05 * (high - low) } else { 0.5 * high.abs().max(1.0) };
+            let start = if low >= 0.0 && low - air < 0.25 * (high - low) { 0.0 } else { low - air };
+            start..high + air
+        }
+    }
+}
+
+/// Ticks at most. With ten, plotters divides a single decade into its digits.
+fn labels(axis: &Axis) -> usize {
+    if axis.log { 10 } else { 8 }
+}
+
+/// The text of a tick; rounded, since plotters adds up steps. Digits that would stand too close on a
+/// logarithmic axis have none.
+fn tick(value: f64, range: &Range<f64>, log: bool) -> String {
+    let small = 1e-9 * (range.end - range.start).abs();
+    let digit = (value / 10_f64.powf(value.log10().floor())).round();
+    match log {
+        false if value.abs() < small => "0".to_owned(),
+        true if ![1.0, 2.0, 3.0, 5.0, 10.0].contains(&digit) => String::new(),
+        _ => number(value),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::colours::inlined;
+    use super::*;
+
+    fn chart() -> Chart {
+        Chart {
+            x: Axis::log("time [s]"),
+            y: Axis::log("error"),
+            series: vec![
+                Series {
+                    labels: vec!["1".into(), "2".into()],
+                    ..Series::new("solver", Mark::Circles, vec![(1.0, 1e-3), (10.0, 0.0)])
+                },
+                Series::new("best", Mark::Reference, vec![(1.0, 1e-3), (20.0, 1e-5)]),
+            ],
+            floor: Some((2e-6, "noise".into())),
+        }
+    }
+
+    #[test]
+    fn all_colours_of_a_chart_have_a_twin_in_the_dark() {
+        let svg = chart().svg().unwrap();
+        let style = dark_style();
+        let body = svg.replace(&style, "");
+        for colour in body.split('"').filter(|part| part.starts_with('#')) {
+            assert!(style.contains(colour), "{colour} in {body}");
+        }
+        assert!(body.contains("noise") && body.contains("solver"));
+        assert!(!inlined(&svg, "t").contains("<style>"));
+    }
+
+    #[test]
+    fn digits_of_a_decade_do_not_crowd() {
+        let texts =
+            [0.01, 0.03, 0.04, 0.05, 0.09, 0.1].map(|value| tick(value, &(0.01..0.5), true));
+        assert_eq!(texts, ["0.01", "0.03", "", "0.05", "", "0.1"]);
+        assert_eq!([0.4, 1e-18].map(|value| tick(value, &(0.0..1.0), false)), ["0.4", "0"]);
+    }
+
+    #[test]
+    fn a_value_without_a_logarithm_is_left_out() {
+        assert_eq!(chart().shown(&chart().series[0]), [((1.0, 1e-3), "1")]);
+        let wide = range([3e-6, 0.0, 2e-3].into_iter(), true);
+        assert!(wide.start < 3e-6 && wide.start > 1e-6 && wide.end > 2e-3 && wide.end < 4e-3);
+        let narrow = range([2.0, 3.0].into_iter(), true);
+        assert!(narrow.end / narrow.start > 9.99);
+        assert_eq!(range([].into_iter(), false), 0.0..1.0);
+    }
+}
