@@ -9,11 +9,9 @@ use dempm::scene::Scene;
 use dempm::simulation::Simulation;
 use dempm::trajectory::TrajectoryWriter;
 use serde_json::Value;
-use surrogate::backend::{Cpu, device};
-use surrogate::config::ModelConfig;
 use surrogate::features::Normalisation;
-use surrogate::model::Model;
-use surrogate::weights;
+use surrogate::network::burn_backend::{Cpu, device};
+use surrogate::network::{Model, ModelConfig, weights};
 use tempfile::TempDir;
 
 /// All sections that take data and models, and none that computes for long.

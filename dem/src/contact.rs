@@ -2,8 +2,9 @@
 
 use nalgebra::Matrix2;
 
-use crate::neighbours::Image2;
-use crate::packing::{Disc, Packing, Pair};
+use crate::disc::Disc;
+use crate::neighbours::{Image2, Pair};
+use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::real::Real;
 

@@ -5,11 +5,24 @@ use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
 
 use crate::cell::{Cell, min_stretch};
-use crate::packing::{Disc, Packing, Pair};
+use crate::disc::Disc;
 use crate::real::{Image, Real};
 
 /// Periodic image of a pair along both cell vectors.
 pub type Image2 = [Image; 2];
+
+/// A pair of discs close enough to touch before the next search.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub struct Pair<R: Real> {
+    pub i: u16,
+    pub j: u16,
+    /// Tangential spring force (N) along the contact's current tangent: positive acts on `j`
+    /// counter-clockwise around `i`. In two dimensions this scalar follows rotations by itself.
+    pub tangential: R,
+    /// Normal dashpot coefficient `2 zeta sqrt(m_eff kn)` (kg/s).
+    pub dashpot: R,
+}
 
 /// The pairs within reach of each other, and how far discs may move before the next search.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -138,91 +151,110 @@ impl<R: Real> Neighbours<R> {
     }
 }
 
-impl<R: Real> Packing<R> {
-    /// Finds all pairs within `r_i + r_j + skin`, keeping the history of touching pairs, after
-    /// reducing the lattice where it became oblique.
-    pub(crate) fn search(&mut self, skin: f64, dashpot: impl Fn(&Disc<R>, &Disc<R>) -> R) {
-        self.collect_history();
-        while let Some(step) = self.cell.reduction() {
-            for d in &mut self.discs {
+/// Vector from disc `i` of a pair to the given image of disc `j` (m).
+pub(crate) fn branch<R: Real>(
+    cell: &Cell,
+    discs: &[Disc<R>],
+    pair: &Pair<R>,
+    image: Option<Image2>,
+) -> Vector2<f64> {
+    let (a, b) = (&discs[pair.i as usize], &discs[pair.j as usize]);
+    let ds = [0, 1].map(|k| match image {
+        None => R::nearest(a.s[k], b.s[k]),
+        Some(image) => R::image(a.s[k], b.s[k], image[k]),
+    });
+    cell.h * Vector2::from(ds.map(|x| x.to_f64() * R::UNIT))
+}
+
+impl<R: Real> Neighbours<R> {
+    /// Lists all pairs within `r_i + r_j + skin` (m), after reducing the lattice where it has become
+    /// oblique. Touching pairs keep their history. `dashpot` gives the coefficient of a pair (kg/s).
+    pub(crate) fn search(
+        &mut self,
+        cell: &mut Cell,
+        discs: &mut [Disc<R>],
+        skin: f64,
+        dashpot: impl Fn(&Disc<R>, &Disc<R>) -> R,
+    ) {
+        self.collect_history(cell, discs);
+        while let Some(step) = cell.reduction() {
+            for d in &mut *discs {
                 let other = 1 - step.target;
                 d.s[other] = R::shear(d.s[other], step.k, d.s[step.target]);
             }
-            self.cell.reduce(step);
+            cell.reduce(step);
         }
 
-        let r_max = self.discs.iter().fold(0.0, |r: f64, d| r.max(d.r.to_f64()));
-        let list = &mut self.neighbours;
-        list.reach = 2.0 * r_max;
-        list.skin = skin;
-        list.travel = 0.0;
-        list.reference_cell = self.cell.h;
-        list.reference.clear();
-        list.reference.extend(self.discs.iter().map(|d| d.s));
-        list.pairs.clear();
-        list.images.clear();
+        let r_max = discs.iter().fold(0.0, |r: f64, d| r.max(d.r.to_f64()));
+        self.reach = 2.0 * r_max;
+        self.skin = skin;
+        self.travel = 0.0;
+        self.reference_cell = cell.h;
+        self.reference.clear();
+        self.reference.extend(discs.iter().map(|d| d.s));
+        self.pairs.clear();
+        self.images.clear();
 
-        let bins = (self.cell.widths() / (list.reach + skin)).map(|n| n.floor() as usize);
+        let bins = (cell.widths() / (self.reach + skin)).map(|n| n.floor() as usize);
         // With three bins each way no pair within reach has a second image within reach.
         if bins.min() >= 3 {
-            self.list_binned(skin, bins.x.min(64), bins.y.min(64), dashpot);
+            self.list_binned(cell, discs, [bins.x.min(64), bins.y.min(64)], dashpot);
         } else {
-            self.list_all_images(skin, dashpot);
+            self.list_all_images(cell, discs, dashpot);
         }
-        self.restore_history();
+        self.restore_history(cell, discs);
     }
 
-    fn collect_history(&mut self) {
-        let mut history = std::mem::take(&mut self.neighbours.scratch.history);
+    fn collect_history(&mut self, cell: &Cell, discs: &[Disc<R>]) {
+        let mut history = std::mem::take(&mut self.scratch.history);
         history.clear();
-        history.extend(self.neighbours.pairs.iter().enumerate().filter_map(|(index, pair)| {
+        history.extend(self.pairs.iter().enumerate().filter_map(|(index, pair)| {
             let tangential = pair.tangential.to_f64();
             (tangential != 0.0).then(|| History {
                 i: pair.i,
                 j: pair.j,
-                branch: self.branch(pair, self.neighbours.image(index)),
+                branch: branch(cell, discs, pair, self.image(index)),
                 tangential,
             })
         }));
-        self.neighbours.scratch.history = history;
+        self.scratch.history = history;
     }
 
     /// Gives each listed pair the tangential force it had. Several images of one pair are told
     /// apart by their branch vectors, which a search does not change.
-    fn restore_history(&mut self) {
-        let history = std::mem::take(&mut self.neighbours.scratch.history);
+    fn restore_history(&mut self, cell: &Cell, discs: &[Disc<R>]) {
+        let history = std::mem::take(&mut self.scratch.history);
         let mut rest = history.as_slice();
-        for index in 0..self.neighbours.pairs.len() {
-            let pair = self.neighbours.pairs[index];
+        for index in 0..self.pairs.len() {
+            let pair = self.pairs[index];
             let skip = rest.iter().take_while(|h| h.i < pair.i).count();
             rest = &rest[skip..];
             let old = rest.iter().take_while(|h| h.i == pair.i).filter(|h| h.j == pair.j);
-            let image = self.neighbours.image(index);
+            let image = self.image(index);
             for h in old {
                 let same = image.is_none() || {
-                    let branch = self.branch(&pair, image);
+                    let branch = branch(cell, discs, &pair, image);
                     let near = |b: Vector2<f64>| (b - h.branch).norm() < 0.1 * b.norm();
                     // A disc and its own image are listed once, in either direction.
                     near(branch) || (pair.i == pair.j && near(-branch))
                 };
                 if same {
-                    self.neighbours.pairs[index].tangential = R::from_f64(h.tangential);
+                    self.pairs[index].tangential = R::from_f64(h.tangential);
                 }
             }
         }
-        self.neighbours.scratch.history = history;
+        self.scratch.history = history;
     }
 
     /// Pairs from the 3 x 3 bins around each disc; nearest images only.
     fn list_binned(
         &mut self,
-        skin: f64,
-        nx: usize,
-        ny: usize,
+        cell: &Cell,
+        discs: &[Disc<R>],
+        [nx, ny]: [usize; 2],
         dashpot: impl Fn(&Disc<R>, &Disc<R>) -> R,
     ) {
-        let discs = &self.discs;
-        let Neighbours { pairs, scratch, .. } = &mut self.neighbours;
+        let Self { pairs, scratch, skin, .. } = self;
         let bin = |d: &Disc<R>| (R::bin(d.s[0], nx), R::bin(d.s[1], ny));
 
         // Counting sort: `bin_discs[bin_start[b]..bin_start[b + 1]]` lie in bin b, ascending.
@@ -250,8 +282,8 @@ impl<R: Real> Packing<R> {
             first..last
         };
 
-        let h = (self.cell.h * R::UNIT).map(R::from_f64);
-        let skin = R::from_f64(skin);
+        let h = (cell.h * R::UNIT).map(R::from_f64);
+        let skin = R::from_f64(*skin);
         for (i, a) in discs.iter().enumerate() {
             let (bx, by) = bin(a);
             for dy in [ny - 1, 0, 1] {
@@ -282,13 +314,17 @@ impl<R: Real> Packing<R> {
     }
 
     /// Every image of every pair, a disc and its own images included: right for any cell.
-    fn list_all_images(&mut self, skin: f64, dashpot: impl Fn(&Disc<R>, &Disc<R>) -> R) {
-        let widths = self.cell.widths();
-        let discs = &self.discs;
-        let Neighbours { pairs, images, .. } = &mut self.neighbours;
+    fn list_all_images(
+        &mut self,
+        cell: &Cell,
+        discs: &[Disc<R>],
+        dashpot: impl Fn(&Disc<R>, &Disc<R>) -> R,
+    ) {
+        let widths = cell.widths();
+        let Self { pairs, images, skin, .. } = self;
         for (i, a) in discs.iter().enumerate() {
             for (j, c) in discs.iter().enumerate().skip(i) {
-                let range = a.r.to_f64() + c.r.to_f64() + skin;
+                let range = a.r.to_f64() + c.r.to_f64() + *skin;
                 let nearest = Vector2::new(
                     R::nearest(a.s[0], c.s[0]).to_f64() * R::UNIT,
                     R::nearest(a.s[1], c.s[1]).to_f64() * R::UNIT,
@@ -307,7 +343,7 @@ impl<R: Real> Packing<R> {
                             continue;
                         }
                         let s = nearest + Vector2::new(f64::from(kx), f64::from(ky));
-                        if (self.cell.h * s).norm() < range {
+                        if (cell.h * s).norm() < range {
                             pairs.push(Pair {
                                 i: i as u16,
                                 j: j as u16,

@@ -4,40 +4,9 @@ use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
 
 use crate::cell::Cell;
-use crate::neighbours::{Image2, Neighbours};
+use crate::disc::{Disc, PlainDisc};
+use crate::neighbours::{Neighbours, branch};
 use crate::real::Real;
-
-/// One disc. Velocities are peculiar: what is left after the affine motion `L x` of the cell.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[repr(C)]
-#[serde(bound = "")]
-pub struct Disc<R: Real> {
-    /// Reduced position: fractions of the cell vectors `a` and `b`.
-    pub s: [R::Fraction; 2],
-    /// Peculiar velocity (m/s).
-    pub u: [R; 2],
-    /// Angular velocity (1/s), counter-clockwise.
-    pub w: R,
-    /// Radius (m).
-    pub r: R,
-    /// Inverse mass (1/kg).
-    pub inv_mass: R,
-    /// Inverse moment of inertia `2 / (m r²)` (1/(kg m²)).
-    pub inv_inertia: R,
-}
-
-/// A pair of discs close enough to touch before the next search.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(bound = "")]
-pub struct Pair<R: Real> {
-    pub i: u16,
-    pub j: u16,
-    /// Tangential spring force (N) along the contact's current tangent: positive acts on `j`
-    /// counter-clockwise around `i`. In two dimensions this scalar follows rotations by itself.
-    pub tangential: R,
-    /// Normal dashpot coefficient `2 zeta sqrt(m_eff kn)` (kg/s).
-    pub dashpot: R,
-}
 
 /// A periodic packing with its contact history.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,15 +17,6 @@ pub struct Packing<R: Real> {
     pub neighbours: Neighbours<R>,
     /// Spin `W = (L_yx - L_xy) / 2` (1/s) that the discs' angular velocities contain.
     pub spin: f64,
-}
-
-/// A disc as plain numbers, for input and output.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlainDisc {
-    /// Position in the cell (m).
-    pub x: [f64; 2],
-    /// Radius (m).
-    pub r: f64,
 }
 
 impl<R: Real> Packing<R> {
@@ -154,7 +114,7 @@ impl<R: Real> Packing<R> {
     pub fn contacts(&self) -> impl Iterator<Item = Contact> + '_ {
         self.neighbours.pairs.iter().enumerate().filter_map(|(index, pair)| {
             let image = self.neighbours.image(index);
-            let branch = self.branch(pair, image);
+            let branch = branch(&self.cell, &self.discs, pair, image);
             let (i, j) = (pair.i as usize, pair.j as usize);
             let overlap = self.discs[i].r.to_f64() + self.discs[j].r.to_f64() - branch.norm();
             let tangential = pair.tangential.to_f64();
@@ -162,14 +122,10 @@ impl<R: Real> Packing<R> {
         })
     }
 
-    /// Vector from disc `i` to the given image of disc `j` (m).
-    pub(crate) fn branch(&self, pair: &Pair<R>, image: Option<Image2>) -> Vector2<f64> {
-        let (a, b) = (&self.discs[pair.i as usize], &self.discs[pair.j as usize]);
-        let ds = [0, 1].map(|k| match image {
-            None => R::nearest(a.s[k], b.s[k]),
-            Some(image) => R::image(a.s[k], b.s[k], image[k]),
-        });
-        self.cell.h * Vector2::from(ds.map(|x| x.to_f64() * R::UNIT))
+    /// Lists all pairs within `r_i + r_j + skin` (m) anew, after reducing the lattice where it has become
+    /// oblique. Touching pairs keep their history.
+    pub(crate) fn search(&mut self, skin: f64, dashpot: impl Fn(&Disc<R>, &Disc<R>) -> R) {
+        self.neighbours.search(&mut self.cell, &mut self.discs, skin, dashpot);
     }
 
     /// Gives every disc the change of the cell's spin, so that a change of rotation rate does not

@@ -6,10 +6,10 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::cell::Cell;
+use crate::disc::PlainDisc;
 use crate::element::{Element, Stage, StageError, Until};
-
 use crate::error::Error;
-use crate::packing::{Packing, PlainDisc};
+use crate::packing::Packing;
 use crate::parameters::RveParameters;
 
 /// A consolidated packing and its states under oedometric loading.

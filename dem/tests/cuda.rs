@@ -4,7 +4,7 @@
 
 use std::sync::OnceLock;
 
-use dem::cuda::{CudaError, CudaReal, CudaRveBatch, RVE_SOURCE, Room, RveFailure, Shape};
+use dem::cuda::{CudaError, CudaReal, CudaRveBatch, Room, RveFailure, Shape, source};
 use dem::{
     Cell, Failure, Packing, PlainDisc, Real, Rve, RveBatch, RveParameters, RveState, consolidate,
 };
@@ -420,15 +420,16 @@ fn kernels_compile() {
         return;
     }
     let p = RveParameters::default();
-    for (architecture, limits) in [("sm_80", Limits::SM_80), ("sm_90", Limits::SM_90)] {
+    for (architecture, limits) in [("sm_80", Limits::SM_80), ("sm_90a", Limits::SM_90)] {
         for discs in [1, 100, 400, 832] {
             let shapes = [
-                Shape::new::<f32>(&p, discs, limits, Room::Usual),
-                Shape::new::<f64>(&p, discs, limits, Room::Usual),
-                Shape::new::<f32>(&p, discs, limits, Room::Ample),
+                (Shape::new::<f32>(&p, discs, limits, Room::Usual), source::<f32>()),
+                (Shape::new::<f64>(&p, discs, limits, Room::Usual), source::<f64>()),
+                (Shape::new::<f32>(&p, discs, limits, Room::Ample), source::<f32>()),
             ];
-            for shape in shapes.into_iter().flatten() {
-                let cubin = compile("rve.cu", RVE_SOURCE, architecture, &shape.defines());
+            for (shape, source) in shapes {
+                let Ok(shape) = shape else { continue };
+                let cubin = compile("rve.cu", &source, architecture, &shape.defines());
                 assert!(!cubin.unwrap().is_empty());
             }
         }

@@ -245,7 +245,7 @@ fn the_kernel_compiles() {
     if !gpu::nvrtc_for_tests() {
         return;
     }
-    for architecture in ["sm_80", "sm_90"] {
+    for architecture in ["sm_80", "sm_90a"] {
         let cubin = compile("rve_material.cu", &cuda::source(), architecture, &cuda::defines());
         assert!(!cubin.unwrap().is_empty());
     }

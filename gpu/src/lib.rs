@@ -7,7 +7,6 @@ mod cache;
 mod compiler;
 mod device;
 mod error;
-mod kernel;
 mod launch;
 pub mod ranks;
 
@@ -18,5 +17,4 @@ pub use compiler::{compile, nvrtc_is_present};
 pub use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
 pub use device::{Device, Limits, for_tests, nvrtc_for_tests};
 pub use error::Error;
-pub use kernel::{CHECK_PARAMETERS, Function, Kernel, Launch, check_parameters};
-pub use launch::{Argument, How, argument};
+pub use launch::{CHECK_PARAMETERS, Function, Kernel, Launch, check_parameters};

@@ -4,11 +4,10 @@
 
 use std::time::Instant;
 
-use surrogate::backend::{Cpu, device};
-use surrogate::config::ModelConfig;
 use surrogate::features::{Normalisation, Window, window_input};
 use surrogate::inference::Inference;
-use surrogate::model::Model;
+use surrogate::network::burn_backend::{Cpu, device};
+use surrogate::network::{Model, ModelConfig};
 
 /// Frames timed, after one that is not. Both networks take turns, so that what else the processor does
 /// slows down both; the median of the ratios is what counts.

@@ -10,18 +10,18 @@ use cudarc::driver::CudaSlice;
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use dempm::scene::Scene;
 use gpu::Device;
-use surrogate::backend::{Cpu, device as cpu};
-use surrogate::config::ModelConfig;
-use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
-    HostWindows, Integrator, Motion, Network, NewFrame, Past, Precision,
+    HostWindows, Integrator, Motion, Network, NewFrame, Past,
 };
 use surrogate::data::Batch;
+use surrogate::diagnostics::CrowdingLimit;
 use surrogate::features::Normalisation;
-use surrogate::model::Model;
-use surrogate::pressed::Packing;
-use surrogate::train::weights;
+use surrogate::network::Model;
+use surrogate::network::burn_backend::{Cpu, device as cpu};
+use surrogate::network::parameters::weights;
+use surrogate::network::{ModelConfig, Precision};
+use surrogate::rollout::Constraints;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -111,7 +111,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         start: 0.0,
         interval: 0.01,
         mirror: false,
-        packing: Packing::new(config.connection_radius, SPACING),
+        packing: CrowdingLimit::new(config.connection_radius, SPACING),
     };
     let positions = column(points);
     let window = vec![positions.clone(); config.frames];

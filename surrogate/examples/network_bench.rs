@@ -12,16 +12,16 @@ use gpu::Device;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, TensorView, serialize_to_file};
-use surrogate::backend::device as cpu;
-use surrogate::config::ModelConfig;
 use surrogate::cuda::{
     BatchBuilder, Capacity, CudaError, CudaNetwork, CudaTrainer, EDGES_PER_POINT, FrameInput,
-    HostInput, HostWindows, Precision, Rates, upload,
+    HostInput, HostWindows, Rates, upload,
 };
 use surrogate::data::{Batch, Unrolling};
 use surrogate::features::{HostFrame, Normalisation, Window, host_frames};
-use surrogate::model::Model;
-use surrogate::train::weights;
+use surrogate::network::Model;
+use surrogate::network::burn_backend::device as cpu;
+use surrogate::network::parameters::weights;
+use surrogate::network::{ModelConfig, Precision};
 
 /// Points of a side of the column, 1/16 m apart.
 const SIDE: usize = 48;
@@ -74,7 +74,7 @@ impl Scene {
         println!("graphs and features on the CPU: {:.1} ms", ms(began));
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let target = (0..2 * count * POINTS).map(|_| rng.random_range(-1.0..1.0)).collect();
-        let model = Model::<surrogate::backend::Cpu>::new(&config, 3, &cpu());
+        let model = Model::<surrogate::network::burn_backend::Cpu>::new(&config, 3, &cpu());
         Self { windows: count, weights: weights(&model), config, host, target }
     }
 
@@ -254,8 +254,8 @@ fn write(
     scene: &Scene,
     results: &[(Precision, [Vec<f32>; 2])],
 ) -> Result<(), Box<dyn Error>> {
-    let model = Model::<surrogate::backend::Cpu>::new(&scene.config, 3, &cpu());
-    surrogate::weights::save(
+    let model = Model::<surrogate::network::burn_backend::Cpu>::new(&scene.config, 3, &cpu());
+    surrogate::network::weights::save(
         &folder.join("weights.safetensors"),
         &model,
         &scene.config,

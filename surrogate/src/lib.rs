@@ -1,27 +1,22 @@
-//! The learned simulator: trajectories -> graphs -> TGNNS -> training and rollout.
+//! The learned simulator: trajectories become graphs, a graph network (TGNNS or GNS) learns to
+//! predict the accelerations of material points, and rollouts continue a flow frame by frame.
+//!
+//! - [`data`] cuts trajectories into windows and batches, [`features`] turns windows into graphs.
+//! - [`network`] has the networks in Burn, [`inference`] and [`cuda`] compute them fast on the CPU
+//!   and on a GPU.
+//! - [`train`] trains, [`simulator`] is a trained network, [`rollout`] advances it.
+//! - [`diagnostics`] tells how far a prediction can be trusted, [`evaluation`] measures its errors.
+//! - [`commands`] are the commands of `surrogate`. Nothing else prints.
 
-pub mod accuracy;
-pub mod asymmetry;
-pub mod backend;
 pub mod chart;
-pub mod config;
-pub mod constraints;
+pub mod commands;
 pub mod cuda;
 pub mod data;
-pub mod doubts;
-pub mod eval;
+pub mod diagnostics;
+pub mod evaluation;
 pub mod features;
-pub mod graph;
 pub mod inference;
-pub mod metrics;
-pub mod model;
-pub mod node_features;
-pub mod pressed;
-pub mod range;
+pub mod network;
 pub mod rollout;
 pub mod simulator;
-pub mod start;
-pub mod stats;
 pub mod train;
-pub mod watch;
-pub mod weights;

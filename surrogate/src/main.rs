@@ -3,9 +3,11 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use surrogate::{eval, rollout, stats, train};
+use surrogate::commands::{
+    EvalArgs, RolloutArgs, StatsArgs, TrainArgs, eval, rollout, stats, train,
+};
 
-/// A learned simulator of granular flow: trains on trajectories of `dempm` and continues them.
+/// Learned simulator of granular flow, trained on trajectories of `dempm`.
 #[derive(Parser)]
 #[command(version, propagate_version = true)]
 struct Arguments {
@@ -15,23 +17,23 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Say what a folder of trajectories holds.
-    Stats(stats::StatsArgs),
+    /// Print statistics of a folder of trajectories.
+    Stats(StatsArgs),
     /// Train a network.
-    Train(train::TrainArgs),
+    Train(TrainArgs),
     /// Predict a trajectory.
-    Rollout(rollout::RolloutArgs),
+    Rollout(RolloutArgs),
     /// Compare predictions with trajectories.
-    Eval(eval::EvalArgs),
+    Eval(EvalArgs),
 }
 
 fn main() -> ExitCode {
     let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().command {
-        Command::Stats(args) => stats::stats(&args).map(done),
-        Command::Train(args) => train::train(&args),
-        Command::Rollout(args) => rollout::rollout(&args),
-        Command::Eval(args) => eval::eval(&args).map(done),
+        Command::Stats(args) => stats(&args).map(done),
+        Command::Train(args) => train(&args),
+        Command::Rollout(args) => rollout(&args),
+        Command::Eval(args) => eval(&args).map(done),
     };
     result.unwrap_or_else(|report| {
         eprintln!("{report:?}");

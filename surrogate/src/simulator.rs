@@ -1,4 +1,4 @@
-//! A trained network with what it takes to use it.
+//! A trained network with everything it takes to use it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,46 +7,45 @@ use std::sync::Arc;
 use files::{WriteError, write_atomically};
 use serde::{Deserialize, Serialize};
 
-use crate::accuracy::Accuracy;
-use crate::backend::{Cpu, Device, device};
-use crate::config::ModelConfig;
 use crate::cuda::{self, CudaError};
-use crate::features::{Normalisation, Window, mirrored_obstacle, window_input};
+use crate::diagnostics::{Accuracy, TrainingRange};
+use crate::features::{Normalisation, Window, mirrored, mirrored_obstacle, window_input};
 use crate::inference::Inference;
-use crate::model::Model;
-use crate::range::Range;
-use crate::start::ROUNDING;
-use crate::train::Precision;
-use crate::weights::{self, WeightsError};
+use crate::network::burn_backend::{Cpu, Device, device};
+use crate::network::weights::{self, WeightsError};
+use crate::network::{Model, ModelConfig, Precision};
 
-/// What a model was trained for; kept with its weights.
+/// Relative difference of times that is rounding.
+pub(crate) const ROUNDING: f64 = 1e-6;
+
+/// What a model was trained on; stored with its weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Training {
     /// Time between frames, s.
     pub frame_interval: f64,
     /// Whether it predicts accelerations relative to free fall.
     pub without_gravity: bool,
-    /// Frames of a window that may be from before the first of a run, at most.
+    /// Largest number of frames of a window before the first frame of a run.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub before_start: usize,
     /// Training steps made.
     pub steps: u64,
-    /// What the training data held; older files do not say.
+    /// Range of the training data; older files do not state it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub range: Option<Range>,
-    /// How wrong it was on other runs; none if that was not measured.
+    pub range: Option<TrainingRange>,
+    /// Errors on unseen runs; none if not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<Accuracy>,
 }
 
 impl Training {
-    /// That of a network which has not begun to learn, from windows within runs.
+    /// Of an untrained network whose windows lie within runs.
     pub fn untrained(frame_interval: f64, without_gravity: bool) -> Self {
         let (before_start, steps, range, accuracy) = (0, 0, None, None);
         Self { frame_interval, without_gravity, before_start, steps, range, accuracy }
     }
 
-    /// Whether frames so far apart (s) are those that it was trained on, but for rounding.
+    /// Whether `interval` (s) is the time between frames in training, up to rounding.
     pub fn is_interval(&self, interval: f64) -> bool {
         (interval - self.frame_interval).abs() <= ROUNDING * self.frame_interval
     }
@@ -59,39 +58,48 @@ fn is_zero(count: &usize) -> bool {
 /// A network that predicts accelerations.
 #[derive(Clone)]
 pub struct Simulator {
+    /// The network.
     pub model: Model<Cpu>,
+    /// Its architecture.
     pub config: ModelConfig,
+    /// Normalisation of its inputs and outputs.
     pub normalisation: Normalisation,
+    /// What it was trained on.
     pub training: Training,
-    /// Averages with the mirrored prediction of the mirrored window.
+    /// Whether to average each prediction with that of the mirrored window.
     pub mirror: bool,
+    /// The device of Burn.
     pub device: Device,
-    /// The GPU that rollouts are made on; without one it is the processor.
+    /// The GPU for rollouts; none for the CPU.
     pub gpu: Option<Arc<gpu::Device>>,
-    /// Precision on that GPU; with `F32`, results are those of the processor but for rounding.
+    /// Precision on the GPU; `F32` gives the results of the CPU up to rounding.
     pub precision: Precision,
 }
 
-/// A file of weights that cannot be used.
+/// A model file that cannot be used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum SimulatorError {
+    /// Not a weights file, or a damaged one.
     #[error(transparent)]
     Weights(#[from] WeightsError),
+    /// The file cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
-    #[error("{path}: the weights lack `extra.{KEY}` in their metadata, or it is damaged")]
-    #[diagnostic(help("`surrogate train` writes it; docs/weights.md says what is in it"))]
-    Training { path: String },
-    #[error("{path}: a network in {dimensions} dimensions: rollouts are in two")]
-    Dimensions { path: String, dimensions: usize },
+    /// The file does not state what the network was trained on.
+    #[error("{path}: `extra.{KEY}` in the metadata is missing or damaged")]
+    #[diagnostic(help("`surrogate train` writes it; docs/weights.md describes it"))]
+    Training {
+        /// The model file.
+        path: String,
+    },
 }
 
-/// The entry of a file of weights that holds [`Training`].
+/// Key of [`Training`] in the metadata of a weights file.
 const KEY: &str = "training";
 
 impl Simulator {
-    /// On the processor, without mirror images.
+    /// A simulator on the CPU that does not average mirror images.
     pub fn new(
         model: Model<Cpu>,
         config: ModelConfig,
@@ -102,23 +110,19 @@ impl Simulator {
         Self { model, config, normalisation, training, mirror, device, gpu, precision }
     }
 
-    /// Loads what [`save`](Self::save) wrote.
+    /// Loads a model file.
     ///
     /// # Errors
     /// If the file cannot be read or is damaged.
     pub fn load(path: &Path) -> Result<Self, SimulatorError> {
         let (model, config, normalisation, extra) = weights::load(path, &device())?;
-        if config.dimensions != 2 {
-            let (path, dimensions) = (path.display().to_string(), config.dimensions);
-            return Err(SimulatorError::Dimensions { path, dimensions });
-        }
         let training = extra.get(KEY).and_then(|text| serde_json::from_str(text).ok());
         let training = training
             .ok_or_else(|| SimulatorError::Training { path: path.display().to_string() })?;
         Ok(Self::new(model, config, normalisation, training))
     }
 
-    /// Writes the weights and everything else, whole or not at all.
+    /// Writes the model file, whole or not at all.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -131,17 +135,20 @@ impl Simulator {
         })
     }
 
-    /// Chooses where rollouts are made. Networks that no GPU can compute stay on the processor,
-    /// unless a GPU is asked for.
+    /// Selects the device of rollouts. With `auto`, a network that GPUs do not support stays on the
+    /// CPU; returns why if there is a GPU.
     ///
     /// # Errors
-    /// If the GPU that is asked for cannot be used, or not for this network, or there is none for
-    /// bf16.
-    pub fn place(&mut self, choice: dempm::device::Device) -> Result<(), CudaError> {
+    /// If a GPU is asked for that cannot be used, or not for this network, or bf16 without a GPU.
+    pub fn select_device(
+        &mut self,
+        choice: dempm::device::Device,
+    ) -> Result<Option<CudaError>, CudaError> {
         use dempm::device::Device;
+        let mut unsupported = None;
         self.gpu = match (choice, cuda::supports(&self.config)) {
             (Device::Auto, Err(reason)) => {
-                eprintln!("running on the CPU: {reason}");
+                unsupported = Some(reason).filter(|_| gpu::Device::count() > 0);
                 None
             }
             (Device::Cuda(_), Err(reason)) => return Err(reason),
@@ -150,25 +157,25 @@ impl Simulator {
         if self.gpu.is_none() && self.precision == Precision::Bf16 {
             return Err(CudaError::Bf16OnCpu);
         }
-        Ok(())
+        Ok(unsupported)
     }
 
-    /// Frames of a run that a rollout starts from: a window, less those that may be from before.
+    /// Frames of a run that a rollout starts from: a window without those before the run.
     pub fn first_frames(&self) -> usize {
         self.config.window().saturating_sub(self.training.before_start).max(1)
     }
 
-    /// The network for the processor, apart from the simulator as it remembers frames.
+    /// The network for inference on the CPU, which keeps encodings of frames.
     pub fn inference(&self) -> Inference {
         let windows = if self.mirror { 2 } else { 1 };
         Inference::new(&self.model, &self.config, windows)
     }
 
-    /// Accelerations of the points of a window in m/frame², x and y in turn. `gravity` is in
-    /// m/frame², `domain` is the size of the domain.
+    /// Accelerations of the points of a window (m/frame², x and y in turn). `gravity` is in
+    /// m/frame², `domain` is the size of the domain (m).
     ///
-    /// With `mirror`, a(X) becomes (a(X) + M a(M X)) / 2 with the reflection M of left and right:
-    /// the mirrored window then has the mirrored accelerations, whatever the network has learnt.
+    /// With `mirror`, a(X) becomes (a(X) + M a(M X)) / 2 with the reflection M of left and right, so
+    /// that the mirrored window has the mirrored accelerations, whatever the network has learnt.
     pub fn accelerations(
         &self,
         network: &mut Inference,
@@ -190,7 +197,7 @@ impl Simulator {
         pairs.flat_map(|(a, b)| [(a[0] - b[0]) / 2.0, (a[1] + b[1]) / 2.0]).collect()
     }
 
-    /// What the network says.
+    /// The prediction of the network for one window.
     fn predict(
         &self,
         network: &mut Inference,
@@ -215,10 +222,4 @@ impl Simulator {
         };
         output.into_iter().enumerate().map(scale).collect()
     }
-}
-
-/// Positions (m, x and y in turn) in a mirror of left and right, in a domain of this width.
-pub fn mirrored(positions: &[f32], width: f64) -> Vec<f32> {
-    let rows = positions.as_chunks::<2>().0.iter();
-    rows.flat_map(|[x, y]| [width as f32 - x, *y]).collect()
 }

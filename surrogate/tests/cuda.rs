@@ -7,15 +7,15 @@ use gpu::{Device, compile};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rstest::rstest;
-use surrogate::backend::{CpuAutodiff, device};
-use surrogate::config::{ModelConfig, PAPER_NETWORKS};
 use surrogate::cuda::{
-    Capacity, CudaError, CudaNetwork, CudaTrainer, FrameInput, HostInput, Precision, Rates,
-    SOURCES, defines, upload,
+    Capacity, CudaError, CudaNetwork, CudaTrainer, FrameInput, HostInput, Rates, SOURCES, defines,
+    upload,
 };
 use surrogate::features::{Normalisation, Window, WindowInput, host_frames, window_input};
-use surrogate::model::Model;
-use surrogate::train::{gradients, weights, with_weights};
+use surrogate::network::Model;
+use surrogate::network::burn_backend::{CpuAutodiff, device};
+use surrogate::network::parameters::{gradients, weights, with_weights};
+use surrogate::network::{ModelConfig, PAPER_NETWORKS, Precision};
 
 /// Sizes of a test.
 #[derive(Clone, Debug)]

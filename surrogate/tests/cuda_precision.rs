@@ -5,11 +5,10 @@
 use std::path::Path;
 
 use dempm::scene::Scene;
-use surrogate::metrics::FrameError;
-use surrogate::rollout::Rollout;
+use surrogate::evaluation::FrameError;
+use surrogate::network::Precision;
+use surrogate::rollout::{InitialFrames, Rollout};
 use surrogate::simulator::Simulator;
-use surrogate::start::Start;
-use surrogate::train::Precision;
 
 /// MSE of the model that comes with the program on the last frame of its first scene, box units
 /// (models/README.md).
@@ -27,7 +26,7 @@ fn rounding_is_far_below_the_error_of_a_model() {
     };
     let [single, half] = [Precision::F32, Precision::Bf16].map(simulator);
     let (width, spacing) = (scene.domain.size[0], scene.domain.cell / 2.0);
-    let start = Start::from_scene(scene, &single).unwrap();
+    let start = InitialFrames::from_scene(scene, &single).unwrap();
     let [mut exact, mut rounded] = [&single, &half].map(|s| Rollout::new(s, &start));
     let mut errors = Vec::new();
     for _ in start.positions.len()..start.frames {

@@ -12,23 +12,22 @@ use gpu::{Device, compile};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rstest::rstest;
-use surrogate::config::ModelConfig;
-use surrogate::constraints::Constraints;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FEATURES_SOURCE,
     FrameBuilder, FrameInput, Frames, GRAPH_SOURCE, GraphBuilder, HostWindows, INTEGRATE_SOURCE,
-    Motion, Network, NewFrame, PUSH_FORWARD_SOURCE, Past, Precision, features_defines,
-    graph_defines,
+    Motion, Network, NewFrame, PUSH_FORWARD_SOURCE, Past, features_defines, graph_defines,
 };
 use surrogate::data::Batch;
-use surrogate::features::{Normalisation, Obstacle, Window, window_input};
-use surrogate::graph::{RadiusGraph, radius_graph};
-use surrogate::model::Model;
-use surrogate::node_features::NodeFeature;
-use surrogate::pressed::Packing;
+use surrogate::diagnostics::CrowdingLimit;
+use surrogate::features::{
+    Normalisation, Obstacle, RadiusGraph, Window, radius_graph, window_input,
+};
+use surrogate::network::parameters::weights;
+use surrogate::network::{Model, NodeFeature};
+use surrogate::network::{ModelConfig, Precision};
+use surrogate::rollout::Constraints;
 use surrogate::rollout::RolloutError;
 use surrogate::simulator::{Simulator, Training};
-use surrogate::train::weights;
 
 const RADIUS: f32 = 0.25;
 
@@ -459,7 +458,7 @@ fn motion() -> Motion {
         interval: 0.01,
         mirror: false,
         // Points may be as close together as they come.
-        packing: Packing::new(0.25, 1e-3),
+        packing: CrowdingLimit::new(0.25, 1e-3),
     }
 }
 

@@ -3,11 +3,10 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rstest::rstest;
-use surrogate::backend::{Cpu, device};
-use surrogate::config::ModelConfig;
 use surrogate::features::{Normalisation, Window, WindowInput, window_input};
 use surrogate::inference::Inference;
-use surrogate::model::Model;
+use surrogate::network::burn_backend::{Cpu, device};
+use surrogate::network::{Model, ModelConfig};
 
 /// Frames of a cloud in motion.
 fn trajectory(points: usize, frames: usize) -> Vec<Vec<f32>> {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dempm::scene::Scene;
-use surrogate::config::PAPER_NETWORKS;
+use surrogate::network::PAPER_NETWORKS;
 use surrogate::train::TrainConfig;
 use tempfile::TempDir;
 
@@ -69,7 +69,7 @@ fn errors_name_the_file_and_what_is_wrong() {
     let into = ["-o", "run/last.safetensors", "--overwrite"];
     expect(
         &fails(surrogate(here).args(short).args(into)),
-        &["last.safetensors", "is what is read"],
+        &["last.safetensors", "the output would replace its own input"],
     );
     let eval = ["eval", "run/last.safetensors", "--data", "data/test", "--frames", "2", "--record"];
     std::fs::create_dir(data.join("test")).unwrap();

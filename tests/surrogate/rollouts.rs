@@ -4,12 +4,11 @@ use std::path::Path;
 
 use dempm::trajectory::Trajectory;
 use rstest::rstest;
-use surrogate::backend::device;
-use surrogate::config::ModelConfig;
 use surrogate::features::Normalisation;
-use surrogate::model::Model;
+use surrogate::network::burn_backend::device;
+use surrogate::network::parameters::with_weights;
+use surrogate::network::{Model, ModelConfig};
 use surrogate::simulator::{Simulator, Training};
-use surrogate::train::with_weights;
 use tempfile::TempDir;
 
 use crate::helpers::{config, data, fails, scene, simulate, succeeds, surrogate, train};

@@ -5,9 +5,9 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use dempm::trajectory::Trajectory;
-use surrogate::data::{DataSet, Shape};
+use surrogate::data::{DataSet, WindowShape};
+use surrogate::network::parameters::weights;
 use surrogate::simulator::Simulator;
-use surrogate::train::weights;
 use tempfile::TempDir;
 
 use crate::helpers::{
@@ -20,7 +20,7 @@ fn trajectories_become_a_model_that_continues_them() {
     let here = directory.path();
     let data = data(here);
     let stats = succeeds(surrogate(here).arg("stats").arg(&data));
-    assert!(stats.contains("2 files to train with, 1 to validate"), "{stats}");
+    assert!(stats.contains("2 training files, 1 validation files"), "{stats}");
 
     let more = "ema = 0.9\n[data]\nmirror = true\nnoise = 3.0e-4";
     let config = config(here, 600, more);
@@ -36,7 +36,7 @@ fn trajectories_become_a_model_that_continues_them() {
     std::fs::write(here.join("scene.toml"), scene(0.125, 1.0, "")).unwrap();
     let rollout = ["rollout", "run/best.safetensors", "--scene", "scene.toml", "-o", "out.h5"];
     let said = warns(surrogate(here).args(rollout));
-    assert!(!said.contains("trained on"), "a start like those of the training: {said}");
+    assert!(!said.contains("outside the training data"), "{said}");
     let predicted = Trajectory::open(&here.join("out.h5")).unwrap();
     let truth = Trajectory::open(&data.join("valid/between.h5")).unwrap();
     assert_eq!(predicted.status(), "finished");
@@ -250,8 +250,11 @@ fn nothing_is_trained_in_vain() {
     };
     for (text, parts) in [
         (scene(0.0, 1.0, "").replace("0.01", "0.02"), ["0.01 s", "0.02 s"]),
-        (scene(0.0, 1.0, "").replace("0.4", "0.02"), ["starts from 3 frames", "only 3"]),
-        (scene(0.0, 1.0, "").replace("0.4", "0.01"), ["there are 2 frames", "starts from 3"]),
+        (
+            scene(0.0, 1.0, "").replace("0.4", "0.02"),
+            ["other.h5: 3 frames", "starts from 3 frames"],
+        ),
+        (scene(0.0, 1.0, "").replace("0.4", "0.01"), ["needs 3 initial frames", "there are 2"]),
     ] {
         simulate(&text, &data.join("valid/other.h5"));
         for output in ["old", "new"] {
@@ -280,7 +283,7 @@ fn a_folder_is_that_of_one_training() {
     std::fs::rename(run.join("checkpoint.bin"), here.join("aside")).unwrap();
     let error = fails(&mut train(here, &short, "run"));
     assert!(
-        error.contains("a training is there already") && error.contains("--overwrite"),
+        error.contains("there is a training already") && error.contains("--overwrite"),
         "{error}"
     );
     std::fs::rename(here.join("aside"), run.join("checkpoint.bin")).unwrap();
@@ -302,7 +305,10 @@ fn a_folder_is_that_of_one_training() {
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(!best.exists(), "the old training stays");
-    assert!(error.contains("run/checkpoint.bin: another run is writing it"), "{error}");
+    assert!(
+        error.contains("run/checkpoint.bin: process") && error.contains("is writing it"),
+        "{error}"
+    );
     let error = fails(train(here, &short, "run").arg("--resume"));
     assert!(error.contains("cannot read the checkpoint"), "{error}");
 }
@@ -333,7 +339,7 @@ fn windows_can_begin_before_the_run() {
     let data = data(directory.path());
     let path = data.join("train/left.h5");
     let run = Trajectory::open(&path).unwrap();
-    let shape = Shape { frames: 4, stride: 2, before: 3 };
+    let shape = WindowShape { frames: 4, stride: 2, before: 3 };
     let set = DataSet::open(&[path], shape, 0).unwrap();
     assert_eq!(set.len(), 41 + 6 - 8);
     let first = run.frame(0).unwrap();
@@ -359,7 +365,7 @@ fn windows_of_every_stride_are_frames_of_the_files() {
     let paths = ["left", "middle"].map(|name| data.join("train").join(name).with_extension("h5"));
     let second = Trajectory::open(&paths[1]).unwrap();
     for stride in [1, 2, 3, 6, 10] {
-        let shape = Shape { frames: 3, stride, before: 0 };
+        let shape = WindowShape { frames: 3, stride, before: 0 };
         for memory in [0, 1 << 14, 1 << 30] {
             let set = DataSet::open(&paths, shape, memory).unwrap();
             let of_one_file = 41 - 3 * stride;

@@ -17,7 +17,7 @@ pub enum Suite {
     Element(dempm::element::ElementArgs),
     /// `surrogate rollout`
     #[command(hide = true)]
-    Rollout(surrogate::rollout::RolloutArgs),
+    Rollout(surrogate::commands::RolloutArgs),
 }
 
 impl Suite {
@@ -29,7 +29,7 @@ impl Suite {
         match self {
             Self::Run(args) => dempm::run::run(args),
             Self::Element(args) => dempm::element::element(args).map(|()| ExitCode::SUCCESS),
-            Self::Rollout(args) => surrogate::rollout::rollout(args),
+            Self::Rollout(args) => surrogate::commands::rollout(args),
         }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use dempm::trajectory::{Trajectory, TrajectoryError};
-use surrogate::metrics::{Errors, FrameError, mean_square_distance};
+use surrogate::evaluation::{Errors, FrameError, mean_square_distance};
 
 use crate::work::{DIFFERENCE, Run, hash, read_json, write_json};
 

@@ -12,7 +12,7 @@ use dempm::scene::Scene;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use surrogate::train::Precision;
+use surrogate::network::Precision;
 
 use crate::computed::Computed;
 use crate::progress::Progress;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use dempm::trajectory::Trajectory;
 use plot::{Axis, Chart, Mark, Series};
 use rayon::prelude::*;
-use surrogate::metrics::Errors;
+use surrogate::evaluation::Errors;
 
 use crate::animation::animated;
 use crate::block::{Block, Figure, Table};
@@ -262,7 +262,7 @@ fn pairs(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surrogate::metrics::FrameError;
+    use surrogate::evaluation::FrameError;
     use surrogate::rollout::RolloutError;
 
     impl Rollout {
@@ -286,7 +286,7 @@ mod tests {
 
     #[test]
     fn why_a_rollout_ended_is_short() {
-        let error = RolloutError::Pressed { frame: 9, neighbours: 155.0, plane: 50.0 };
+        let error = RolloutError::Crowded { frame: 9, neighbours: 155.0, plane: 50.0 };
         assert_eq!(
             early(&format!("failed: {error}")),
             "early, frame 9: points are pressed together"

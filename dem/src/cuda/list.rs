@@ -2,21 +2,22 @@
 
 use std::cmp::Reverse;
 
+use super::abi::{Rows, Vector};
 use super::error::RveFailure;
+use super::real::CudaReal;
 use super::shape::{Shape, WARP};
 use crate::contact::ContactLaw;
-use crate::neighbours::{Image2, Neighbours};
-use crate::packing::{Disc, Pair};
+use crate::disc::Disc;
+use crate::neighbours::{Image2, Neighbours, Pair};
 use crate::real::{Image, Real};
 
-/// The list of one RVE in the arrays of `Batch` in `batch.cuh`.
-pub(super) struct SlotList<'a, R> {
+/// The list of one RVE in the arrays of [`Batch`](super::abi::Batch).
+pub(super) struct SlotList<'a, R: CudaReal> {
     /// Disc of each seat.
     pub seated: &'a mut [u16],
-    /// `Rows` of `batch.cuh`: first and end of the owned slots, and of the others.
-    pub rows: &'a mut [[u16; 4]],
+    pub rows: &'a mut [Rows],
     pub neighbour: &'a mut [u32],
-    pub pair: &'a mut [[R; 2]],
+    pub pair: &'a mut [Vector<R>],
     pub tangential: &'a mut [R],
     pub incoming: &'a mut [u16],
 }
@@ -48,7 +49,7 @@ impl Sides {
     }
 }
 
-impl<R: Real> SlotList<'_, R> {
+impl<R: CudaReal> SlotList<'_, R> {
     /// Lays out a list and returns how many slots it takes, of pairs at their owners and of the
     /// same at the other discs.
     ///
@@ -89,7 +90,11 @@ impl<R: Real> SlotList<'_, R> {
                 for (lane, &i) in seated.iter().enumerate() {
                     let first = used[kind] + lane;
                     let range = [first, first + WARP * sides[i].rows(kind)].map(|n| n as u16);
-                    self.rows[WARP * warp + lane][2 * kind..][..2].copy_from_slice(&range);
+                    let rows = &mut self.rows[WARP * warp + lane];
+                    match kind {
+                        0 => [rows.owned, rows.owned_end] = range,
+                        _ => [rows.incoming, rows.incoming_end] = range,
+                    }
                 }
                 used[kind] += WARP * most;
             }
@@ -97,18 +102,18 @@ impl<R: Real> SlotList<'_, R> {
 
         let mut slot_of_pair = vec![0; list.pairs.len()];
         for (seat, &i) in order.iter().enumerate() {
-            let [first, end, ..] = self.rows[seat];
+            let Rows { owned: first, owned_end: end, .. } = self.rows[seat];
             for (slot, side) in slots(first, end).zip(&sides[i].0[0]) {
                 let (pair, j) = (&list.pairs[side.pair], side.neighbour as usize);
                 slot_of_pair[side.pair] = slot;
                 self.neighbour[slot] =
                     position_offset::<R>(seat_of[j]) | u32::from(side.image) << 16;
-                self.pair[slot] = [discs[i].r + discs[j].r, pair.dashpot];
+                self.pair[slot] = Vector { x: discs[i].r + discs[j].r, y: pair.dashpot };
                 self.tangential[slot] = pair.tangential;
             }
         }
         for (seat, &i) in order.iter().enumerate() {
-            let [.., first, end] = self.rows[seat];
+            let Rows { incoming: first, incoming_end: end, .. } = self.rows[seat];
             for (slot, side) in slots(first, end).zip(&sides[i].0[1]) {
                 self.incoming[slot] = slot_of_pair[side.pair] as u16;
             }
@@ -128,7 +133,7 @@ impl<R: Real> SlotList<'_, R> {
         let mut found = Vec::new();
         for seat in 0..discs.len() {
             let owner = disc(seat);
-            let [first, end, ..] = self.rows[seat];
+            let Rows { owned: first, owned_end: end, .. } = self.rows[seat];
             for slot in slots(first, end) {
                 let word = self.neighbour[slot];
                 let other = disc(((word & 0xffff) / position_offset::<R>(1)) as usize);

@@ -3,8 +3,8 @@
 // depend on this order.
 
 __device__ inline unsigned next_rve(const Batch& b, unsigned launch) {
-    const uint2 turn = b.turn[blockIdx.x];
-    return (launch & 1u) == 0 ? turn.x : turn.y;
+    const Turn turn = b.turn[blockIdx.x];
+    return (launch & 1u) == 0 ? turn.even : turn.odd;
 }
 
 // Queues an RVE for the launch after number `launch`; one thread.
@@ -13,6 +13,6 @@ __device__ void queue_again(const Batch& b, unsigned launch, unsigned rve, bool 
     const unsigned front = unsigned(queued >> 32);
     const unsigned back = unsigned(queued);
     const unsigned place = slow ? front : gridDim.x - 1 - back;
-    ((launch & 1u) == 0 ? b.turn[place].y : b.turn[place].x) = rve;
+    ((launch & 1u) == 0 ? b.turn[place].odd : b.turn[place].even) = rve;
     if (front + back == gridDim.x - 1) *b.queue = {0, launch + 1};
 }

@@ -1,14 +1,12 @@
-//! Precisions that the kernels are compiled for.
+//! Precisions of the kernel.
 
-use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
+use gpu::{CudaName, CudaType};
 
 use crate::real::Real;
 
 /// `f32` or `f64`, on the CPU and on the GPU.
-pub trait CudaReal:
-    Real<Fraction: DeviceRepr + ValidAsZeroBits> + DeviceRepr + ValidAsZeroBits
-{
-    /// `REAL_BITS` of the kernels.
+pub trait CudaReal: Real<Fraction: CudaType> + CudaType + CudaName {
+    /// `REAL_BITS` of the kernel.
     const BITS: usize;
 }
 

@@ -78,7 +78,7 @@ impl Shape {
             CudaError::TooManyDiscs {
                 discs,
                 most: (0..discs).rev().find(fits).unwrap_or(0),
-                precision: R::NAME,
+                precision: <R as Real>::NAME,
             }
         })
     }

@@ -92,8 +92,8 @@ impl<R: Real> Element<R> {
     /// The present state as a row of the path.
     pub fn row(&self) -> Row {
         let mut sampler = Sampler::default();
-        sampler.add(self, &Matrix2::zeros());
-        sampler.row(self)
+        sampler.add(&self.state, &Matrix2::zeros());
+        sampler.row(self.t, self.strain, &self.parameters)
     }
 
     /// Runs one stage, with a row to `on_row` every `sampling` seconds and one for the rest.
@@ -125,11 +125,11 @@ impl<R: Real> Element<R> {
                 self.macro_step,
             );
             self.advance(&l)?;
-            sampler.add(self, &l);
+            sampler.add(&self.state, &l);
             let last = n + 1 == limit && matches!(end, End::Duration(_));
             let done = last || self.reached(&end);
             if done || (n + 1) % per_row == 0 {
-                on_row(&sampler.row(self));
+                on_row(&sampler.row(self.t, self.strain, &self.parameters));
             }
             if done {
                 return Ok(());

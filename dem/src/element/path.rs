@@ -2,9 +2,9 @@
 
 use nalgebra::Matrix2;
 
-use super::Element;
 use crate::homogenise::inertial_number;
-use crate::real::Real;
+use crate::parameters::RveParameters;
+use crate::rve::RveState;
 
 /// One sample of a path: time and strain at its end, everything else averaged over the interval
 /// since the row before.
@@ -84,23 +84,22 @@ pub(super) struct Sampler {
 }
 
 impl Sampler {
-    /// Adds the macro step just made under the velocity gradient `l`.
-    pub fn add<R: Real>(&mut self, element: &Element<R>, l: &Matrix2<f64>) {
+    /// Adds a macro step under the velocity gradient `l` (1/s) that ended at `state`.
+    pub fn add(&mut self, state: &RveState, l: &Matrix2<f64>) {
         self.steps += 1.0;
         self.velocity_gradient += l;
-        self.stress -= element.state.stress;
-        self.solid_fraction += element.state.solid_fraction;
-        self.coordination += element.state.coordination;
+        self.stress -= state.stress;
+        self.solid_fraction += state.solid_fraction;
+        self.coordination += state.coordination;
     }
 
-    /// The row of the interval; a new interval begins.
-    pub fn row<R: Real>(&mut self, element: &Element<R>) -> Row {
+    /// The row of the interval that ends at time `t` (s) and `strain`; a new interval begins.
+    pub fn row(&mut self, t: f64, strain: Matrix2<f64>, p: &RveParameters) -> Row {
         let sum = std::mem::take(self);
-        let p = &element.parameters;
         let stress = sum.stress / sum.steps;
         Row {
-            t: element.t,
-            strain: element.strain,
+            t,
+            strain,
             stress,
             solid_fraction: sum.solid_fraction / sum.steps,
             coordination: sum.coordination / sum.steps,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::cuda::{CudaReal, CudaRveBatch};
-use dem::{Packing, Rve, RveBatch, RveParameters, RveState};
+use dem::{Packing, Real, Rve, RveBatch, RveParameters, RveState};
 use miette::IntoDiagnostic;
 use nalgebra::Matrix2;
 
@@ -96,7 +96,7 @@ fn on_cpu<R: CudaReal>(
         }
         let step = start.elapsed() / steps;
         let searches = found as f64 / (rves * steps as usize) as f64;
-        rows.push(row("CPU", R::NAME, p, rves, rate, step, searches));
+        rows.push(row("CPU", <R as Real>::NAME, p, rves, rate, step, searches));
     }
     Ok(())
 }
@@ -139,7 +139,7 @@ fn on_gpu<R: CudaReal>(
                 found += searches(&states);
             }
             let searches = found as f64 / (rves * COUNTED) as f64;
-            rows.push(row(device.name(), R::NAME, p, rves, rate, step, searches));
+            rows.push(row(device.name(), <R as Real>::NAME, p, rves, rate, step, searches));
         }
     }
     let one = CudaRveBatch::<R>::upload(device, &batch(p, packing, 1)).into_diagnostic()?;
@@ -147,7 +147,7 @@ fn on_gpu<R: CudaReal>(
     *notes += &format!(
         "\n{} kernel: {} threads and {} bytes of shared memory a block, {} registers and {} bytes \
          of local memory a thread, {} blocks a multiprocessor.\n",
-        R::NAME,
+        <R as Real>::NAME,
         taken.threads,
         taken.shared_bytes,
         taken.registers,

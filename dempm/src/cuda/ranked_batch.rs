@@ -6,9 +6,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use cudarc::driver::CudaSlice;
+use cudarc::driver::{CudaSlice, CudaView};
 use dem::RveBatch;
-use dem::cuda::{CudaError, CudaReal, CudaRveBatch, DeviceState, Room};
+use dem::cuda::{CudaError, CudaReal, CudaRveBatch, Room, State};
 use gpu::Device;
 use gpu::ranks::Ranks;
 
@@ -26,7 +26,7 @@ pub struct RankedRveBatch<R: CudaReal> {
 /// What several ranks exchange in every step, in equal parts.
 struct Shared {
     ranks: Arc<Ranks>,
-    states: CudaSlice<DeviceState>,
+    states: CudaSlice<State>,
     failed: CudaSlice<i32>,
 }
 
@@ -57,7 +57,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
             rves: batch.rves[range.clone()].to_vec(),
             fresh: batch.fresh.clone(),
         };
-        let states = vec![DeviceState::default(); ranks.chunk(count) * ranks.size()];
+        let states = vec![State::default(); ranks.chunk(count) * ranks.size()];
         let shared = Shared {
             ranks: ranks.clone(),
             states: device.upload(&states)?,
@@ -73,7 +73,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
     ///
     /// # Errors
     /// The launch was refused, or a peer is gone.
-    pub fn launch(&mut self, dt: f64, velocity_gradient: &CudaSlice<f64>) -> Result<(), CudaError> {
+    pub fn launch(&mut self, dt: f64, velocity_gradient: &CudaView<f64>) -> Result<(), CudaError> {
         let stream = self.device.stream();
         let Range { start, end } = self.range;
         self.own.launch(stream, dt, &velocity_gradient.slice(4 * start..4 * end))?;
@@ -89,7 +89,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
     }
 
     /// States of all packings after the last launch.
-    pub fn device_states(&self) -> &CudaSlice<DeviceState> {
+    pub fn device_states(&self) -> &CudaSlice<State> {
         self.shared.as_ref().map_or_else(|| self.own.device_states(), |shared| &shared.states)
     }
 
@@ -165,9 +165,9 @@ mod tests {
     #[test]
     fn gathered_states_are_those_of_the_batch() {
         let Some(device) = gpu::for_tests() else { return };
-        let launch =
+        let environment =
             Environment { rank: 0, size: 1, local_rank: 0, address: ("127.0.0.1".to_owned(), 0) };
-        let ranks = match Ranks::join(&launch, &device, &[0; 32]) {
+        let ranks = match Ranks::join(&environment, &device, &[0; 32]) {
             Ok(ranks) => Arc::new(ranks),
             Err(RanksError::NcclMissing) => {
                 eprintln!("skipped: {}", RanksError::NcclMissing);
@@ -186,7 +186,7 @@ mod tests {
             let mut twin = RankedRveBatch::upload(&device, &batch, Room::Usual, ranks).unwrap();
             let gradients: Vec<f64> = (1..=5).flat_map(|k| [0.0, f64::from(k), 0.0, 0.0]).collect();
             let gradients = device.upload(&gradients).unwrap();
-            (0..50).for_each(|_| twin.launch(1.0e-4, &gradients).unwrap());
+            (0..50).for_each(|_| twin.launch(1.0e-4, &gradients.as_view()).unwrap());
             let states = device.stream().clone_dtoh(twin.device_states()).unwrap();
             let states: Vec<_> = states.into_iter().map(dem::RveState::from).collect();
             (states, twin.download().unwrap())

@@ -4,42 +4,72 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cudarc::driver::sys::CUstreamCaptureStatus;
-use cudarc::driver::{
-    CudaEvent, CudaFunction, CudaSlice, DevicePtr, DeviceRepr, PinnedHostSlice, ValidAsZeroBits,
-};
+use cudarc::driver::{CudaEvent, CudaSlice, PinnedHostSlice};
 use dem::RveState;
-use dem::cuda::{CudaError as RveError, DeviceState, Room};
+use dem::cuda::{CudaError as RveError, Room, State, Tensor};
 use gpu::ranks::Ranks;
-use gpu::{Device, argument};
-use mpm::cuda::{CudaError, CudaMaterial, HEADER, Queue};
+use gpu::{
+    ConstPointer, Device, Function, Pointer, checks, cuda_struct, definitions, files, kernel,
+};
+use mpm::cuda::{CudaError, CudaMaterial, Mpm, Queue};
 use mpm::{MaterialError, Numerics};
 
 use super::ranked_batch::RankedRveBatch;
 use super::{elapsed, timer};
 use crate::rve_material::{Batch, RveMaterial, Tally};
 
+cuda_struct! {
+    /// What happened to one packing at the limits of the method, over all steps.
+    struct DeviceTally {
+        free_steps: u64,
+        thin_steps: u64,
+        overlap_steps: u64,
+        searches: u64,
+        /// Largest overlap over the smaller radius.
+        max_overlap: f64,
+        /// Smallest width of the cell (m).
+        min_width: f64,
+    }
+}
+
+kernel! {
+    /// From the states of the packings to stress and volume of the points; a thread a point.
+    struct RveResponse: rve_response {
+        m: Mpm,
+        /// State of each packing.
+        states: ConstPointer<State>,
+        /// The first packing that failed of every `chunk` packings, counted within them.
+        failed: ConstPointer<i32>,
+        chunk: i32,
+        /// Of each point (m).
+        volume_per_area: ConstPointer<f64>,
+        /// Of each packing.
+        tally: Pointer<DeviceTally>,
+        /// Larger overlaps over the smaller radius are counted.
+        overlap_warning: f64,
+    }
+}
+
 /// The source of the kernel.
 pub fn source() -> String {
-    format!("{HEADER}\n#line 1 \"rve_material.cu\"\n{}", include_str!("rve_material.cu"))
+    let structs = definitions![Tensor, State, DeviceTally];
+    [&mpm::cuda::header(), &structs, files!("rve_material.cu"), &checks![RveResponse]].concat()
 }
 
 /// Preprocessor definitions for it.
 pub fn defines() -> Vec<String> {
-    let mut defines = mpm::cuda::defines(&Numerics::default());
-    defines.push(format!("STATE_BYTES={}", size_of::<DeviceState>()));
-    defines.push(format!("TALLY_BYTES={}", size_of::<DeviceTally>()));
-    defines
+    mpm::cuda::defines(&Numerics::default())
 }
 
 /// The packings of all points on a GPU.
 pub(super) struct CudaRveMaterial {
     device: Arc<Device>,
     batch: DeviceBatch,
-    kernel: CudaFunction,
+    response: Function<RveResponse>,
     volume_per_area: CudaSlice<f64>,
     tally: CudaSlice<DeviceTally>,
     /// Copies of the states and of what was counted, for a frame.
-    frame_states: PinnedHostSlice<DeviceState>,
+    frame_states: PinnedHostSlice<State>,
     frame_tally: PinnedHostSlice<DeviceTally>,
     /// What was counted before the upload.
     earlier: Tally,
@@ -64,24 +94,6 @@ macro_rules! with_batch {
     };
 }
 
-/// `Tally` of `rve_material.cu`, of one packing.
-#[repr(C)]
-#[derive(Clone, Copy)]
-struct DeviceTally {
-    free_steps: u64,
-    thin_steps: u64,
-    overlap_steps: u64,
-    searches: u64,
-    max_overlap: f64,
-    min_width: f64,
-}
-
-// SAFETY: plain numbers, laid out as in `rve_material.cu`.
-unsafe impl DeviceRepr for DeviceTally {}
-
-// SAFETY: as above.
-unsafe impl ValidAsZeroBits for DeviceTally {}
-
 impl CudaRveMaterial {
     /// Copies the packings to a GPU; with `ranks` those of this rank.
     ///
@@ -101,6 +113,7 @@ impl CudaRveMaterial {
                 DeviceBatch::F64(RankedRveBatch::upload(device, batch, room, ranks)?)
             }
         };
+        let module = device.module("rve_material.cu", &source(), &defines())?;
         let packings = rve.volume_per_area.len();
         let none = DeviceTally {
             free_steps: 0,
@@ -115,9 +128,7 @@ impl CudaRveMaterial {
             frame_states: device.pinned(states)?,
             frame_tally: device.pinned(packings)?,
             batch,
-            kernel: device
-                .module("rve_material.cu", &source(), &defines())?
-                .load_function("rve_response")?,
+            response: Function::load(device, &module)?,
             volume_per_area: device.upload(&rve.volume_per_area)?,
             tally: device.upload(&vec![none; packings])?,
             earlier: rve.tally,
@@ -175,7 +186,7 @@ impl CudaRveMaterial {
     /// On several GPUs each launches its own slice, and the states of all packings are gathered
     /// before this returns: all else is small and done on each.
     fn queue_packings(&mut self, queue: &Queue) -> Result<(), CudaError> {
-        let Queue { stream, dt, velocity_gradient, .. } = *queue;
+        let Queue { stream, dt, ref velocity_gradient, .. } = *queue;
         let timed =
             stream.capture_status()? == CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE;
         if timed {
@@ -191,23 +202,22 @@ impl CudaRveMaterial {
 
     fn queue_response(&mut self, queue: &Queue) -> Result<(), CudaError> {
         let stream = queue.stream;
-        let (states, failed, chunk) = with_batch!(&self.batch, batch => {
-            let states = batch.device_states().device_ptr(stream).0;
-            (states, batch.failed().device_ptr(stream).0, batch.chunk() as i32)
-        });
-        let volume_per_area = self.volume_per_area.device_ptr(stream).0;
-        let tally = self.tally.device_ptr(stream).0;
-        let arguments = [
-            argument(queue.view),
-            argument(&states),
-            argument(&failed),
-            argument(&chunk),
-            argument(&volume_per_area),
-            argument(&tally),
-            argument(&self.overlap_warning),
-        ];
-        // SAFETY: the arguments of `rve_response`, with one entry a point.
-        unsafe { queue.over_points(&self.kernel, &arguments) }
+        let (states, failed, chunk) = with_batch!(&self.batch, batch => (
+            ConstPointer::to(batch.device_states(), stream),
+            ConstPointer::to(batch.failed(), stream),
+            batch.chunk() as i32,
+        ));
+        let arguments = RveResponse {
+            m: *queue.mpm,
+            states,
+            failed,
+            chunk,
+            volume_per_area: ConstPointer::to(&self.volume_per_area, stream),
+            tally: Pointer::to(&self.tally, stream),
+            overlap_warning: self.overlap_warning,
+        };
+        // SAFETY: a thread, a packing and an entry of each array a point.
+        unsafe { queue.over_points(&self.response, &arguments) }
     }
 }
 

@@ -1,11 +1,5 @@
 // Dense granular flow: in-plane Drucker-Prager yield with the mu(I) friction law.
 
-struct DruckerPrager {
-    double bulk_modulus, shear_modulus;
-    double static_friction, dynamic_friction, inertial_number;
-    double grain_diameter, grain_density;
-};
-
 __device__ inline Matrix deviator(const Matrix& a) {
     const double mean = 0.5 * trace(a);
     return {a.xx - mean, a.xy, a.yx, a.yy - mean};
@@ -17,7 +11,7 @@ __device__ inline double in_plane_norm(const Matrix& s) {
 }
 
 // Stress after a step that ends at volume strain `strain`.
-__device__ inline Matrix stress_after(const DruckerPrager& law, double strain, const Matrix& old,
+__device__ inline Matrix stress_after(const DruckerPragerLaw& law, double strain, const Matrix& old,
                                       const Matrix& l, double dt) {
     const double p = -law.bulk_modulus * strain;
     if (p <= 0.0) return {0.0, 0.0, 0.0, 0.0};
@@ -34,7 +28,7 @@ __device__ inline Matrix stress_after(const DruckerPrager& law, double strain, c
     return trial * scale + Matrix{-p, 0.0, 0.0, -p};
 }
 
-extern "C" __global__ void drucker_prager(const Mpm m, const DruckerPrager law, double* volume_strain) {
+extern "C" __global__ void drucker_prager(const Mpm m, const DruckerPragerLaw law, double* volume_strain) {
     const int p = point_of_thread(m);
     if (p == NOBODY) return;
     const Matrix l = m.velocity_gradient[p];

@@ -1,40 +1,40 @@
-//! What frames are made of, on its way to the CPU.
+//! Copies of points and contacts for a frame, on their way to the CPU.
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaSlice, CudaStream, PinnedHostSlice};
+use cudarc::driver::{CudaStream, PinnedHostSlice};
 use gpu::{Device, Error};
 
+use super::abi::{Clock, Matrix, Vector};
 use super::memory::Memory;
 
-/// Host memory that the GPU writes to by itself, while the host does something else.
+/// Page-locked memory to which the GPU copies while the host does something else.
 pub(super) struct FrameCopy {
-    pub clock: PinnedHostSlice<u64>,
-    pub position: PinnedHostSlice<f64>,
-    pub velocity: PinnedHostSlice<f64>,
-    pub affine_velocity: PinnedHostSlice<f64>,
-    pub velocity_gradient: PinnedHostSlice<f64>,
-    pub stress: PinnedHostSlice<f64>,
+    pub clock: PinnedHostSlice<Clock>,
+    pub position: PinnedHostSlice<Vector>,
+    pub velocity: PinnedHostSlice<Vector>,
+    pub affine_velocity: PinnedHostSlice<Matrix>,
+    pub velocity_gradient: PinnedHostSlice<Matrix>,
+    pub stress: PinnedHostSlice<Matrix>,
     pub volume: PinnedHostSlice<f64>,
     pub ledger: PinnedHostSlice<f64>,
 }
 
 impl FrameCopy {
     pub fn new(device: &Device, memory: &Memory) -> Result<Self, Error> {
-        let like = |array: &CudaSlice<f64>| device.pinned(array.len());
         Ok(Self {
             clock: device.pinned(memory.clock.len())?,
-            position: like(&memory.position)?,
-            velocity: like(&memory.velocity)?,
-            affine_velocity: like(&memory.affine_velocity)?,
-            velocity_gradient: like(&memory.velocity_gradient)?,
-            stress: like(&memory.stress)?,
-            volume: like(&memory.volume)?,
-            ledger: like(&memory.ledger)?,
+            position: device.pinned(memory.position.len())?,
+            velocity: device.pinned(memory.velocity.len())?,
+            affine_velocity: device.pinned(memory.affine_velocity.len())?,
+            velocity_gradient: device.pinned(memory.velocity_gradient.len())?,
+            stress: device.pinned(memory.stress.len())?,
+            volume: device.pinned(memory.volume.len())?,
+            ledger: device.pinned(memory.ledger.len())?,
         })
     }
 
-    /// Queues the copies, which are there once the stream has come to this point.
+    /// Queues the copies.
     pub fn queue(&mut self, stream: &Arc<CudaStream>, memory: &Memory) -> Result<(), Error> {
         stream.memcpy_dtoh(&memory.clock, &mut self.clock)?;
         stream.memcpy_dtoh(&memory.position, &mut self.position)?;

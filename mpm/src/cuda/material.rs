@@ -2,18 +2,20 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaFunction, CudaSlice, DeviceRepr};
-use gpu::{Device, Error, argument};
+use cudarc::driver::CudaSlice;
+use gpu::{Device, Error, Function, Kernel, Pointer};
 
+use super::drucker_prager::{DruckerPragerLaw, DruckerPragerUpdate};
+use super::elastic::ElasticUpdate;
 use super::error::CudaError;
-use super::memory::{address, upload};
-use super::solver::Queue;
-use super::source::{SOURCE, defines};
-use crate::{DruckerPrager, DruckerPragerParameters, Elastic, MaterialError, Numerics};
+use super::memory::upload;
+use super::queue::Queue;
+use super::source::{defines, source};
+use crate::{DruckerPrager, Elastic, MaterialError, Numerics};
 
 /// Constitutive response of all points on a GPU: the twin of [`Material`](crate::Material).
 pub trait CudaMaterial {
-    /// Queues one step: from `velocity_gradient` to `stress` and `volume` of the view.
+    /// Queues one step: from `velocity_gradient` to `stress` and `volume` of the solver's points.
     ///
     /// # Errors
     /// A launch was refused.
@@ -28,50 +30,52 @@ pub trait CudaMaterial {
 
 /// The twin of [`Elastic`].
 pub struct CudaElastic {
-    kernel: CudaFunction,
+    update: Function<ElasticUpdate>,
     lambda: f64,
     shear_modulus: f64,
 }
 
 impl CudaElastic {
+    /// Compiles the law.
+    ///
     /// # Errors
     /// No compiler.
     pub fn new(device: &Arc<Device>, law: &Elastic) -> Result<Self, Error> {
         let p = law.parameters();
-        let kernel = load(device, "elastic")?;
-        Ok(Self { kernel, lambda: p.lambda(), shear_modulus: p.shear_modulus() })
+        let update = load_law(device)?;
+        Ok(Self { update, lambda: p.lambda(), shear_modulus: p.shear_modulus() })
     }
 }
 
 impl CudaMaterial for CudaElastic {
     fn queue_update(&mut self, queue: &Queue) -> Result<(), CudaError> {
-        let arguments =
-            [argument(queue.view), argument(&self.lambda), argument(&self.shear_modulus)];
-        // SAFETY: the arguments of `elastic`.
-        unsafe { queue.over_points(&self.kernel, &arguments) }
+        let Self { lambda, shear_modulus, .. } = *self;
+        let arguments = ElasticUpdate { m: *queue.mpm, lambda, shear_modulus };
+        // SAFETY: one thread a point, and the arrays of the solver.
+        unsafe { queue.over_points(&self.update, &arguments) }
     }
 
     fn failure(&self, point: usize) -> Result<MaterialError, CudaError> {
-        Ok(never_raised(point))
+        Ok(no_failure(point))
     }
 }
 
 /// The twin of [`DruckerPrager`].
 pub struct CudaDruckerPrager {
     device: Arc<Device>,
-    kernel: CudaFunction,
-    law: DeviceLaw,
+    update: Function<DruckerPragerUpdate>,
+    law: DruckerPragerLaw,
     volume_strain: CudaSlice<f64>,
 }
 
 impl CudaDruckerPrager {
-    /// Copies the state of the points to a GPU.
+    /// Compiles the law and copies the state of the points to a GPU.
     ///
     /// # Errors
     /// Too little memory; no compiler.
     pub fn new(device: &Arc<Device>, law: &DruckerPrager) -> Result<Self, Error> {
         Ok(Self {
-            kernel: load(device, "drucker_prager")?,
+            update: load_law(device)?,
             law: law.parameters().into(),
             volume_strain: upload(device, law.volume_strain())?,
             device: device.clone(),
@@ -92,53 +96,24 @@ impl CudaDruckerPrager {
 
 impl CudaMaterial for CudaDruckerPrager {
     fn queue_update(&mut self, queue: &Queue) -> Result<(), CudaError> {
-        let strain = address(&self.volume_strain, queue.stream);
-        let arguments = [argument(queue.view), argument(&self.law), argument(&strain)];
-        // SAFETY: the arguments of `drucker_prager`, an entry of `volume_strain` for each point.
-        unsafe { queue.over_points(&self.kernel, &arguments) }
+        let volume_strain = Pointer::to(&self.volume_strain, queue.stream);
+        let arguments = DruckerPragerUpdate { m: *queue.mpm, law: self.law, volume_strain };
+        // SAFETY: one thread and one entry of `volume_strain` a point, and the arrays of the solver.
+        unsafe { queue.over_points(&self.update, &arguments) }
     }
 
     fn failure(&self, point: usize) -> Result<MaterialError, CudaError> {
-        Ok(never_raised(point))
-    }
-}
-
-/// `DruckerPrager` of `drucker_prager.cu`.
-#[repr(C)]
-#[derive(Clone, Copy)]
-struct DeviceLaw {
-    bulk_modulus: f64,
-    shear_modulus: f64,
-    static_friction: f64,
-    dynamic_friction: f64,
-    inertial_number: f64,
-    grain_diameter: f64,
-    grain_density: f64,
-}
-
-// SAFETY: plain numbers, laid out as in `drucker_prager.cu`.
-unsafe impl DeviceRepr for DeviceLaw {}
-
-impl From<&DruckerPragerParameters> for DeviceLaw {
-    fn from(p: &DruckerPragerParameters) -> Self {
-        Self {
-            bulk_modulus: p.bulk_modulus,
-            shear_modulus: p.shear_modulus,
-            static_friction: p.static_friction,
-            dynamic_friction: p.dynamic_friction,
-            inertial_number: p.inertial_number,
-            grain_diameter: p.grain_diameter,
-            grain_density: p.grain_density,
-        }
+        Ok(no_failure(point))
     }
 }
 
 /// The laws do not depend on the basis; the default one is most likely compiled already.
-fn load(device: &Device, kernel: &str) -> Result<CudaFunction, Error> {
-    let module = device.module("mpm.cu", SOURCE, &defines(&Numerics::default()))?;
-    Ok(module.load_function(kernel)?)
+fn load_law<K: Kernel>(device: &Arc<Device>) -> Result<Function<K>, Error> {
+    let module = device.module("mpm.cu", &source(), &defines(&Numerics::default()))?;
+    Function::load(device, &module)
 }
 
-fn never_raised(point: usize) -> MaterialError {
+/// These laws raise no failure of their own.
+fn no_failure(point: usize) -> MaterialError {
     MaterialError::Point { point, reason: "this material does not fail by itself".into() }
 }

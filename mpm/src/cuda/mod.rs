@@ -5,16 +5,29 @@
 //! steps can be captured in a CUDA graph and replayed. There are no floating-point atomics: on one
 //! device the result is the same bit by bit, and it differs from the CPU's by round-off.
 
+mod abi;
+mod bins;
+mod budget;
+mod cell_average;
+mod drucker_prager;
+mod elastic;
 mod error;
 mod frame;
+mod g2p;
+mod kernels;
+mod ledger;
 mod material;
 mod memory;
+mod obstacle;
+mod p2g;
+mod queue;
 mod solver;
 mod source;
-mod view;
+mod velocity_gradient;
 
+pub use abi::{Bins, Clock, Fault, Matrix, Mpm, Obstacle, Phase, Placed, Stencil, Vector};
 pub use error::CudaError;
 pub use material::{CudaDruckerPrager, CudaElastic, CudaMaterial};
-pub use solver::{CudaSolver, Queue};
-pub use source::{HEADER, SOURCE, defines};
-pub use view::DeviceView;
+pub use queue::Queue;
+pub use solver::CudaSolver;
+pub use source::{defines, header, source};

@@ -1,16 +1,8 @@
-// What all kernels of the solver share: vectors, matrices, and the state in device memory.
-// Per unit thickness, SI, tension positive.
+// What all kernels of the solver share. Per unit thickness, SI, tension positive. The structs that Rust
+// knows too are defined in abi.rs.
 
 typedef unsigned long long u64;
-
-struct alignas(16) Vec {
-    double x, y;
-};
-
-// Row by row.
-struct alignas(16) Matrix {
-    double xx, xy, yx, yy;
-};
+using Vec = Vector;
 
 __device__ inline Vec operator+(Vec a, Vec b) { return {a.x + b.x, a.y + b.y}; }
 __device__ inline Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y}; }
@@ -51,99 +43,9 @@ struct Stencil {
     int node;
 };
 
-// A rigid box with the friction of its left, right, bottom and top face (0 slips, infinity sticks).
-struct Obstacle {
-    double min[2], max[2];
-    double friction[4];
-    double velocity[2];
-    double start;
-};
-
-// A box as it stands and moves in one step; sides on or behind a wall are at infinity.
-struct Placed {
-    double min[2], max[2];
-    double friction[4];
-    Vec velocity;
-};
-
-// Points sorted by cells, cell by cell a list that ascends. Entries of `head` and `first` hold the
-// step they were made in (upper half) and a point: those of older steps mean an empty cell.
-struct Bins {
-    int* cell;
-    // As pushed, in any order.
-    u64* head;
-    int* next;
-    // Ascending.
-    u64* first;
-    int* successor;
-};
-
-// Where the run is. A failure is the phase of the step it happened in (upper half) and the point: the
-// smallest is the one that the CPU would have met first. From the next step on nothing moves.
-struct Clock {
-    u64 step;
-    u64 failure;
-    u64 running;
-};
+static_assert(sizeof(Stencil) == STENCIL_BYTES, "as long as in abi.rs");
 
 constexpr u64 NO_FAILURE = ~u64(0);
-// Of a step: USF updates stresses before points move, the others after.
-enum Phase : unsigned { STRESS_FIRST, MOTION, STRESS_LAST };
-// Why a point failed; from INSIDE_OBSTACLE on with the index of the obstacle.
-enum Fault : int { NOT_FINITE = 1, OUTSIDE_DOMAIN, BAD_RESPONSE, MATERIAL, INSIDE_OBSTACLE };
-
-struct Mpm {
-    double cell, width, height;
-    double dt;
-    double gravity_x, gravity_y;
-    // Nodes up to this mass (kg/m) are left at rest.
-    double cutoff;
-    double pic_share;
-    // Of the walls: left, right, bottom, top.
-    double friction[4];
-    u64 first_step;
-    int columns, rows, cells_x, cells_y;
-    int points, obstacles, affine;
-    unsigned stress_phase;
-
-    Clock* clock;
-    const Obstacle* obstacle;
-    // At the beginning of the step, then at its end.
-    Placed* placed;
-
-    Vec* position;
-    Vec* velocity;
-    Matrix* affine_velocity;
-    const double* mass;
-    double* volume;
-    Matrix* velocity_gradient;
-    Matrix* stress;
-    Stencil* stencil;
-    int* fault;
-
-    double* node_mass;
-    Vec* node_momentum;
-    Vec* node_old_velocity;
-    Vec* node_velocity;
-    // Speeds along x and y up to which a node may approach the walls it lies on in this step.
-    Vec* node_approach;
-
-    // What contacts have done since the ledger was last summed: arrays over nodes and over points
-    // of impulses by the walls (x, y) and by each obstacle (x, y), work of the obstacles, and how
-    // often a point was moved back.
-    double* node_ledger;
-    double* point_ledger;
-
-    // By the lowest, leftmost node, and by the cell of the background grid.
-    Bins bins;
-    Bins cells;
-    // Of each cell: sum V_p and sum V_p tr L_p.
-    Vec* cell_sum;
-};
-
-static_assert(sizeof(Stencil) == STENCIL_BYTES && sizeof(Obstacle) == OBSTACLE_BYTES &&
-                  sizeof(Placed) == PLACED_BYTES && sizeof(Mpm) == MPM_BYTES,
-              "laid out as memory.rs has it");
 
 __device__ inline int thread_index() { return int(blockIdx.x * blockDim.x + threadIdx.x); }
 

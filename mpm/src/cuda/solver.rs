@@ -2,28 +2,25 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaEvent, CudaFunction, CudaSlice, CudaStream, LaunchConfig, PushKernelArg};
-use gpu::{Argument, Device, How, argument};
+use cudarc::driver::{CudaEvent, CudaSlice, CudaStream, DeviceRepr};
+use gpu::{Device, Function, Kernel, Launch, Pointer};
 
+use super::abi::{Fault, Mpm, NO_FAILURE};
+use super::bins::{EvaluateBasis, SortBins};
+use super::budget::{SUM_THREADS, SumLedger};
+use super::cell_average::{CellAverage, CellPush, CellSort, CellSums};
 use super::error::CudaError;
 use super::frame::FrameCopy;
+use super::g2p::G2p;
+use super::kernels::Kernels;
+use super::ledger;
 use super::material::CudaMaterial;
 use super::memory::Memory;
-use super::source::{SOURCE, defines};
-use super::view::{DeviceView, NO_FAILURE, ledger, set_matrices, set_vectors};
-use crate::{Error, Mat2, Numerics, Points, Scheme, Solver, Vec2};
-
-/// Threads of a block, one for each point or 16 for each node.
-const BLOCK: usize = 128;
-/// Threads that work on one node (`LANES` of `p2g.cu`).
-const LANES: usize = 16;
-/// Threads of a sum over a ledger: a power of two.
-pub(super) const SUM_THREADS: usize = 256;
-
-/// All kernels are small, and the packings of the scene wait for them: they go before those of others.
-const IN_A_ROW: How = How { early: true, urgent: true };
-/// For a kernel that follows several others.
-const AFTER_SEVERAL: How = How { early: false, urgent: true };
+use super::obstacle::BeginStep;
+use super::p2g::{LANES, P2g, P2gInternalForce, P2gMassAndMomentum, P2gVelocity};
+use super::queue::{Queue, each};
+use super::velocity_gradient::VelocityGradient;
+use crate::{Error, Points, Scheme, Solver, Vec2};
 
 /// Points, background grid and time on a GPU: the twin of [`Solver`].
 pub struct CudaSolver {
@@ -35,7 +32,8 @@ pub struct CudaSolver {
     from: CudaEvent,
     until: CudaEvent,
     frame: FrameCopy,
-    view: DeviceView,
+    /// Argument of the kernels.
+    mpm: Mpm,
     scheme: Scheme,
     cell_average: bool,
     points: usize,
@@ -43,79 +41,6 @@ pub struct CudaSolver {
     /// Steps made before the upload.
     first_step: usize,
     size: Vec2,
-}
-
-/// What a material has its kernels work on.
-pub struct Queue<'a> {
-    pub device: &'a Device,
-    pub stream: &'a CudaStream,
-    /// The step (s).
-    pub dt: f64,
-    /// Number of points.
-    pub points: usize,
-    /// Argument of kernels that include [`HEADER`](super::HEADER).
-    pub view: &'a DeviceView,
-    /// Velocity gradients of all points (1/s): xx, xy, yx, yy of each.
-    pub velocity_gradient: &'a CudaSlice<f64>,
-}
-
-impl Queue<'_> {
-    /// Queues a kernel with one thread a point, which begins with `point_of_thread`.
-    ///
-    /// # Errors
-    /// The launch was refused.
-    ///
-    /// # Safety
-    /// As [`Device::launch`].
-    pub unsafe fn over_points(
-        &self,
-        kernel: &CudaFunction,
-        arguments: &[Argument<'_>],
-    ) -> Result<(), CudaError> {
-        let config = threads(self.points);
-        // SAFETY: the caller's.
-        Ok(unsafe { self.device.launch(IN_A_ROW, self.stream, kernel, config, arguments) }?)
-    }
-}
-
-struct Kernels {
-    begin_step: CudaFunction,
-    evaluate_basis: CudaFunction,
-    sort_bins: CudaFunction,
-    p2g: CudaFunction,
-    p2g_mass_and_momentum: CudaFunction,
-    p2g_internal_force: CudaFunction,
-    p2g_velocity: CudaFunction,
-    g2p: CudaFunction,
-    velocity_gradient: CudaFunction,
-    cell_push: CudaFunction,
-    cell_sort: CudaFunction,
-    cell_sums: CudaFunction,
-    cell_average: CudaFunction,
-    sum_ledger: CudaFunction,
-}
-
-impl Kernels {
-    fn load(device: &Device, numerics: &Numerics) -> Result<Self, CudaError> {
-        let module = device.module("mpm.cu", SOURCE, &defines(numerics))?;
-        let function = |name: &str| module.load_function(name);
-        Ok(Self {
-            begin_step: function("begin_step")?,
-            evaluate_basis: function("evaluate_basis")?,
-            sort_bins: function("sort_bins")?,
-            p2g: function("p2g")?,
-            p2g_mass_and_momentum: function("p2g_mass_and_momentum")?,
-            p2g_internal_force: function("p2g_internal_force")?,
-            p2g_velocity: function("p2g_velocity")?,
-            g2p: function("g2p")?,
-            velocity_gradient: function("velocity_gradient")?,
-            cell_push: function("cell_push")?,
-            cell_sort: function("cell_sort")?,
-            cell_sums: function("cell_sums")?,
-            cell_average: function("cell_average")?,
-            sum_ledger: function("sum_ledger")?,
-        })
-    }
 }
 
 impl CudaSolver {
@@ -138,7 +63,7 @@ impl CudaSolver {
         let mass = points.check(&solver.shape).map_err(refused)?;
         let numerics = solver.numerics();
         let memory = Memory::new(device, solver, points)?;
-        let view = memory.view(device.stream(), solver, (points.len(), mass), dt, step);
+        let mpm = memory.argument(device.stream(), solver, (points.len(), mass), dt, step);
         let event = || device.context().new_event(None);
         let queued = Self {
             kernels: Kernels::load(device, numerics)?,
@@ -147,7 +72,7 @@ impl CudaSolver {
             until: event()?,
             frame: FrameCopy::new(device, &memory)?,
             memory,
-            view,
+            mpm,
             scheme: numerics.scheme,
             cell_average: numerics.cell_average_volumetric,
             points: points.len(),
@@ -168,58 +93,65 @@ impl CudaSolver {
     /// # Errors
     /// A launch was refused.
     pub fn queue_step(&self, material: &mut dyn CudaMaterial) -> Result<(), CudaError> {
-        let kernels = &self.kernels;
-        self.launch(AFTER_SEVERAL, self.device.stream(), &kernels.begin_step, one_warp())?;
+        let (kernels, m, stream) = (&self.kernels, self.mpm, self.device.stream());
+        // SAFETY: a warp, the arrays of the solver.
+        unsafe {
+            kernels.begin_step.launch(stream, Launch::blocks(1, 32).urgent(), &BeginStep { m })
+        }?;
         if self.scheme == Scheme::Usf {
-            self.over_nodes(&kernels.p2g_mass_and_momentum)?;
+            self.over_nodes(&kernels.p2g_mass_and_momentum, &P2gMassAndMomentum { m })?;
             self.queue_velocity_gradient()?;
             self.queue_material(material)?;
-            self.over_nodes(&kernels.p2g_internal_force)?;
-            self.over_points(&kernels.g2p)?;
-            return self.queue_bins(self.device.stream());
+            self.over_nodes(&kernels.p2g_internal_force, &P2gInternalForce { m })?;
+            self.over_points(&kernels.g2p, &G2p { m })?;
+            return self.queue_bins(stream);
         }
-        self.over_nodes(&kernels.p2g)?;
-        self.over_points(&kernels.g2p)?;
+        self.over_nodes(&kernels.p2g, &P2g { m })?;
+        self.over_points(&kernels.g2p, &G2p { m })?;
         if self.scheme == Scheme::Musl {
-            self.over_nodes(&kernels.p2g_velocity)?;
+            self.over_nodes(&kernels.p2g_velocity, &P2gVelocity { m })?;
         }
         self.queue_velocity_gradient()?;
         // While the material is at work: points are where they will be in the next step.
-        self.from.record(self.device.stream())?;
+        self.from.record(stream)?;
         self.beside.wait(&self.from)?;
         self.queue_bins(&self.beside)?;
         self.until.record(&self.beside)?;
         self.queue_material(material)?;
-        Ok(self.device.stream().wait(&self.until)?)
+        Ok(stream.wait(&self.until)?)
     }
 
     /// What the next step begins with: basis functions at the points, and the points in bins.
     fn queue_bins(&self, stream: &CudaStream) -> Result<(), CudaError> {
-        let Kernels { evaluate_basis, sort_bins, .. } = &self.kernels;
-        self.launch(AFTER_SEVERAL, stream, evaluate_basis, threads(self.points))?;
-        self.launch(IN_A_ROW, stream, sort_bins, threads(self.points))
+        let (Kernels { evaluate_basis, sort_bins, .. }, m) = (&self.kernels, self.mpm);
+        let points = each(self.points);
+        // SAFETY: a thread a point, the arrays of the solver. The first follows several kernels.
+        unsafe {
+            evaluate_basis.launch(stream, points.early(false), &EvaluateBasis { m })?;
+            sort_bins.launch(stream, points, &SortBins { m })?;
+        }
+        Ok(())
     }
 
     fn queue_velocity_gradient(&self) -> Result<(), CudaError> {
-        let kernels = &self.kernels;
-        self.over_points(&kernels.velocity_gradient)?;
+        let (kernels, m) = (&self.kernels, self.mpm);
+        self.over_points(&kernels.velocity_gradient, &VelocityGradient { m })?;
         if self.cell_average {
-            self.over_points(&kernels.cell_push)?;
-            self.over_points(&kernels.cell_sort)?;
-            self.over_points(&kernels.cell_sums)?;
-            self.over_points(&kernels.cell_average)?;
+            self.over_points(&kernels.cell_push, &CellPush { m })?;
+            self.over_points(&kernels.cell_sort, &CellSort { m })?;
+            self.over_points(&kernels.cell_sums, &CellSums { m })?;
+            self.over_points(&kernels.cell_average, &CellAverage { m })?;
         }
         Ok(())
     }
 
     fn queue_material(&self, material: &mut dyn CudaMaterial) -> Result<(), CudaError> {
         material.queue_update(&Queue {
-            device: &self.device,
             stream: self.device.stream(),
-            dt: self.view.dt,
+            dt: self.mpm.dt,
             points: self.points,
-            view: &self.view,
-            velocity_gradient: &self.memory.velocity_gradient,
+            mpm: &self.mpm,
+            velocity_gradient: self.memory.velocity_gradients(),
         })
     }
 
@@ -262,91 +194,78 @@ impl CudaSolver {
         material: &dyn CudaMaterial,
     ) -> Result<(), CudaError> {
         let frame = &self.frame;
-        let clock = frame.clock.as_slice()?;
-        let step = self.first_step + clock[0] as usize;
-        if clock[1] != NO_FAILURE {
-            let source = self.failure((clock[1] & 0xffff_ffff) as usize, material)?;
+        let clock = frame.clock.as_slice()?[0];
+        let step = self.first_step + clock.step as usize;
+        if clock.failure != NO_FAILURE {
+            let source = self.failure((clock.failure & 0xffff_ffff) as usize, material)?;
             return Err(CudaError::Step { step, source });
         }
-        set_vectors(&mut points.position, frame.position.as_slice()?);
-        set_vectors(&mut points.velocity, frame.velocity.as_slice()?);
-        set_matrices(&mut points.affine, frame.affine_velocity.as_slice()?);
-        set_matrices(&mut points.velocity_gradient, frame.velocity_gradient.as_slice()?);
-        set_matrices(&mut points.stress, frame.stress.as_slice()?);
+        copy(&mut points.position, frame.position.as_slice()?);
+        copy(&mut points.velocity, frame.velocity.as_slice()?);
+        copy(&mut points.affine, frame.affine_velocity.as_slice()?);
+        copy(&mut points.velocity_gradient, frame.velocity_gradient.as_slice()?);
+        copy(&mut points.stress, frame.stress.as_slice()?);
         points.volume.copy_from_slice(&frame.volume.as_slice()?[..self.points]);
         solver
-            .set_ledger(ledger(frame.ledger.as_slice()?))
+            .set_ledger(ledger::from_flat(frame.ledger.as_slice()?))
             .map_err(|source| CudaError::Step { step, source })
     }
 
     /// Why a point failed. It is where it was when it did.
     fn failure(&self, point: usize, material: &dyn CudaMaterial) -> Result<Error, CudaError> {
-        let stream = self.device.stream();
-        let row = |array: &CudaSlice<f64>, n: usize| {
-            stream.clone_dtoh(&array.slice(n * point..n * point + n))
-        };
         let memory = &self.memory;
-        let position = Vec2::from_vec(row(&memory.position, 2)?);
-        // `Fault` of `mpm.cuh`.
-        Ok(match stream.clone_dtoh(&memory.fault.slice(point..=point))?[0] {
-            1 => {
-                let velocity = Vec2::from_vec(row(&memory.velocity, 2)?);
+        let position = self.entry(&memory.position, point)?.into();
+        Ok(match self.entry(&memory.fault, point)? {
+            Fault::NOT_FINITE => {
+                let velocity = self.entry(&memory.velocity, point)?.into();
                 Error::NotFinite { point, position, velocity }
             }
-            2 => Error::OutsideDomain { point, position, size: self.size },
-            3 => {
-                let stress = Mat2::from_row_slice(&row(&memory.stress, 4)?);
-                Error::Response { point, stress, volume: row(&memory.volume, 1)?[0] }
+            Fault::OUTSIDE_DOMAIN => Error::OutsideDomain { point, position, size: self.size },
+            Fault::BAD_RESPONSE => {
+                let stress = self.entry(&memory.stress, point)?.into();
+                Error::Response { point, stress, volume: self.entry(&memory.volume, point)? }
             }
-            4 => material.failure(point)?.into(),
-            inside => Error::InsideObstacle { point, position, obstacle: (inside - 5) as usize },
+            Fault::MATERIAL => material.failure(point)?.into(),
+            fault => {
+                let obstacle = (fault - Fault::INSIDE_OBSTACLE) as usize;
+                Error::InsideObstacle { point, position, obstacle }
+            }
         })
     }
 
-    fn over_points(&self, kernel: &CudaFunction) -> Result<(), CudaError> {
-        self.launch(IN_A_ROW, self.device.stream(), kernel, threads(self.points))
-    }
-
-    fn over_nodes(&self, kernel: &CudaFunction) -> Result<(), CudaError> {
-        self.launch(IN_A_ROW, self.device.stream(), kernel, threads(LANES * self.nodes))
-    }
-
-    fn launch(
+    /// One entry of an array.
+    fn entry<T: DeviceRepr + Copy>(
         &self,
-        how: How,
-        stream: &CudaStream,
-        kernel: &CudaFunction,
-        config: LaunchConfig,
-    ) -> Result<(), CudaError> {
-        let arguments = [argument(&self.view)];
-        // SAFETY: the kernels of the solver take its view, whose arrays live as long as it does.
-        Ok(unsafe { self.device.launch(how, stream, kernel, config, &arguments) }?)
+        array: &CudaSlice<T>,
+        index: usize,
+    ) -> Result<T, CudaError> {
+        Ok(self.device.stream().clone_dtoh(&array.slice(index..=index))?[0])
+    }
+
+    fn over_points<K: Kernel>(&self, kernel: &Function<K>, arguments: &K) -> Result<(), CudaError> {
+        // SAFETY: a thread a point, the arrays of the solver.
+        Ok(unsafe { kernel.launch(self.device.stream(), each(self.points), arguments) }?)
+    }
+
+    fn over_nodes<K: Kernel>(&self, kernel: &Function<K>, arguments: &K) -> Result<(), CudaError> {
+        // SAFETY: `LANES` threads a node, the arrays of the solver.
+        Ok(unsafe { kernel.launch(self.device.stream(), each(LANES * self.nodes), arguments) }?)
     }
 
     fn sum_ledger(&self, entries: &CudaSlice<f64>, slots: usize) -> Result<(), CudaError> {
-        let (slots, total) = (slots as i32, &self.memory.ledger);
-        let mut launch = self.device.stream().launch_builder(&self.kernels.sum_ledger);
-        launch.arg(entries).arg(&slots).arg(total);
+        let (stream, total) = (self.device.stream(), &self.memory.ledger);
+        let launch = Launch::blocks(total.len() as u32, SUM_THREADS);
+        let arguments = SumLedger {
+            ledger: Pointer::to(entries, stream),
+            slots: slots as i32,
+            total: Pointer::to(total, stream),
+        };
         // SAFETY: `entries` has as many rows of `slots` as `total` has entries, one block each.
-        unsafe {
-            launch.launch(LaunchConfig {
-                grid_dim: (total.len() as u32, 1, 1),
-                block_dim: (SUM_THREADS as u32, 1, 1),
-                shared_mem_bytes: 0,
-            })
-        }?;
-        Ok(())
+        Ok(unsafe { self.kernels.sum_ledger.launch(stream, launch, &arguments) }?)
     }
 }
 
-fn threads(count: usize) -> LaunchConfig {
-    LaunchConfig {
-        grid_dim: (count.div_ceil(BLOCK).max(1) as u32, 1, 1),
-        block_dim: (BLOCK as u32, 1, 1),
-        shared_mem_bytes: 0,
-    }
-}
-
-fn one_warp() -> LaunchConfig {
-    LaunchConfig { grid_dim: (1, 1, 1), block_dim: (32, 1, 1), shared_mem_bytes: 0 }
+/// Of the entries as many as there are places: the GPU has one more than none.
+fn copy<A: Copy + Into<B>, B>(to: &mut [B], from: &[A]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = (*from).into());
 }

@@ -1,23 +1,22 @@
 //! The CUDA C++ of all kernels: one module, in which every file sees the ones before it.
 
-use super::solver::SUM_THREADS;
-use super::view::{DeviceView, OBSTACLE, PLACED, stencil_bytes};
-use crate::basis::GIMP_HALF_SIZE;
+use gpu::{checks, definitions, files};
+
+use super::abi::{Bins, Clock, Fault, Matrix, Mpm, Obstacle, Phase, Placed, Stencil, Vector};
+use super::bins::{EvaluateBasis, SortBins};
+use super::budget::{SUM_THREADS, SumLedger};
+use super::cell_average::{CellAverage, CellPush, CellSort, CellSums};
+use super::drucker_prager::{DruckerPragerLaw, DruckerPragerUpdate};
+use super::elastic::ElasticUpdate;
+use super::g2p::G2p;
+use super::obstacle::BeginStep;
+use super::p2g::{P2g, P2gInternalForce, P2gMassAndMomentum, P2gVelocity};
+use super::velocity_gradient::VelocityGradient;
+use crate::basis::{Basis, GIMP_HALF_SIZE};
 use crate::grid::GHOSTS;
-use crate::{Basis, Numerics, WallContact};
+use crate::numerics::{Numerics, WallContact};
 
-macro_rules! concatenated {
-    ($($file:literal),*) => {
-        concat!($("#line 1 \"", $file, "\"\n", include_str!($file)),*)
-    };
-}
-
-/// Types and functions that kernels of other crates may use; needs [`defines`].
-pub const HEADER: &str = concatenated!("mpm.cuh");
-
-/// The kernels of the solver and of the materials of this crate.
-pub const SOURCE: &str = concatenated!(
-    "mpm.cuh",
+const FILES: &str = files!(
     "basis.cu",
     "bins.cu",
     "obstacle.cu",
@@ -34,6 +33,36 @@ pub const SOURCE: &str = concatenated!(
     "drucker_prager.cu"
 );
 
+/// Types and functions that kernels of other crates may use; needs [`defines`].
+pub fn header() -> String {
+    let structs =
+        definitions![Vector, Matrix, Stencil, Obstacle, Placed, Bins, Clock, Phase, Fault, Mpm];
+    structs + files!("mpm.cuh")
+}
+
+/// The kernels of the solver and of the materials of this crate.
+pub fn source() -> String {
+    let checks = checks![
+        BeginStep,
+        EvaluateBasis,
+        SortBins,
+        P2g,
+        P2gMassAndMomentum,
+        P2gInternalForce,
+        P2gVelocity,
+        G2p,
+        VelocityGradient,
+        CellPush,
+        CellSort,
+        CellSums,
+        CellAverage,
+        SumLedger,
+        ElasticUpdate,
+        DruckerPragerUpdate,
+    ];
+    [&header(), &definitions![DruckerPragerLaw], FILES, &checks].concat()
+}
+
 /// Preprocessor definitions for the sources.
 pub fn defines(numerics: &Numerics) -> Vec<String> {
     let basis = numerics.basis;
@@ -49,11 +78,8 @@ pub fn defines(numerics: &Numerics) -> Vec<String> {
         ("WIDTH", width),
         ("POINTS_MEET_WALLS", usize::from(numerics.wall_contact == WallContact::Points)),
         ("GHOSTS", GHOSTS),
-        ("SUM_THREADS", SUM_THREADS),
-        ("STENCIL_BYTES", stencil_bytes(width)),
-        ("OBSTACLE_BYTES", OBSTACLE * size_of::<f64>()),
-        ("PLACED_BYTES", PLACED * size_of::<f64>()),
-        ("MPM_BYTES", size_of::<DeviceView>()),
+        ("SUM_THREADS", SUM_THREADS as usize),
+        ("STENCIL_BYTES", super::abi::stencil_bytes(width)),
     ]
     .map(|(name, value)| format!("{name}={value}"))
     .into_iter()

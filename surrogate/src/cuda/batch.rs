@@ -10,9 +10,9 @@ use super::error::CudaError;
 use super::features::{FrameBuilder, NewFrame};
 use super::network::Capacity;
 use super::push_forward::PushForward;
-use crate::config::{ModelConfig, ModelKind};
 use crate::data::{Batch, Unrolling};
 use crate::features::{Normalisation, Obstacle};
+use crate::network::{ModelConfig, ModelKind};
 
 /// Room for edges of each point at first; it grows as needed.
 pub const EDGES_PER_POINT: usize = 48;

@@ -5,7 +5,7 @@ use cudarc::driver::{CudaSlice, DeviceRepr};
 use gpu::{Device, Error};
 use mpm::Friction;
 
-use crate::constraints::Constraints;
+use crate::rollout::Constraints;
 
 /// `Box` of `constraints.cu`.
 #[repr(C)]

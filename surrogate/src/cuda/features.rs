@@ -14,9 +14,8 @@ use super::error::CudaError;
 use super::graph::{FRAMES, GraphBuilder};
 use super::launch::{address, each, of_frames};
 use super::network::supports;
-use crate::config::{ModelConfig, ModelKind};
-use crate::features::{Normalisation, Obstacle, SKIN};
-use crate::node_features::{self, NodeFeature};
+use crate::features::{Normalisation, Obstacle, SKIN, standardised};
+use crate::network::{ModelConfig, ModelKind, NodeFeature};
 
 /// The source of the kernels.
 pub const FEATURES_SOURCE: &str = include_str!("features.cu");
@@ -207,7 +206,7 @@ impl FrameBuilder {
     }
 
     /// Takes the features of points that never change, points x columns
-    /// ([`node_features::static_features`]).
+    /// ([`static_features`](crate::features::static_features)).
     ///
     /// # Errors
     /// The copy was refused.
@@ -224,8 +223,7 @@ impl FrameBuilder {
             .filter(|feature| !feature.is_static())
             .map(|feature| vec![0.0; self.points() * feature.columns(self.config.dimensions)])
             .collect();
-        let values =
-            node_features::standardised(features, &self.norm, self.points(), statics, &moving);
+        let values = standardised(features, &self.norm, self.points(), statics, &moving);
         if values.is_empty() {
             return Ok(());
         }

@@ -1,4 +1,4 @@
-//! The forward pass: as `crate::model`.
+//! The forward pass: as `crate::network`.
 
 use std::ops::Range;
 

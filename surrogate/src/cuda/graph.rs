@@ -1,5 +1,5 @@
 //! Radius graphs on the device. The kernels are `graph.cu`, their CPU twin
-//! [`radius_graph`](crate::graph::radius_graph).
+//! [`radius_graph`](crate::features::radius_graph).
 
 use std::sync::Arc;
 

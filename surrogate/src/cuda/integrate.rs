@@ -10,11 +10,10 @@ use gpu::{Device, Error};
 
 use super::constraints::{self, BoxRecord};
 use super::launch::each;
-use crate::config::ModelConfig;
-use crate::constraints::Constraints;
+use crate::diagnostics::CrowdingLimit;
 use crate::features::Normalisation;
-use crate::pressed::Packing;
-use crate::rollout::RolloutError;
+use crate::network::ModelConfig;
+use crate::rollout::{Constraints, RolloutError};
 
 /// The source of the kernel.
 pub const INTEGRATE_SOURCE: &str =
@@ -36,10 +35,10 @@ pub struct Motion {
     pub start: f64,
     pub interval: f64,
     /// Takes the mean of accelerations and of the mirror images of those of the mirrored window
-    /// ([`mirrored`](crate::simulator::mirrored)).
+    /// ([`mirrored`](crate::features::mirrored)).
     pub mirror: bool,
     /// How densely points may be packed.
-    pub packing: Packing,
+    pub packing: CrowdingLimit,
 }
 
 /// `Setup` of `integrate.cu`.

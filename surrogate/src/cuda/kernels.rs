@@ -15,21 +15,12 @@ use super::arguments::{Address, Backward, Forward, Receive};
 use super::error::CudaError;
 use super::network::{MOST_LAYERS, View};
 use super::profile::Profile;
+use crate::network::Precision;
 
 /// Columns of a state.
 pub const WIDTH: usize = 128;
 /// A packed matrix of 128 x 128 two-byte numbers, in words of 16 bytes.
 pub const UNIT: usize = 2048;
-
-/// Precision of products; sums, LayerNorm and the optimiser are in float32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Precision {
-    /// States are stored in float32, and multiplied as sums of two float16 or bfloat16.
-    F32,
-    /// States are stored and multiplied in bfloat16.
-    #[default]
-    Bf16,
-}
 
 impl Precision {
     /// Matrices of two-byte numbers whose sum is a matrix of numbers.

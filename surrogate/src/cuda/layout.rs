@@ -1,9 +1,9 @@
 //! Where the weights of each MLP are in the list of all weights
-//! ([`crate::train::weights`]), and where the kernels find them packed.
+//! ([`crate::network::parameters::weights`]), and where the kernels find them packed.
 
 use super::arguments::Pack;
-use super::kernels::{Precision, UNIT};
-use crate::config::{ModelConfig, ModelKind};
+use super::kernels::UNIT;
+use crate::network::{ModelConfig, ModelKind, Precision};
 
 /// What the first linear of an MLP reads, side by side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -317,7 +317,7 @@ impl Packer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::PAPER_NETWORKS;
+    use crate::network::PAPER_NETWORKS;
 
     #[test]
     fn the_lists_of_weights_are_as_long_as_the_networks() {

@@ -2,7 +2,7 @@
 //! and `graph.cu`), and each is the twin of code for the CPU.
 //!
 //! The networks are computed in float32, or in bfloat16 with sums in float32. The plain Burn model
-//! of [`crate::model`] is the reference; docs/notes/2026-11-22-network-kernels.md has the design. States are
+//! of [`crate::network`] is the reference; docs/notes/2026-11-22-network-kernels.md has the design. States are
 //! rows of 128 columns; narrower networks are padded with zeros.
 
 mod ahead;
@@ -36,7 +36,7 @@ pub use error::CudaError;
 pub use features::{FEATURES_SOURCE, FrameBuilder, NewFrame, features_defines};
 pub use graph::{GRAPH_SOURCE, GraphBuilder, graph_defines};
 pub use integrate::{BLOCK, Frames, INTEGRATE_SOURCE, Integrator, Landing, Motion};
-pub use kernels::{Precision, SOURCES, defines};
+pub use kernels::{SOURCES, defines};
 pub use network::{Capacity, CudaNetwork, supports};
 pub use predict::{CudaRollout, Network, Past};
 pub use push_forward::PUSH_FORWARD_SOURCE;

@@ -8,10 +8,10 @@ use gpu::Device;
 use super::arguments::{Address, Forward};
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::kernels::{Kernels, Precision, Rows, WIDTH};
+use super::kernels::{Kernels, Rows, WIDTH};
 use super::layout::{Layout, Packed};
 use super::room::Room;
-use crate::config::{ModelConfig, ModelKind};
+use crate::network::{ModelConfig, ModelKind, Precision};
 
 /// Hidden layers of an MLP whose biases fit beside a matrix in shared memory, and features whose
 /// products do.
@@ -109,7 +109,7 @@ impl CudaNetwork {
         })
     }
 
-    /// Takes weights in the order of [`crate::train::weights`].
+    /// Takes weights in the order of [`crate::network::parameters::weights`].
     ///
     /// # Errors
     /// If their number is not that of the network.

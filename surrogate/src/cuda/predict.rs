@@ -13,11 +13,10 @@ use super::error::CudaError;
 use super::features::{FrameBuilder, NewFrame};
 use super::integrate::{BLOCK, Frames, Integrator, Landing, Motion};
 use super::network::{Capacity, CudaNetwork};
-use crate::config::{ModelConfig, ModelKind};
-use crate::features::{Normalisation, mirrored_obstacle};
-use crate::pressed::Packing;
+use crate::diagnostics::CrowdingLimit;
+use crate::features::{Normalisation, mirrored, mirrored_obstacle};
+use crate::network::{ModelConfig, ModelKind};
 use crate::rollout::RolloutError;
-use crate::simulator::mirrored;
 
 /// What computes accelerations in a rollout.
 pub trait Network {
@@ -75,7 +74,7 @@ pub struct CudaRollout<N> {
     network: N,
     builder: FrameBuilder,
     integrator: Integrator,
-    packing: Packing,
+    packing: CrowdingLimit,
     config: ModelConfig,
     /// Width of the domain, if each frame is followed by its mirror image.
     mirror: Option<f64>,

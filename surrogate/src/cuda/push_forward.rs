@@ -1,5 +1,5 @@
 //! Pushforward on the device. The kernel is `push_forward.cu`, its CPU twin
-//! [`Draft::push_forward`](crate::data::Draft::push_forward).
+//! [`Draft::push_forward`](crate::data::Examples::push_forward).
 
 use std::sync::Arc;
 

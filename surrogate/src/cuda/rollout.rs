@@ -5,7 +5,7 @@ use cudarc::driver::CudaSlice;
 use super::buffers::FrameInput;
 use super::error::CudaError;
 use super::network::{CudaNetwork, View};
-use crate::config::ModelKind;
+use crate::network::ModelKind;
 
 impl CudaNetwork {
     /// Takes the next frame, with the features of later ones (the GNS: those of its only one), and

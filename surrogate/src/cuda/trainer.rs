@@ -12,10 +12,10 @@ use super::arguments::Address;
 use super::batch::{PLACES, Seen};
 use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::kernels::{Kernels, Precision};
+use super::kernels::Kernels;
 use super::network::{Capacity, CudaNetwork, View};
 use super::products::{List, Products};
-use crate::config::ModelConfig;
+use crate::network::{ModelConfig, Precision};
 
 /// Losses that can wait on the device to be read.
 pub const LOSSES: usize = 4096;

@@ -1,19 +1,19 @@
-//! Batches: what a model learns from in one step.
+//! Batches: the examples of one training step, normalised.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{DataError, DataSet, Draft, Example, Order, Unrolling};
+use super::{DataError, DataSet, Example, Examples, Sampler, Unrolling};
 use crate::features::{Normalisation, Obstacle};
 
-/// Windows and what should follow, ready for the model.
+/// Windows and targets of one step, as the network gets them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Batch {
-    /// Positions of each window, m, frame after frame, the oldest first.
+    /// Positions (m) of each window, frame by frame, the oldest first.
     pub windows: Vec<Vec<f32>>,
     /// Points of each window.
     pub points: Vec<usize>,
-    /// Features of the points of each window that never change.
+    /// Static features of the points of each window.
     pub statics: Vec<Vec<f32>>,
     /// Obstacles of each window.
     pub obstacles: Vec<Vec<Obstacle>>,
@@ -21,69 +21,80 @@ pub struct Batch {
     pub targets: Vec<f32>,
 }
 
-/// Which windows of a step a process takes, of those that train one network together.
+/// The share of a process in the windows of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
+    /// Number of the process, from 0.
     pub rank: usize,
+    /// Number of processes.
     pub ranks: usize,
 }
 
-/// How batches are made of windows.
+/// How windows become batches.
 #[derive(Clone, Debug)]
 pub struct Recipe {
-    /// Seed of order, noise and mirror images.
+    /// Seed of the order, noise and mirror images.
     pub seed: u64,
     /// Windows in a batch.
     pub batch: usize,
+    /// Share of this process.
     pub shard: Shard,
-    /// Whether the windows of a step have about as many points each.
+    /// Whether the windows of a step have similar numbers of points.
     pub alike: bool,
-    /// Frames of a window. The examples of the data set are longer by as many frames as
-    /// `unroll` may have.
+    /// Frames of a window. Examples of the data set have `unroll` more.
     pub frames: usize,
-    /// Steps that the model makes by itself before it learns, at most (pushforward),
+    /// Largest number of steps that the network unrolls by itself before it learns (pushforward).
     pub unroll: usize,
-    /// and the training step from which on it does.
+    /// First training step with pushforward.
     pub unroll_from: u64,
     /// Standard deviation of the noise on the last velocity, m/frame.
     pub noise: f64,
-    /// Mirrors every other window, at random.
+    /// Whether to mirror half of the windows, at random.
     pub mirror: bool,
-    /// Learns accelerations relative to free fall.
+    /// Whether targets are relative to free fall.
     pub without_gravity: bool,
-    /// The normalisation of the targets.
+    /// Normalisation of the targets.
     pub normalisation: Normalisation,
 }
 
 impl Recipe {
-    /// The order of all windows.
-    pub fn order(&self, data: &DataSet) -> Order {
-        let order = Order::new(self.seed, data.len());
-        if self.alike { order.alike(data.points(), self.shard.ranks * self.batch) } else { order }
+    /// The order in which all windows are visited.
+    pub fn sampler(&self, data: &DataSet) -> Sampler {
+        let sampler = Sampler::new(self.seed, data.len());
+        match self.alike {
+            true => sampler.bucketed(data.points(), self.shard.ranks * self.batch),
+            false => sampler,
+        }
     }
 
-    /// The windows of a step, in an order that has to be that of [`order`](Self::order). Those of all ranks of a
-    /// step follow one another, so n ranks learn what one with n times the batch would.
-    pub fn windows(&self, order: &mut Order, step: u64) -> Vec<usize> {
-        self.places(step).map(|place| order.window(place)).collect()
+    /// The windows of a step, drawn with [`sampler`](Self::sampler). The windows of all ranks
+    /// follow one another, so n ranks learn from the same windows as one rank with n times the
+    /// batch.
+    pub fn windows(&self, sampler: &mut Sampler, step: u64) -> Vec<usize> {
+        self.places(step).map(|place| sampler.window(place)).collect()
     }
 
-    /// The places of the windows of a step in the order.
+    /// Positions of a step's windows in the sampler's sequence.
     fn places(&self, step: u64) -> impl Iterator<Item = u64> + use<> {
         let Shard { rank, ranks } = self.shard;
         let first = (step * ranks as u64 + rank as u64) * self.batch as u64;
         first..first + self.batch as u64
     }
 
-    /// The examples of a step, made of its `windows`. The same step always gives the same examples.
+    /// The examples of a step from its `windows`: a function of seed and step alone.
     ///
     /// # Errors
     /// If a file cannot be read.
-    pub fn draft(&self, data: &DataSet, windows: &[usize], step: u64) -> Result<Draft, DataError> {
+    pub fn examples(
+        &self,
+        data: &DataSet,
+        windows: &[usize],
+        step: u64,
+    ) -> Result<Examples, DataError> {
         let [[_, width], _] = data.bounds();
-        let mut draft = Draft { examples: Vec::new(), future: Vec::new(), unroll: 0 };
+        let mut examples = Examples { windows: Vec::new(), future: Vec::new(), unroll: 0 };
         if self.unroll > 0 && step >= self.unroll_from {
-            draft.unroll = self.rng(u64::MAX - step).random_range(0..=self.unroll);
+            examples.unroll = self.rng(u64::MAX - step).random_range(0..=self.unroll);
         }
         for (place, &window) in self.places(step).zip(windows) {
             let mut example = data.example(window)?;
@@ -95,23 +106,23 @@ impl Recipe {
             if self.noise > 0.0 {
                 example.add_noise(self.noise, &mut rng);
             }
-            draft.examples.push(example);
-            draft.future.push(future);
+            examples.windows.push(example);
+            examples.future.push(future);
         }
-        Ok(draft)
+        Ok(examples)
     }
 
-    /// Random numbers that are not those of the order, which has the seed itself.
+    /// Random numbers independent of the order, which uses the seed itself.
     fn rng(&self, stream: u64) -> ChaCha8Rng {
         let mut rng = ChaCha8Rng::seed_from_u64(!self.seed);
         rng.set_stream(stream);
         rng
     }
 
-    /// What the model gets of examples.
-    pub fn batch(&self, draft: &Draft) -> Batch {
+    /// Windows and normalised targets of examples.
+    pub fn batch(&self, examples: &Examples) -> Batch {
         let mut batch = Batch::default();
-        for example in &draft.examples {
+        for example in &examples.windows {
             let scales = self.scales(example);
             let normalised = |(a, [mean, std]): (f64, [f64; 2])| ((a - mean) / std) as f32;
             batch.targets.extend(example.acceleration().into_iter().zip(scales).map(normalised));
@@ -123,24 +134,25 @@ impl Recipe {
         batch
     }
 
-    /// Accelerations in m/frame² of what the model says of examples.
-    pub fn accelerations(&self, draft: &Draft, normalised: &[f32]) -> Vec<f64> {
-        let scales = draft.examples.iter().flat_map(|e| self.scales(e).take(e.values()));
+    /// Accelerations (m/frame²) from the normalised output of the network; inverse of the targets of
+    /// [`batch`](Self::batch).
+    pub fn accelerations(&self, examples: &Examples, normalised: &[f32]) -> Vec<f64> {
+        let scales = examples.windows.iter().flat_map(|e| self.scales(e).take(e.values()));
         normalised.iter().zip(scales).map(|(&a, [mean, std])| f64::from(a) * std + mean).collect()
     }
 
-    /// What it takes to move the windows on elsewhere, if that is to be done.
-    pub fn unrolling(&self, draft: &Draft) -> Option<Unrolling> {
-        (draft.unroll > 0).then(|| Unrolling {
-            steps: draft.unroll,
-            last_two: draft.last_two(),
-            truth: draft.truth(),
-            mean: draft.examples.iter().map(|example| self.mean(example)).collect(),
+    /// What it takes to unroll the windows on a GPU; none without pushforward.
+    pub fn unrolling(&self, examples: &Examples) -> Option<Unrolling> {
+        (examples.unroll > 0).then(|| Unrolling {
+            steps: examples.unroll,
+            last_two: examples.last_two(),
+            truth: examples.truth(),
+            mean: examples.windows.iter().map(|example| self.mean(example)).collect(),
             std: self.std(),
         })
     }
 
-    /// Mean and standard deviation that accelerations are normalised with, for x and y in turn.
+    /// Mean and standard deviation of the normalisation, for x and y in turn.
     fn scales(&self, example: &Example) -> impl Iterator<Item = [f64; 2]> + use<> {
         let (mean, std) = (self.mean(example), self.std());
         [0, 1].map(|axis| [mean[axis], std[axis]]).into_iter().cycle()
@@ -162,10 +174,10 @@ impl Recipe {
 mod tests {
     use super::*;
 
-    /// What the model learns and what is made of its answers are inverses, also relative to free
-    /// fall, which a mirror or another scene may change from example to example.
+    /// Targets and predicted accelerations are inverses, also relative to free fall, which may differ
+    /// from example to example.
     #[test]
-    fn accelerations_come_back_from_what_the_model_should_say() {
+    fn accelerations_follow_from_targets() {
         let example = |points: usize, gravity| Example {
             points,
             positions: (0..6 * points).map(|k| 0.1 * (k as f64).sin()).collect(),
@@ -175,8 +187,8 @@ mod tests {
             obstacles: Vec::new(),
         };
         let examples = vec![example(3, [0.5, -1.0]), example(2, [-0.5, -1.0])];
-        let draft = Draft { examples, future: Vec::new(), unroll: 0 };
-        let expected: Vec<f64> = draft.examples.iter().flat_map(Example::acceleration).collect();
+        let examples = Examples { windows: examples, future: Vec::new(), unroll: 0 };
+        let expected: Vec<f64> = examples.windows.iter().flat_map(Example::acceleration).collect();
         for without_gravity in [false, true] {
             let recipe = Recipe {
                 seed: 1,
@@ -195,9 +207,9 @@ mod tests {
                     ..Normalisation::default()
                 },
             };
-            let targets = recipe.batch(&draft).targets;
+            let targets = recipe.batch(&examples).targets;
             assert_eq!(targets.len(), expected.len());
-            for (a, b) in recipe.accelerations(&draft, &targets).iter().zip(&expected) {
+            for (a, b) in recipe.accelerations(&examples, &targets).iter().zip(&expected) {
                 assert!((a - b).abs() < 1e-6, "{a} {b}"); // targets are f32, accelerations about 1
             }
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use dempm::scene::SceneError;
 use dempm::trajectory::TrajectoryError;
 
-use crate::node_features::Missing;
+use crate::features::MissingField;
 
 /// An error that names the file.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -62,7 +62,7 @@ pub enum DataError {
         /// The trajectory file.
         path: PathBuf,
         /// The field.
-        source: Missing,
+        source: MissingField,
     },
     /// A trajectory that cannot be mixed with the others.
     #[error("{}: {what} is {found}, but {} has {expected}", path.display(), other.display())]

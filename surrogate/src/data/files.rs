@@ -6,12 +6,11 @@ use dempm::scene::Scene;
 use dempm::trajectory::{Header, Trajectory};
 
 use super::DataError;
-use crate::constraints::Constraints;
-use crate::features::Obstacle;
-use crate::node_features::{NodeFeature, static_features};
-use crate::start::moved;
+use crate::features::{Obstacle, static_features};
+use crate::network::NodeFeature;
+use crate::rollout::Constraints;
 
-/// The trajectory files (`*.h5`) of a folder, by name.
+/// The trajectory files (`*.h5`) of a folder, sorted by name.
 ///
 /// # Errors
 /// If the folder cannot be listed or has none.
@@ -31,12 +30,12 @@ pub fn trajectories_in(folder: &Path) -> Result<Vec<PathBuf>, DataError> {
     Ok(paths)
 }
 
-/// The files of a training: those in `train/` and `valid/`, or all of a folder without the two.
+/// The files of a training: those in `train/` and `valid/`, or all in the folder itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataFolder {
     /// Files to learn from.
     pub train: Vec<PathBuf>,
-    /// Files whose rollouts choose the best model; may be none.
+    /// Files whose rollouts select the best model; may be none.
     pub valid: Vec<PathBuf>,
 }
 
@@ -53,12 +52,19 @@ impl DataFolder {
     }
 }
 
-/// A trajectory file, its positions in memory or read as they are asked for.
+/// Position (m) of a point at `x` (m) after a time (s; negative for before) at constant velocity `v`
+/// (m/s).
+pub fn extrapolate(x: [f64; 2], v: [f64; 2], time: f64) -> [f64; 2] {
+    [0, 1].map(|k| x[k] + v[k] * time)
+}
+
+/// A trajectory file, with its positions in memory or on disk.
 pub struct Recording {
     trajectory: Trajectory,
-    held: Option<Vec<f64>>,
-    /// Positions (m) and velocities (m/s) in the first frame, if they were asked for.
-    start: Vec<([f64; 2], [f64; 2])>,
+    /// All positions, if they are in memory.
+    cache: Option<Vec<f64>>,
+    /// Positions (m) and velocities (m/s) in the first frame, if they were read.
+    first: Vec<([f64; 2], [f64; 2])>,
 }
 
 impl Recording {
@@ -67,7 +73,7 @@ impl Recording {
     /// # Errors
     /// If it is not a trajectory or damaged.
     pub fn open(path: &Path) -> Result<Self, DataError> {
-        Ok(Self { trajectory: Trajectory::open(path)?, held: None, start: Vec::new() })
+        Ok(Self { trajectory: Trajectory::open(path)?, cache: None, first: Vec::new() })
     }
 
     /// The file.
@@ -75,12 +81,12 @@ impl Recording {
         self.trajectory.path()
     }
 
-    /// What the file says about its run.
+    /// Header of the file.
     pub fn header(&self) -> &Header {
         self.trajectory.header()
     }
 
-    /// `finished`, or what became of its run.
+    /// Status of its run, `finished` or why it ended.
     pub fn status(&self) -> &str {
         self.trajectory.status()
     }
@@ -95,12 +101,12 @@ impl Recording {
         self.trajectory.points().mass.len()
     }
 
-    /// Bytes that its positions take in memory.
+    /// Size of its positions in memory, bytes.
     pub fn bytes(&self) -> usize {
         self.frames() * self.values() * size_of::<f64>()
     }
 
-    /// Numbers in one frame.
+    /// Coordinates of one frame.
     fn values(&self) -> usize {
         2 * self.points()
     }
@@ -109,59 +115,59 @@ impl Recording {
     ///
     /// # Errors
     /// If the data are damaged or not finite.
-    pub fn hold(&mut self) -> Result<(), DataError> {
+    pub fn cache(&mut self) -> Result<(), DataError> {
         let mut all = Vec::with_capacity(self.frames() * self.values());
         for frame in 0..self.frames() {
             all.extend(self.read(frame)?);
         }
-        self.held = Some(all);
+        self.cache = Some(all);
         Ok(())
     }
 
     /// The obstacles of its scene.
     ///
     /// # Errors
-    /// If the scene in the file is none.
+    /// If the scene in the file is invalid.
     pub fn obstacles(&self) -> Result<Vec<Obstacle>, DataError> {
         let place = format!("{}, scene", self.path().display());
         let scene = Scene::parse(&self.header().scene, &place)?;
         Ok(Constraints::new(&scene).obstacles())
     }
 
-    /// Reads what [`positions_before`](Self::positions_before) needs.
+    /// Reads the first frame for [`positions_before`](Self::positions_before).
     ///
     /// # Errors
     /// If the data are damaged or not finite.
-    pub fn hold_start(&mut self) -> Result<(), DataError> {
+    pub fn read_first(&mut self) -> Result<(), DataError> {
         let positions = self.positions(0)?;
         let first = self.trajectory.frame(0)?;
         if let Some(point) = first.velocity.iter().position(|v| !v.iter().all(|v| v.is_finite())) {
             return Err(DataError::NotFinite { path: self.path().to_owned(), frame: 0, point });
         }
         let positions = positions.as_chunks().0.iter().copied();
-        self.start = positions.zip(first.velocity).collect();
+        self.first = positions.zip(first.velocity).collect();
         Ok(())
     }
 
-    /// Positions so many frames before the first one, in which every point moves as it does in that
-    /// one: those of [`hold_start`](Self::hold_start), or none.
+    /// Positions `frames` frames before the first one, extrapolated at its velocities; empty unless
+    /// they were [read](Self::read_first).
     pub fn positions_before(&self, frames: usize) -> Vec<f64> {
         let time = -(frames as f64 * self.header().frame_interval);
-        self.start.iter().flat_map(|&(x, v)| moved(x, v, time)).collect()
+        self.first.iter().flat_map(|&(x, v)| extrapolate(x, v, time)).collect()
     }
 
-    /// Positions of one frame, m: x and y of the points in turn.
+    /// Positions of one frame (m), x and y of the points in turn.
     ///
     /// # Errors
     /// If the data are damaged or not finite.
     pub fn positions(&self, frame: usize) -> Result<Vec<f64>, DataError> {
-        match &self.held {
+        match &self.cache {
             Some(all) => Ok(all[frame * self.values()..][..self.values()].to_vec()),
             None => self.read(frame),
         }
     }
 
-    /// Features of the points that never change.
+    /// Static features of the points, points x columns.
     ///
     /// # Errors
     /// If the first frame cannot be read or lacks a field.

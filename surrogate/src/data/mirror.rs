@@ -1,4 +1,4 @@
-//! Mirror images: gravity points down, so left and right are alike, and only they.
+//! Mirror images: left and right are alike, as gravity points down.
 
 use super::Example;
 use crate::features::mirrored_obstacle;

@@ -1,5 +1,5 @@
-//! Noise on the positions that a model sees in training, so that it learns to correct its own
-//! errors in a rollout.
+//! Noise on the positions in training, so that the network learns to correct its own errors in a
+//! rollout.
 
 use std::f64::consts::TAU;
 
@@ -8,13 +8,13 @@ use rand::{Rng, RngExt};
 use super::Example;
 
 impl Example {
-    /// Adds a random walk to the positions: every step of the walk adds a normal deviate to the
-    /// error of the velocity, so that the error of the last velocity has the standard deviation
-    /// `sigma` (m/frame).
+    /// Adds a random walk to the positions: every frame adds a normal deviate to the error of the
+    /// velocity, so that the error of the last velocity has the standard deviation `sigma`
+    /// (m/frame).
     ///
-    /// The target moves along with the last position (as in GNS): the velocity after the step is
-    /// the true one, so the acceleration to learn undoes the error of the velocity, and not the
-    /// error of the position, which nothing could know.
+    /// The target moves along with the last position (as in the GNS): the velocity after the step
+    /// is the true one, so the acceleration to learn undoes the error of the velocity, but not that
+    /// of the position, which no network could know.
     pub(super) fn add_noise(&mut self, sigma: f64, rng: &mut impl Rng) {
         let values = self.values();
         let velocities = self.positions.len() / values - 1;
@@ -35,7 +35,7 @@ impl Example {
     }
 }
 
-/// A standard normal deviate (Box and Muller).
+/// A standard normal deviate (Box-Muller).
 fn normal(rng: &mut impl Rng) -> f64 {
     let (radius, angle): (f64, f64) = (rng.random(), rng.random());
     // 1 - [0, 1) has a logarithm.

@@ -1,42 +1,41 @@
-//! Batches made on other threads while the model learns from earlier ones.
+//! Batches prepared on other threads while the network learns from earlier ones.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel, sync_channel};
 use std::thread;
 
-use super::{DataError, DataSet, Draft, Recipe};
+use super::{DataError, DataSet, Examples, Recipe};
 
-/// Batches that wait or are being made, at least; as many as there are threads to make them.
+/// Smallest number of batches prepared ahead; otherwise as many as there are threads.
 const AHEAD: usize = 3;
 
-/// Makes batches ahead of time, in order. The thread ends when this is dropped.
+/// Prepares batches ahead of time, in order, until dropped.
 pub struct Prefetch<T> {
     batches: Receiver<Receiver<Result<T, DataError>>>,
 }
 
 impl<T: Send + 'static> Prefetch<T> {
-    /// Begins with the examples of `step`; `prepare` is the last thing done. Several batches are made
-    /// at a time.
+    /// Starts with the examples of `step`, which `prepare` turns into batches; several at a time.
     pub fn start(
         data: DataSet,
         recipe: Recipe,
         step: u64,
-        prepare: impl Fn(Draft) -> T + Send + Sync + 'static,
+        prepare: impl Fn(Examples) -> T + Send + Sync + 'static,
     ) -> Self {
         let (send, batches) = sync_channel(rayon::current_num_threads().max(AHEAD));
-        let mut order = recipe.order(&data);
+        let mut sampler = recipe.sampler(&data);
         let maker = Arc::new((data, recipe, prepare));
         thread::spawn(move || {
             for step in step.. {
                 let (done, batch) = channel();
-                let windows = maker.1.windows(&mut order, step);
+                let windows = maker.1.windows(&mut sampler, step);
                 let maker = Arc::clone(&maker);
                 rayon::spawn(move || {
                     let (data, recipe, prepare) = &*maker;
-                    // Nobody waits for a batch after the training ended.
-                    drop(done.send(recipe.draft(data, &windows, step).map(prepare)));
+                    // No receiver once the training has ended.
+                    drop(done.send(recipe.examples(data, &windows, step).map(prepare)));
                 });
-                // Nobody listens any more once the training ends.
+                // The training has ended.
                 if send.send(batch).is_err() {
                     break;
                 }
@@ -45,7 +44,7 @@ impl<T: Send + 'static> Prefetch<T> {
         Self { batches }
     }
 
-    /// Waits for the next batch; `None` if the thread died.
+    /// Waits for the next batch; `None` if a thread panicked.
     ///
     /// # Errors
     /// If a file could not be read.

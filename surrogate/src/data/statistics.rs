@@ -3,14 +3,14 @@
 pub use dempm::dataset::Welford;
 
 use super::{DataError, DataSet};
-use crate::config::ModelConfig;
-use crate::features::Normalisation;
-use crate::node_features::{NodeFeature, columns, moving_features};
+use crate::features::{Normalisation, moving_features};
+use crate::network::{ModelConfig, NodeFeature, feature_columns};
 
-/// Less than any motion of grains per frame, m: keeps a direction in which nothing moves finite.
+/// Smallest standard deviation (m/frame), below any motion of grains: keeps directions without
+/// motion finite.
 const NO_MOTION: f64 = 1e-9;
 
-/// Statistics of the targets of a data set: per component, differences of positions per frame.
+/// Statistics of velocities and accelerations of a data set, along x and y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
     /// First differences, m/frame.
@@ -20,8 +20,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Goes through all frames of all files once. `without_gravity`: accelerations relative to
-    /// free fall.
+    /// Measures all frames of all files; with `without_gravity`, accelerations relative to free fall.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -53,14 +52,14 @@ impl Statistics {
         Ok(statistics)
     }
 
-    /// With the mirror images of all trajectories.
+    /// The same with the mirror images of all trajectories.
     pub fn mirrored(mut self) -> Self {
         self.velocity[0] = self.velocity[0].symmetric();
         self.acceleration[0] = self.acceleration[0].symmetric();
         self
     }
 
-    /// What a model sees as one: the noise of the training is part of it.
+    /// Normalisation of training data with `noise` (m/frame) on the velocities.
     pub fn normalisation(&self, noise: f64) -> Normalisation {
         let mean = |of: [Welford; 2]| of.map(|w| w.mean()).to_vec();
         let deviation = |of: [Welford; 2]| of.map(|w| w.deviation().hypot(noise).max(NO_MOTION));
@@ -74,13 +73,13 @@ impl Statistics {
     }
 }
 
-/// Means and standard deviations of the further node features of a network, over the points of all
-/// files and, where they follow the motion, every tenth frame. Accelerations are taken about zero.
+/// Means and standard deviations of the optional node features of a network, over the points of
+/// all files and, unless static, every tenth frame. The mean of accelerations is taken as zero.
 ///
 /// # Errors
 /// If a file cannot be read.
 pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64>; 2], DataError> {
-    let [all, width] = columns(&config.node_features, config.dimensions);
+    let [all, width] = feature_columns(&config.node_features, config.dimensions);
     let stride = data.shape().stride;
     let mut spread = vec![Welford::default(); all];
     for (recording, statics) in data.recordings().iter().zip(data.statics()) {
@@ -116,7 +115,7 @@ pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64
             column += count;
         }
     }
-    // Rounding of what is the same everywhere has to stay small.
+    // Keeps the rounding of constant features small.
     let deviation = |w: &Welford| w.deviation().max(1e-6 * w.mean().abs()).max(NO_MOTION);
     Ok([spread.iter().map(Welford::mean).collect(), spread.iter().map(deviation).collect()])
 }

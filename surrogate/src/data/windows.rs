@@ -1,55 +1,55 @@
-//! Windows of frames, each with the frame that follows it.
+//! Windows of frames, each with the frame that follows.
 
 use std::path::PathBuf;
 
 use super::{DataError, Recording};
 use crate::features::Obstacle;
-use crate::node_features::NodeFeature;
+use crate::network::NodeFeature;
 
-/// What a window is made of.
+/// Shape of the windows of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape {
-    /// Frames that the model sees.
+pub struct WindowShape {
+    /// Frames of a window.
     pub frames: usize,
-    /// Frames of the file from one frame of a window to the next: 1, 2, 3, 6 and 10 give the
-    /// paper's data sets 1 to 5. Windows start at every frame of the file, so a coarser data set
-    /// is cut into interleaved trajectories and has about as many windows as the finest.
+    /// Frames of the file per frame of a window: 1, 2, 3, 6 and 10 give the paper's data sets 1 to
+    /// 5. Windows start at every frame of the file, so a coarse data set consists of interleaved
+    /// trajectories and has about as many windows as the finest.
     pub stride: usize,
-    /// Frames of a window that may be from before the first of the file, at most.
+    /// Largest number of frames of a window before the first frame of the file.
     pub before: usize,
 }
 
-impl Shape {
+impl WindowShape {
     /// Frames of the file from the first of a window to its target.
     fn span(self) -> usize {
         self.frames * self.stride
     }
 
-    /// How far before the first frame of the file the first window begins.
+    /// Frames of the file by which the first window begins early.
     fn ahead(self) -> usize {
         self.before * self.stride
     }
 }
 
-/// A window and the frame after it. Positions are in m, x and y of the points in turn.
+/// A window and the frame that follows. Positions are in m, x and y of the points in turn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Example {
     /// The number of material points.
     pub points: usize,
-    /// Frame after frame, the oldest first.
+    /// Positions, frame by frame, the oldest first.
     pub positions: Vec<f64>,
-    /// The frame after the last one.
+    /// Positions in the frame after the window.
     pub next: Vec<f64>,
     /// Gravity, m/frame².
     pub gravity: [f64; 2],
-    /// Features of the points that never change.
+    /// Static features of the points.
     pub statics: Vec<f32>,
     /// Fixed boxes.
     pub obstacles: Vec<Obstacle>,
 }
 
 impl Example {
-    /// Numbers in one frame.
+    /// Coordinates of one frame.
     pub fn values(&self) -> usize {
         2 * self.points
     }
@@ -67,12 +67,12 @@ impl Example {
         last.iter().zip(before).map(|(last, before)| last - before).collect()
     }
 
-    /// The positions as a model gets them.
+    /// The positions in single precision.
     pub fn window(&self) -> Vec<f32> {
         self.positions.iter().map(|&x| x as f32).collect()
     }
 
-    /// Moves the window on by a frame, with accelerations in m/frame².
+    /// Advances the window by a frame, with accelerations in m/frame².
     pub(super) fn advance(&mut self, acceleration: &[f64]) {
         let (before, last) = self.last_two();
         let moved = last.iter().zip(before).zip(acceleration);
@@ -81,7 +81,7 @@ impl Example {
         self.positions.extend(moved);
     }
 
-    /// Keeps the first `frames` frames and the one after them; gives all frames after them.
+    /// Keeps the first `frames` frames and the one after; returns all frames after them.
     pub(super) fn shorten(&mut self, frames: usize) -> Vec<f64> {
         let mut future = self.positions.split_off(frames * self.values());
         future.append(&mut self.next);
@@ -98,24 +98,24 @@ impl Example {
 
 /// All windows of several trajectories.
 ///
-/// Positions of the first files are held in memory as far as `memory` allows; windows of the other
-/// files are read from the disk whenever they are asked for.
+/// Positions of the first files are cached as far as `memory` allows; those of the others are read
+/// for every example.
 pub struct DataSet {
     recordings: Vec<Recording>,
-    shape: Shape,
-    /// Features that never change, of the points of each file.
+    shape: WindowShape,
+    /// Static features of the points of each file.
     statics: Vec<Vec<f32>>,
     /// Obstacles of each file.
     obstacles: Vec<Vec<Obstacle>>,
 }
 
 impl DataSet {
-    /// Opens the files and checks that they belong together; `memory` is in bytes.
+    /// Opens the files; `memory` is the size of the cache in bytes.
     ///
     /// # Errors
-    /// If a file cannot be read, is too short for a window or differs from the first in its domain
-    /// or the time between frames.
-    pub fn open(paths: &[PathBuf], shape: Shape, memory: usize) -> Result<Self, DataError> {
+    /// If a file cannot be read, is too short for a window, or differs from the first in its domain
+    /// or frame interval.
+    pub fn open(paths: &[PathBuf], shape: WindowShape, memory: usize) -> Result<Self, DataError> {
         let mut recordings: Vec<Recording> = Vec::with_capacity(paths.len());
         let mut left = memory;
         for path in paths {
@@ -133,10 +133,10 @@ impl DataSet {
                 check_alike(first, &recording)?;
             }
             if shape.before > 0 {
-                recording.hold_start()?;
+                recording.read_first()?;
             }
             if let Some(rest) = left.checked_sub(recording.bytes()) {
-                recording.hold()?;
+                recording.cache()?;
                 left = rest;
             }
             recordings.push(recording);
@@ -146,7 +146,7 @@ impl DataSet {
         Ok(Self { recordings, shape, statics, obstacles })
     }
 
-    /// Reads the features that never change.
+    /// Reads the static features.
     ///
     /// # Errors
     /// If a file cannot be read or lacks a field that a feature needs.
@@ -157,10 +157,10 @@ impl DataSet {
         Ok(self)
     }
 
-    /// Reads the obstacles, if a network sees them.
+    /// Reads the obstacles if the network sees them.
     ///
     /// # Errors
-    /// If a file does not say what its scene was.
+    /// If the scene in a file is invalid.
     pub fn with_obstacles(mut self, seen: bool) -> Result<Self, DataError> {
         if seen {
             for (recording, obstacles) in self.recordings.iter().zip(&mut self.obstacles) {
@@ -181,7 +181,7 @@ impl DataSet {
         self.recordings.iter().flat_map(windows).collect()
     }
 
-    /// Whether there is no window; a data set of at least one file has some.
+    /// Whether there is no window; never with at least one file.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -191,13 +191,13 @@ impl DataSet {
         &self.recordings
     }
 
-    /// Features that never change, of the points of each file.
+    /// Static features of the points of each file.
     pub fn statics(&self) -> &[Vec<f32>] {
         &self.statics
     }
 
-    /// What windows are made of.
-    pub fn shape(&self) -> Shape {
+    /// Shape of the windows.
+    pub fn shape(&self) -> WindowShape {
         self.shape
     }
 
@@ -214,7 +214,7 @@ impl DataSet {
         size.map(|length| [0.0, length])
     }
 
-    /// Reads a window, counted through all files.
+    /// Reads a window; windows are numbered through all files.
     ///
     /// # Errors
     /// If the file cannot be read.

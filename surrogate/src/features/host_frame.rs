@@ -5,8 +5,8 @@ use std::cmp::Ordering;
 use burn::tensor::backend::Backend;
 use burn::tensor::{Int, Tensor, TensorData};
 
-use super::{FrameInput, Persistence};
-use crate::graph::RadiusGraph;
+use super::graph::RadiusGraph;
+use super::input::{FrameInput, Persistence};
 
 /// A frame's features and edges before they go to a device.
 #[derive(Clone, Debug)]

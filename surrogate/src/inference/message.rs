@@ -6,7 +6,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::mlp::{Block, Mlp};
-use crate::model;
+use crate::network;
 
 /// Edges of a block, unless one node receives more.
 const EDGES: usize = 128;
@@ -42,7 +42,7 @@ pub(super) struct MessageLayer {
 }
 
 impl MessageLayer {
-    pub fn new<B: Backend>(layer: &model::MessageLayer<B>, slope: f64) -> Self {
+    pub fn new<B: Backend>(layer: &network::MessageLayer<B>, slope: f64) -> Self {
         Self { message: Mlp::new(&layer.message, slope), update: Mlp::new(&layer.update, slope) }
     }
 

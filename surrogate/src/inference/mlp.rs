@@ -6,7 +6,7 @@ use gemm::Parallelism;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::model;
+use crate::network;
 
 /// Rows of a block.
 const ROWS: usize = 128;
@@ -41,7 +41,7 @@ fn numbers<B: Backend, const D: usize>(tensor: Tensor<B, D>) -> Vec<f32> {
 }
 
 impl Mlp {
-    pub fn new<B: Backend>(mlp: &model::Mlp<B>, slope: f64) -> Self {
+    pub fn new<B: Backend>(mlp: &network::Mlp<B>, slope: f64) -> Self {
         let linears = mlp
             .linears
             .iter()

@@ -1,4 +1,4 @@
-//! Fast inference on the processor: the same numbers as [`Model::forward`](crate::model::Model),
+//! Fast inference on the processor: the same numbers as [`Model::forward`](crate::network::Model),
 //! without its passes over memory, and with encodings of frames kept from one window to the next.
 
 mod message;
@@ -9,10 +9,9 @@ use burn::tensor::{Int, Tensor};
 
 use self::message::{EdgeStates, Edges, MessageLayer};
 use self::mlp::Mlp;
-use crate::backend::Cpu;
-use crate::config::ModelConfig;
 use crate::features::{FrameInput, WindowInput};
-use crate::model::{Model, Tgnns};
+use crate::network::burn_backend::Cpu;
+use crate::network::{Model, ModelConfig, Tgnns};
 
 /// A network for inference.
 pub enum Inference {
@@ -99,7 +98,7 @@ impl Encoder {
 impl Layers {
     fn new<B: Backend>(network: &Tgnns<B>, config: &ModelConfig, windows: usize) -> Self {
         let slope = config.leaky_slope;
-        let layers = |list: &[crate::model::MessageLayer<B>]| {
+        let layers = |list: &[crate::network::MessageLayer<B>]| {
             list.iter().map(|layer| MessageLayer::new(layer, slope)).collect()
         };
         Self {

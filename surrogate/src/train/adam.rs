@@ -6,13 +6,13 @@ const BETA_1: f64 = 0.9;
 const BETA_2: f64 = 0.999;
 const EPSILON: f32 = 1e-8;
 
-/// The optimiser with its memory of past gradients.
+/// The optimiser with its moving averages.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Adam {
     steps: u64,
-    /// Moving average of the gradient,
+    /// Moving average of the gradient.
     mean: Vec<f32>,
-    /// and of its square.
+    /// Moving average of its square.
     square: Vec<f32>,
 }
 
@@ -27,7 +27,7 @@ impl Adam {
         self.mean.len().min(self.square.len())
     }
 
-    /// Steps made, moving averages of the gradient and of its square.
+    /// Steps made, and the moving averages of the gradient and of its square.
     pub fn parts(&self) -> (u64, &[f32], &[f32]) {
         (self.steps, &self.mean, &self.square)
     }
@@ -37,13 +37,12 @@ impl Adam {
         Self { steps, mean, square }
     }
 
-    /// What the averages have to be divided by after so many steps: they start from zero and are
-    /// too small at first.
+    /// Bias corrections 1 - beta^steps of the two averages, which start from zero.
     pub fn corrections(steps: u64) -> [f32; 2] {
         [BETA_1, BETA_2].map(|beta| (1.0 - beta.powf(steps as f64)) as f32)
     }
 
-    /// Moves the weights.
+    /// Updates the weights with the learning rate `rate`.
     pub fn step(&mut self, weights: &mut [f32], gradients: &[f32], rate: f64) {
         self.steps += 1;
         let [mean_part, square_part] = Self::corrections(self.steps);

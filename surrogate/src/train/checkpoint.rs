@@ -1,4 +1,4 @@
-//! Checkpoints: everything that a training needs to go on as though it had never stopped.
+//! Checkpoints: everything a training needs to continue as if it had never stopped.
 
 use std::path::{Path, PathBuf};
 
@@ -7,45 +7,47 @@ use gpu::ranks::Fingerprint;
 use serde::{Deserialize, Serialize};
 
 use super::config::TrainConfig;
-use super::engine::State;
 use super::log::Log;
-use crate::config::differences;
+use super::state::State;
 use crate::data::{DataError, DataSet, Statistics, further_features};
 use crate::features::Normalisation;
+use crate::network::differences;
 
 const MAGIC: &str = "DEMPM surrogate training";
 const VERSION: u32 = 3;
 
-/// The state of a training and what it belongs to. Batches are a function of seed and step, so
-/// they need no state.
+/// State and identity of a training. Batches are a function of seed and step, so they need no
+/// state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     magic: String,
     version: u32,
     identity: Identity,
+    /// Weights and optimiser.
     pub state: State,
+    /// The log so far.
     pub log: Log,
-    /// The best score of a validation so far.
+    /// Best validation MSE so far, box².
     pub best: Option<f64>,
 }
 
-/// What must not change while a training is interrupted.
+/// Everything that must not change while a training is interrupted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
-    /// The configuration, as far as it matters.
+    /// The relevant part of the configuration, as JSON.
     pub config: String,
-    /// Processes that make a step together.
+    /// Number of processes.
     pub ranks: usize,
     /// Names, points and frames of the training files.
     pub files: Vec<(String, u64, u64)>,
-    /// Their statistics: other contents have others.
+    /// Their statistics, which differ if the contents do.
     pub normalisation: Normalisation,
-    /// A hash of the file of weights that it started from, if there is one.
+    /// Hash of the weights file that the training started from.
     pub start: Option<[u8; 32]>,
 }
 
 impl Identity {
-    /// What a configuration makes of data on `ranks` processes, from the `start` of that hash.
+    /// Identity of a training on `ranks` processes that starts from the weights file of hash `start`.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -74,7 +76,7 @@ impl Identity {
         })
     }
 
-    /// A hash by which processes know that they are about to make the same step in the same way.
+    /// Hash by which processes check that they are about to make the same step in the same way.
     pub fn fingerprint(&self, step: u64, on_gpus: bool) -> Fingerprint {
         let bytes =
             postcard::to_allocvec(&(self, step, on_gpus)).expect("an identity is plain data");
@@ -85,29 +87,52 @@ impl Identity {
 /// Why a checkpoint could not be used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum CheckpointError {
+    /// The file cannot be read.
     #[error("{}: cannot read the checkpoint", path.display())]
-    Read { path: PathBuf, source: std::io::Error },
+    Read {
+        /// The checkpoint.
+        path: PathBuf,
+        /// The error of the file system.
+        source: std::io::Error,
+    },
+    /// The file is no checkpoint of this version.
     #[error("{}: not a checkpoint of this version of surrogate, or damaged", path.display())]
     #[diagnostic(help("start again with --overwrite"))]
-    Format { path: PathBuf },
+    Format {
+        /// The checkpoint.
+        path: PathBuf,
+    },
+    /// Processes, weights or data changed.
     #[error("{}: {what} changed since the training began", path.display())]
     #[diagnostic(help("undo the change, or start again with --overwrite"))]
-    Changed { path: PathBuf, what: &'static str },
+    Changed {
+        /// The checkpoint.
+        path: PathBuf,
+        /// Subject and auxiliary verb.
+        what: &'static str,
+    },
+    /// The configuration changed.
     #[error("{}: the configuration has changed since the training began: {differences}", path.display())]
     #[diagnostic(help("undo the change, or start again with --overwrite"))]
-    Configuration { path: PathBuf, differences: String },
+    Configuration {
+        /// The checkpoint.
+        path: PathBuf,
+        /// The keys that differ.
+        differences: String,
+    },
+    /// The file cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
 }
 
 impl Checkpoint {
-    /// A checkpoint of this moment.
+    /// A checkpoint of the present state.
     pub fn new(identity: Identity, state: State, log: Log, best: Option<f64>) -> Self {
         Self { magic: MAGIC.to_owned(), version: VERSION, identity, state, log, best }
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes the checkpoint, whole or not at all.
     ///
     /// # Errors
     /// If the file cannot be written; an older checkpoint is then untouched.
@@ -122,7 +147,7 @@ impl Checkpoint {
         })
     }
 
-    /// Reads the checkpoint of a training.
+    /// Reads the checkpoint of the training with this identity.
     ///
     /// # Errors
     /// If there is none, it is damaged, or it belongs to another training.

@@ -1,4 +1,4 @@
-//! Training files: what to train and how, as TOML. `docs/training.md` describes every key.
+//! Training files (TOML). `docs/training.md` describes every key.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,47 +8,48 @@ use miette::{NamedSource, SourceSpan};
 use serde::{Deserialize, Serialize};
 
 use super::schedule::Schedule;
-use crate::backend::{Cpu, device};
-use crate::config::{ModelConfig, PAPER_NETWORKS};
-use crate::cuda;
-use crate::model::{Model, Start};
-use crate::weights::{self, WeightsError};
+use crate::network::burn_backend::{Cpu, device};
+use crate::network::weights::{self, WeightsError};
+use crate::network::{self, Initialisation, Model, ModelConfig, PAPER_NETWORKS, Precision};
 
-/// A training. The defaults are those of the paper.
+/// What to train and how. The defaults are those of the paper.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrainConfig {
-    /// Seed of weights, order, noise and mirror images.
+    /// Seed of the random weights, the order of windows, noise and mirror images.
     pub seed: u64,
-    /// A network of the paper by name; or else `model`.
+    /// Name of a network of the paper, or `gns`; excludes `model`.
     pub network: Option<String>,
-    /// A network by its sizes.
+    /// Architecture of the network.
     pub model: Option<ModelConfig>,
     /// Training steps.
     pub steps: u64,
-    /// Windows in a step.
+    /// Windows per step and process.
     pub batch: usize,
-    /// Weights to start from.
-    pub start: Start,
-    /// Decay of a moving average of the weights, which then is what is validated and saved; 0
-    /// for none.
+    /// Initial weights.
+    pub start: Initialisation,
+    /// Decay of a moving average of the weights, which is then validated and saved; 0 for none.
     pub ema: f64,
-    /// Smallest root mean square of normalised accelerations that the loss of a batch is relative
-    /// to: their squares are added to those of the targets.
+    /// Floor of the normalised accelerations that the loss is relative to: its square is added to
+    /// each squared target.
     pub loss_floor: f64,
-    /// Whose targets the loss of a step of several processes is relative to.
+    /// What the loss of several processes is relative to.
     pub loss_over: LossOver,
     /// Precision of the network's arithmetic.
     pub precision: Precision,
+    /// Examples.
     pub data: Data,
+    /// Learning rate.
     pub schedule: Schedule,
+    /// Unrolled windows.
     pub pushforward: Pushforward,
+    /// Validation rollouts.
     pub validation: Validation,
     /// Steps between lines of the log.
     pub log_every: u64,
 }
 
-/// How examples are made of the trajectories.
+/// How trajectories become examples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Data {
@@ -58,65 +59,47 @@ pub struct Data {
     pub noise: f64,
     /// Add mirror images.
     pub mirror: bool,
-    /// Give the windows of a step about the same number of points: processes that have one each then
-    /// do not wait for the one with the most.
+    /// Give the windows of a step similar numbers of points, so that processes do not wait for the
+    /// one with the largest window.
     pub alike: bool,
     /// Learn accelerations relative to free fall.
     pub subtract_gravity: bool,
-    /// Frames of a window that may be from before the first of a run, at most: rollouts then start
-    /// from so many fewer.
+    /// Largest number of frames of a window before the first frame of a run; rollouts then start
+    /// from as many fewer.
     pub before_start: usize,
-    /// Memory for positions, MB; what does not fit is read from the files again and again.
+    /// Memory for positions, MB; files that do not fit are read for every example.
     pub memory: usize,
 }
 
-/// What becomes of the loss where several processes make a step.
+/// Normalisation of the loss where several processes make a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LossOver {
-    /// Errors of all windows relative to the targets of all, as one process with all windows has it.
+    /// Errors of all windows relative to the targets of all windows, as in one process.
     #[default]
     Step,
-    /// The mean of the losses of all processes, each relative to its own targets.
+    /// Mean of the losses of all processes, each relative to its own targets.
     Process,
 }
 
-/// Precision of products; weights and sums are single precision in any case.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum Precision {
-    #[default]
-    F32,
-    /// Tensor cores of a GPU.
-    Bf16,
-}
-
-impl From<Precision> for cuda::Precision {
-    fn from(precision: Precision) -> Self {
-        match precision {
-            Precision::F32 => Self::F32,
-            Precision::Bf16 => Self::Bf16,
-        }
-    }
-}
-
-/// Windows that the model itself has moved on, so that it learns to go on from its own errors.
+/// Pushforward: windows that the network itself has unrolled, so that it learns to correct its own
+/// errors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Pushforward {
-    /// Each step draws how many frames from 0 to this; 0 for no pushforward.
+    /// Each step draws the number of unrolled frames from 0 to this; 0 for no pushforward.
     pub steps: usize,
-    /// Training step with which it begins.
+    /// First training step with pushforward.
     pub start: u64,
 }
 
-/// When and how rollouts judge the model.
+/// When and how rollouts validate the model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Validation {
     /// Steps between validations.
     pub every: u64,
-    /// Frames of a rollout at most; 0 for all.
+    /// Largest number of frames of a rollout; 0 for all.
     pub frames: usize,
 }
 
@@ -128,7 +111,7 @@ impl Default for TrainConfig {
             model: None,
             steps: 1_000_000,
             batch: 2,
-            start: Start::default(),
+            start: Initialisation::default(),
             ema: 0.0,
             loss_floor: 0.0,
             loss_over: LossOver::default(),
@@ -165,57 +148,102 @@ impl Default for Validation {
 /// A training file that cannot be used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum ConfigError {
+    /// The file cannot be read.
     #[error("{}: cannot read it", path.display())]
-    Read { path: PathBuf, source: std::io::Error },
+    Read {
+        /// The training file.
+        path: PathBuf,
+        /// The error of the file system.
+        source: std::io::Error,
+    },
+    /// Not TOML, an unknown key or a value of another type.
     #[error("{file}: {message}")]
     Syntax {
+        /// The training file.
         file: String,
+        /// The error of the parser.
         message: String,
+        /// Text of the file.
         #[source_code]
         text: Arc<NamedSource<String>>,
+        /// Where in the text.
         #[label("here")]
         place: Option<SourceSpan>,
     },
-    #[error("{file}: `{key}` is {value}, but it must be {range}")]
-    Range { file: String, key: &'static str, value: String, range: String },
-    #[error("{file}: `network` and [model] are both given")]
-    #[diagnostic(help("a network has either a name or sizes"))]
-    Both { file: String },
+    /// A value out of range.
+    #[error("{file}: `{key}` is {value}, but must be {range}")]
+    Range {
+        /// The training file.
+        file: String,
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        value: String,
+        /// Valid values.
+        range: String,
+    },
+    /// A network by name and by architecture.
+    #[error("{file}: `network` and [model] exclude each other")]
+    #[diagnostic(help("remove one of them"))]
+    Both {
+        /// The training file.
+        file: String,
+    },
+    /// An invalid architecture.
     #[error("{file}")]
-    Model { file: String, source: crate::config::ConfigError },
+    Model {
+        /// The training file.
+        file: String,
+        /// The key and its valid values.
+        source: network::ConfigError,
+    },
+    /// The weights to start from cannot be used.
     #[error("{file}: `start`")]
-    Start { file: String, source: Box<WeightsError> },
+    Start {
+        /// The training file.
+        file: String,
+        /// The error of the weights file.
+        source: Box<WeightsError>,
+    },
+    /// The weights to start from belong to another network.
     #[error("{file}: the network is not that of `start` = {}: {differences}", weights.display())]
-    #[diagnostic(help("without `network` and [model] it is"))]
-    OtherNetwork { file: String, weights: PathBuf, differences: String },
+    #[diagnostic(help("without `network` and [model], the network of `start` is trained"))]
+    OtherNetwork {
+        /// The training file.
+        file: String,
+        /// The weights file.
+        weights: PathBuf,
+        /// The keys that differ.
+        differences: String,
+    },
 }
 
 impl TrainConfig {
-    /// Reads and validates a training file. Weights to start from are found from its folder; unless
-    /// it says otherwise, the network is theirs.
+    /// Reads and validates a training file. The path of weights to start from is relative to its
+    /// folder; without `network` and `model`, the network is theirs.
     ///
     /// # Errors
-    /// If it cannot be read or is wrong, which the error says with the key, or if the weights are
-    /// those of another network.
+    /// If the file cannot be read or a value is wrong (the error names the key), or if the weights
+    /// belong to another network.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let file = path.display().to_string();
         let mut config = Self::read(&text, &file)?;
-        if let Start::Weights(weights) = &config.start {
+        if let Initialisation::Weights(weights) = &config.start {
             let weights = path.parent().unwrap_or(Path::new("")).join(weights);
             config.take_network(&weights, &file)?;
-            config.start = Start::Weights(weights);
+            config.start = Initialisation::Weights(weights);
         }
         config.check(&file)?;
         Ok(config)
     }
 
-    /// Validates the text of a training file, but for weights to start from; `file` stands for it in
-    /// messages.
+    /// Parses and validates the text of a training file, except for weights to start from. `file`
+    /// is its name in errors.
     ///
     /// # Errors
-    /// If it is wrong; the error names the key.
+    /// If a value is wrong; the error names the key.
     pub fn parse(text: &str, file: &str) -> Result<Self, ConfigError> {
         let config = Self::read(text, file)?;
         config.check(file)?;
@@ -231,7 +259,7 @@ impl TrainConfig {
         })
     }
 
-    /// Makes the network that of a file of weights, if there is nothing else asked for.
+    /// Adopts the network of a weights file, unless the training file specifies one.
     fn take_network(&mut self, weights: &Path, file: &str) -> Result<(), ConfigError> {
         let (_, found, ..) = weights::load::<Cpu>(weights, &device()).map_err(|source| {
             ConfigError::Start { file: file.to_owned(), source: source.into() }
@@ -251,7 +279,7 @@ impl TrainConfig {
     /// The network to train.
     ///
     /// # Errors
-    /// If its name or sizes are wrong.
+    /// If its name is unknown, or a name and an architecture are given.
     fn network(&self, file: &str) -> Result<ModelConfig, ConfigError> {
         match (&self.network, &self.model) {
             (Some(_), Some(_)) => Err(ConfigError::Both { file: file.to_owned() }),
@@ -265,17 +293,17 @@ impl TrainConfig {
         }
     }
 
-    /// The weights that the training of a network starts from, the same on every device. Those of a
-    /// file are put in their place as those of a checkpoint are.
-    pub fn start<B: Backend>(&self, model: &ModelConfig, device: &B::Device) -> Model<B> {
+    /// The network with its initial weights, the same on every device. Weights of a file replace
+    /// them later, as those of a checkpoint do.
+    pub fn initial_network<B: Backend>(&self, model: &ModelConfig, device: &B::Device) -> Model<B> {
         let random = Model::new(model, self.seed, device);
         match self.start {
-            Start::Random | Start::Weights(_) => random,
-            Start::Identity => random.near_identity(),
+            Initialisation::Random | Initialisation::Weights(_) => random,
+            Initialisation::Identity => random.near_identity(),
         }
     }
 
-    /// The network of a validated training.
+    /// The network of a validated training file.
     pub fn model(&self) -> ModelConfig {
         self.network("").expect("the configuration is valid")
     }
@@ -326,17 +354,17 @@ impl TrainConfig {
         Ok(())
     }
 
-    /// What a checkpoint compares, as JSON: all that changes the steps, or what the best model is the best
-    /// in. How much is held in memory and when it is logged and validated may change. More steps may be
-    /// asked for where the rate does not depend on their number. Where the weights of the start are does
-    /// not matter; what they are, the checkpoint knows by itself.
+    /// What a checkpoint compares, as JSON: everything that changes the steps or the meaning of the
+    /// best score. Memory and the intervals of log and validation may change, the number of steps
+    /// too unless the learning rate depends on it. The path of the weights to start from may
+    /// change; the checkpoint has a hash of their contents.
     pub(super) fn identity(&self) -> String {
         let default = Self::default();
         let mut same = self.clone();
         same.log_every = default.log_every;
         same.data.memory = default.data.memory;
         same.validation.every = default.validation.every;
-        if let Start::Weights(path) = &mut same.start {
+        if let Initialisation::Weights(path) = &mut same.start {
             *path = "a model".into();
         }
         if !same.schedule.depends_on_steps() {

@@ -7,55 +7,59 @@ use gpu::ranks::Ranks;
 
 use super::adam::Adam;
 use super::config::{LossOver, TrainConfig};
-use super::engine::{Preparation, State, average_decay};
-use super::parameters::{weights, with_weights};
-use crate::backend::{Cpu, device as cpu};
-use crate::config::ModelConfig;
+use super::input::InputSpec;
+use super::schedule::average_decay;
+use super::state::State;
 use crate::cuda::{
     BatchBuilder, Capacity, CudaError, CudaTrainer, DeviceBatch, EDGES_PER_POINT, HostWindows,
     LOSSES, Rates,
 };
-use crate::data::{Draft, Recipe};
-use crate::model::Model;
+use crate::data::{Examples, Recipe};
+use crate::network::Model;
+use crate::network::ModelConfig;
+use crate::network::burn_backend::{Cpu, device as cpu};
+use crate::network::parameters::{weights, with_weights};
 
-/// The twin of [`CpuEngine`](super::engine::CpuEngine), with the same states.
-pub struct CudaEngine {
+/// Twin of [`CpuBackend`](super::cpu::CpuBackend), with the same states.
+pub struct CudaBackend {
     device: Arc<Device>,
     trainer: CudaTrainer,
-    /// A network of this architecture, for its weights to be replaced.
+    /// A network of this architecture, whose weights are replaced.
     model: Model<Cpu>,
-    /// Makes batches of windows.
+    /// Builds the graphs and features of batches.
     builder: Option<BatchBuilder>,
     decay: f64,
     averaging: bool,
     adam_steps: u64,
     step: u64,
-    /// Losses read, and number of those that wait on the device.
+    /// Losses read, and the number of those still on the device.
     losses: Vec<f64>,
     unread: usize,
 }
 
-/// A batch for a GPU, whose graphs are built there.
-pub struct HostBatch {
+/// A batch for a GPU, which builds the graphs.
+pub struct CudaBatch {
+    /// Positions and targets.
     pub windows: HostWindows,
-    pub preparation: Arc<Preparation>,
+    /// What the inputs depend on besides.
+    pub spec: Arc<InputSpec>,
 }
 
-impl HostBatch {
-    /// Does what is not done on the GPU; may run ahead of the training on another thread. The network
-    /// will move the windows on as the draft says.
-    pub fn new(recipe: &Recipe, draft: &Draft, preparation: &Arc<Preparation>) -> Self {
-        let windows = HostWindows::new(recipe.batch(draft), recipe.unrolling(draft));
-        Self { windows, preparation: preparation.clone() }
+impl CudaBatch {
+    /// The host's part of the work; can run on another thread ahead of the training. The network in
+    /// training unrolls the windows as the examples ask.
+    pub fn new(recipe: &Recipe, examples: &Examples, spec: &Arc<InputSpec>) -> Self {
+        let windows = HostWindows::new(recipe.batch(examples), recipe.unrolling(examples));
+        Self { windows, spec: spec.clone() }
     }
 }
 
-impl CudaEngine {
-    /// The network that [`CpuEngine::new`](super::engine::CpuEngine::new) gives, on a GPU and those
-    /// of other `ranks`, for batches of at most so many points.
+impl CudaBackend {
+    /// A training with its initial weights, on this GPU and those of other `ranks`, for batches of
+    /// at most `points` points.
     ///
     /// # Errors
-    /// If the network is not one for the kernels, or the GPU's memory too small.
+    /// If the kernels do not support the network, or the GPU's memory is too small.
     pub fn new(
         device: &Arc<Device>,
         model: &ModelConfig,
@@ -63,13 +67,13 @@ impl CudaEngine {
         points: usize,
         ranks: Option<Arc<Ranks>>,
     ) -> Result<Self, CudaError> {
-        let precision = config.precision.into();
-        // Room decides which sums are made together: it has to be the same after a resume.
+        let precision = config.precision;
+        // The capacity decides the order of sums, so it must be the same after a resume.
         let room = Capacity { points, edges: EDGES_PER_POINT * points };
         let averaging = config.ema > 0.0;
         let mut trainer = CudaTrainer::new(device, model, precision, room, averaging, ranks)?
             .with_loss(config.loss_floor as f32, config.loss_over == LossOver::Process);
-        let model = config.start(model, &cpu());
+        let model = config.initial_network(model, &cpu());
         let start = weights(&model);
         let zeros = vec![0.0; start.len()];
         trainer.restore(&start, [&zeros, &zeros], averaging.then_some(&start[..]))?;
@@ -87,7 +91,7 @@ impl CudaEngine {
         })
     }
 
-    /// Continues from a state; `false` if it is that of another network.
+    /// Continues from a state; `false` if it belongs to another network.
     ///
     /// # Errors
     /// If the GPU failed.
@@ -111,7 +115,7 @@ impl CudaEngine {
         self.step
     }
 
-    /// Where the training is. Waits for the device.
+    /// The state after the last step. Waits for the device.
     ///
     /// # Errors
     /// If the GPU failed.
@@ -125,11 +129,11 @@ impl CudaEngine {
         })
     }
 
-    /// One step; does not wait for it.
+    /// Queues one step at the learning rate `rate`.
     ///
     /// # Errors
     /// If the GPU failed or its memory is too small.
-    pub fn step(&mut self, batch: &HostBatch, rate: f64) -> Result<(), CudaError> {
+    pub fn step(&mut self, batch: &CudaBatch, rate: f64) -> Result<(), CudaError> {
         self.adam_steps += 1;
         self.step += 1;
         let [mean, square] = Adam::corrections(self.adam_steps);
@@ -147,20 +151,21 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Normalised accelerations that the network as it learns gives for a batch. Waits.
+    /// Normalised accelerations of a batch by the network in training. Waits for the device.
     ///
     /// # Errors
     /// As [`step`](Self::step).
-    pub fn predict(&mut self, batch: &HostBatch) -> Result<Vec<f32>, CudaError> {
+    pub fn predict(&mut self, batch: &CudaBatch) -> Result<Vec<f32>, CudaError> {
         let stream = self.device.stream().clone();
         let (trainer, batch) = self.load(batch)?;
         let output = trainer.predict(&batch.frames)?;
         Ok(stream.clone_dtoh(&output.slice(..batch.values))?)
     }
 
-    /// Makes a batch on the GPU, and room for it in the network. The step before may still go on.
-    fn load(&mut self, batch: &HostBatch) -> Result<(&mut CudaTrainer, &DeviceBatch), CudaError> {
-        let Preparation { config, normalisation, bounds } = &*batch.preparation;
+    /// Builds a batch on the GPU and makes room for it in the network. The step before may still
+    /// run.
+    fn load(&mut self, batch: &CudaBatch) -> Result<(&mut CudaTrainer, &DeviceBatch), CudaError> {
+        let InputSpec { config, normalisation, bounds } = &*batch.spec;
         let device = &self.device;
         let builder = match &mut self.builder {
             Some(builder) => builder,
@@ -179,7 +184,7 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// The losses since this was last asked for. Waits for the device.
+    /// The losses since the last call. Waits for the device.
     ///
     /// # Errors
     /// If the GPU failed.
@@ -193,7 +198,7 @@ impl CudaEngine {
         &self.device
     }
 
-    /// The network to use: with averaged weights if there are any.
+    /// The network to use, with averaged weights if there are any.
     ///
     /// # Errors
     /// If the GPU failed.

@@ -1,12 +1,15 @@
-//! The folder of a training: what is in it, and that only one training writes there.
+//! The folder of a training: its files, and that only one training writes there.
 
 use std::path::{Path, PathBuf};
 
-use files::FileLock;
-use miette::{IntoDiagnostic, WrapErr};
+use files::{FileLock, is_same};
 
-/// What a training writes. The checkpoint is first: if the others cannot all be removed, at least nothing
-/// goes on from what is left.
+use super::config::TrainConfig;
+use super::error::TrainError;
+use crate::network::Initialisation;
+
+/// Files of a training. The checkpoint comes first: if removal stops half way, nothing can continue
+/// from the rest.
 const FILES: [&str; 6] = [
     "checkpoint.bin",
     "best.safetensors",
@@ -21,29 +24,51 @@ pub fn checkpoint_in(folder: &Path) -> PathBuf {
     folder.join(FILES[0])
 }
 
-/// The files of a training in `folder` that are there.
+/// The existing files of a training in `folder`.
 pub fn files_in(folder: &Path) -> impl Iterator<Item = PathBuf> {
     FILES.map(|name| folder.join(name)).into_iter().filter(|path| path.exists())
 }
 
-/// Keeps other trainings out of `folder`, which is made, until the lock is dropped.
+/// Checks that a new training may use `folder`; `config_file` is named in errors.
 ///
 /// # Errors
-/// If another training is there, or no file can be written.
-pub fn claim(folder: &Path) -> miette::Result<FileLock> {
+/// If there is a training already that must not be overwritten, or that the new one starts from.
+pub fn check_new(
+    folder: &Path,
+    overwrite: bool,
+    config: &TrainConfig,
+    config_file: &Path,
+) -> Result<(), TrainError> {
+    let Some(file) = files_in(folder).next() else { return Ok(()) };
+    if !overwrite {
+        let resumable = file == checkpoint_in(folder);
+        return Err(TrainError::Exists { folder: folder.to_owned(), resumable });
+    }
+    match &config.start {
+        Initialisation::Weights(start) if files_in(folder).any(|file| is_same(&file, start)) => {
+            let (config, weights) = (config_file.to_owned(), start.clone());
+            Err(TrainError::RemovesStart { config, weights })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Creates `folder` and keeps other trainings out of it until the lock is dropped.
+///
+/// # Errors
+/// If another training holds it, or no file can be written.
+pub fn lock(folder: &Path) -> Result<FileLock, TrainError> {
     FileLock::take(&checkpoint_in(folder))
-        .wrap_err_with(|| format!("{}: cannot train into this folder", folder.display()))
+        .map_err(|source| TrainError::Folder { folder: folder.to_owned(), source })
 }
 
 /// Removes the files of an old training from `folder`.
 ///
 /// # Errors
 /// If one cannot be removed.
-pub fn clear(folder: &Path) -> miette::Result<()> {
+pub fn clear(folder: &Path) -> Result<(), TrainError> {
     for path in files_in(folder) {
-        std::fs::remove_file(&path)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("{}: cannot remove it", path.display()))?;
+        std::fs::remove_file(&path).map_err(|source| TrainError::Remove { path, source })?;
     }
     Ok(())
 }

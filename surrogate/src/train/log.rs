@@ -1,4 +1,4 @@
-//! The record of a training: losses and validations, as tables and a chart.
+//! Log of a training: losses and validations, as tables and a chart.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::chart::{Chart, ChartError, Line};
 
-/// What was logged up to a step. It is part of a checkpoint, so a resumed training has one log.
+/// Losses and validations up to a step. Part of a checkpoint, so a resumed training has one log.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Log {
     rows: Vec<Row>,
@@ -26,7 +26,7 @@ struct Row {
 }
 
 impl Log {
-    /// Takes losses into account for the next row.
+    /// Adds losses to the next row.
     pub fn add(&mut self, losses: &[f64]) {
         for loss in losses {
             self.pending.0 += loss;
@@ -34,7 +34,7 @@ impl Log {
         }
     }
 
-    /// Ends a row after `step` steps: the mean of the losses since the last one.
+    /// Completes a row after `step` steps, and returns the mean loss since the last one.
     pub fn row(&mut self, step: u64, rate: f64) -> f64 {
         let loss = self.pending.0 / self.pending.1.max(1) as f64;
         self.pending = (0.0, 0);
@@ -42,12 +42,12 @@ impl Log {
         loss
     }
 
-    /// Takes the score of a validation.
+    /// Adds a validation MSE (box²).
     pub fn validation(&mut self, step: u64, mse: f64) {
         self.validations.push((step, mse));
     }
 
-    /// Losses of the rows.
+    /// Mean losses of the rows.
     pub fn losses(&self) -> impl Iterator<Item = f64> + '_ {
         self.rows.iter().map(|row| row.loss)
     }

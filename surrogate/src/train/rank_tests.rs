@@ -9,22 +9,24 @@ use std::thread;
 use gpu::Device;
 use gpu::ranks::{Environment, Ranks, RanksError};
 
+use super::all_reduce::{AllReduce, SingleProcess};
 use super::config::{LossOver, TrainConfig};
-use super::cuda::{CudaEngine, HostBatch};
-use super::engine::{CpuEngine, Preparation, State};
-use super::ranks::{AllReduce, Alone};
+use super::cpu::CpuBackend;
+use super::cuda::{CudaBackend, CudaBatch};
+use super::input::InputSpec;
+use super::state::State;
 use super::tcp::Tcp;
-use crate::config::ModelConfig;
 use crate::cuda::HostWindows;
 use crate::data::Batch;
 use crate::features::Normalisation;
+use crate::network::ModelConfig;
 
 const STEPS: u64 = 20;
 
-fn preparation() -> Preparation {
+fn spec() -> InputSpec {
     let config = ModelConfig { width: 8, frames: 3, connection_radius: 0.3, ..Default::default() };
     let normalisation = Normalisation::about_zero(2, 0.01, 1.0);
-    Preparation { config, normalisation, bounds: [[0.0, 1.0]; 2] }
+    InputSpec { config, normalisation, bounds: [[0.0, 1.0]; 2] }
 }
 
 fn config() -> TrainConfig {
@@ -60,13 +62,13 @@ fn train(
     windows: Range<u64>,
     ranks: &mut dyn AllReduce,
 ) -> (State, Vec<f64>) {
-    let preparation = preparation();
-    let mut engine = CpuEngine::new(&preparation.config, config);
+    let spec = spec();
+    let mut backend = CpuBackend::new(&spec.config, config);
     for step in 0..config.steps {
-        let graph = preparation.prepare(&batch(step, windows.clone()));
-        engine.step(graph, 1e-3, ranks).unwrap();
+        let graph = spec.build(&batch(step, windows.clone()));
+        backend.step(graph, 1e-3, ranks).unwrap();
     }
-    (engine.state().clone(), engine.take_losses())
+    (backend.state().clone(), backend.take_losses())
 }
 
 /// The same on a GPU, alone or with others.
@@ -76,14 +78,14 @@ fn train_on(
     windows: Range<u64>,
     ranks: Option<Arc<Ranks>>,
 ) -> (State, Vec<f64>) {
-    let preparation = Arc::new(preparation());
-    let mut engine = CudaEngine::new(device, &preparation.config, config, 42, ranks).unwrap();
+    let spec = Arc::new(spec());
+    let mut backend = CudaBackend::new(device, &spec.config, config, 42, ranks).unwrap();
     for step in 0..config.steps {
         let windows = HostWindows::new(batch(step, windows.clone()), None);
-        let batch = HostBatch { windows, preparation: preparation.clone() };
-        engine.step(&batch, 1e-3).unwrap();
+        let batch = CudaBatch { windows, spec: spec.clone() };
+        backend.step(&batch, 1e-3).unwrap();
     }
-    (engine.state().unwrap(), engine.take_losses().unwrap())
+    (backend.state().unwrap(), backend.take_losses().unwrap())
 }
 
 /// A port that was free a moment ago.
@@ -115,7 +117,7 @@ fn two_ranks<T: Send>(train: impl Fn(Environment, Range<u64>) -> T + Sync) -> [T
 /// sums are in another order, and Adam's first steps divide small gradients by their own size.
 fn compare([first, second]: [(State, Vec<f64>); 2], (one, losses): (State, Vec<f64>)) {
     assert_eq!(first, second);
-    let start = CpuEngine::new(&preparation().config, &config()).state().clone();
+    let start = CpuBackend::new(&spec().config, &config()).state().clone();
     let distance = |a: &[f32], b: &[f32]| {
         a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
     };
@@ -154,8 +156,8 @@ fn ranks_hold_equal_weights_and_learn_like_one() {
         [config(), own_losses()].map(|config| train(&config, windows.clone(), &mut ranks))
     });
     let [[first, first_mean], [second, second_mean]] = [first, second];
-    compare([first, second], train(&config(), 0..4, &mut Alone));
-    let alone = [0..2, 2..4].map(|windows| train(&own_losses(), windows, &mut Alone));
+    compare([first, second], train(&config(), 0..4, &mut SingleProcess));
+    let alone = [0..2, 2..4].map(|windows| train(&own_losses(), windows, &mut SingleProcess));
     compare_means([first_mean, second_mean], alone);
 }
 
@@ -163,7 +165,8 @@ fn ranks_hold_equal_weights_and_learn_like_one() {
 #[test]
 fn a_loss_of_its_own_changes_nothing_for_one() {
     let own = TrainConfig { loss_over: LossOver::Process, ..config() };
-    let (once, whole) = (train(&own, 0..4, &mut Alone), train(&config(), 0..4, &mut Alone));
+    let (once, whole) =
+        (train(&own, 0..4, &mut SingleProcess), train(&config(), 0..4, &mut SingleProcess));
     compare([once.clone(), once], whole);
     let Some(device) = gpu::for_tests() else { return };
     // With itself: Adam makes more of the rounding between a GPU and a processor.

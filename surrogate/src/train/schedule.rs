@@ -4,29 +4,30 @@ use std::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-/// How the learning rate falls.
+/// Shape of the decay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Decay {
-    /// By a factor of ten every `decay_steps`, towards `final_rate`: the paper's.
+    /// By a factor of ten every `decay_steps`, towards `final_rate`, as in the paper.
     #[default]
     Exponential,
-    /// Along half a cosine to `final_rate` at the last step.
+    /// Half a cosine, to `final_rate` at the last step.
     Cosine,
 }
 
-/// The learning rate over the steps.
+/// Learning-rate schedule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Schedule {
+    /// Shape of the decay.
     pub kind: Decay,
-    /// Rate at the start.
+    /// Initial rate.
     pub rate: f64,
-    /// Rate that it falls to.
+    /// Final rate.
     pub final_rate: f64,
     /// Steps in which an exponential decay divides the rate by ten.
     pub decay_steps: f64,
-    /// Steps in which the rate first grows from zero.
+    /// Steps of linear warm-up from zero.
     pub warm_up: u64,
 }
 
@@ -43,8 +44,8 @@ impl Default for Schedule {
 }
 
 impl Schedule {
-    /// The rate of a step of `steps`, the first of which is 0. `ranks` processes learn from as many
-    /// times the windows in a step, so the paper's decay is faster by that.
+    /// The rate of step number `step` (from 0) of `steps`. With `ranks` processes a step has as many
+    /// times the windows, so the exponential decay is faster by that factor.
     pub fn at(&self, step: u64, steps: u64, ranks: usize) -> f64 {
         let part = match self.kind {
             Decay::Exponential => 0.1_f64.powf(step as f64 * ranks as f64 / self.decay_steps),
@@ -58,10 +59,17 @@ impl Schedule {
         grown.min(1.0) * (self.final_rate + (self.rate - self.final_rate) * part)
     }
 
-    /// Whether the rate of a step depends on how many there will be.
+    /// Whether the rate depends on the number of steps.
     pub(super) fn depends_on_steps(&self) -> bool {
         self.kind == Decay::Cosine
     }
+}
+
+/// Decay of the moving average of the weights at a step, the first of which is 1. It is smaller
+/// early on, so that the average forgets the random initial weights.
+pub fn average_decay(decay: f64, step: u64) -> f32 {
+    let step = step as f64;
+    decay.min((1.0 + step) / (10.0 + step)) as f32
 }
 
 #[cfg(test)]

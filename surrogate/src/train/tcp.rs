@@ -1,26 +1,26 @@
-//! Sums over processes through TCP: rank 0 adds what the others send in the order of their ranks,
-//! and sends the sums back, so that all have the same bits.
+//! Sums over processes through TCP: rank 0 adds the values of the others in the order of their
+//! ranks and sends the sums back, so all have the same bits.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
 
 use gpu::ranks::{Environment, Fingerprint, RanksError, rendezvous};
 
-use super::ranks::AllReduce;
+use super::all_reduce::AllReduce;
 
-/// Connections of one process.
+/// TCP connections of one process.
 pub struct Tcp {
     environment: Environment,
-    /// On rank 0 those to ranks 1, 2, ...; elsewhere the one to rank 0.
+    /// On rank 0 the connections to ranks 1, 2, ...; elsewhere the one to rank 0.
     peers: Vec<TcpStream>,
     buffer: Vec<u8>,
 }
 
 impl Tcp {
-    /// Waits until all processes have met. `fingerprint` is that of what they are about to train.
+    /// Waits until all processes have met; all must have the same fingerprint.
     ///
     /// # Errors
-    /// If they do not meet, or train different things.
+    /// If they do not rendezvous, or are about to train different things.
     pub fn join(environment: Environment, fingerprint: &Fingerprint) -> Result<Self, RanksError> {
         let peers = rendezvous(&environment, fingerprint)?;
         Ok(Self { environment, peers, buffer: Vec::new() })

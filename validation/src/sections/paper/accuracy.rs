@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use surrogate::config::PAPER_NETWORKS;
+use surrogate::network::PAPER_NETWORKS;
 use surrogate::simulator::Simulator;
 
 use super::networks::{baseline_and_others, belongs, on_finest_data};

@@ -1,7 +1,7 @@
 //! Table 6: the ten networks.
 
-use surrogate::config::{ModelConfig, PAPER_NETWORKS};
-use surrogate::range::Range;
+use surrogate::diagnostics::TrainingRange;
+use surrogate::network::{ModelConfig, PAPER_NETWORKS};
 use surrogate::simulator::{Simulator, Training};
 
 use super::ratio;
@@ -134,7 +134,7 @@ fn models(models: &[Model]) -> miette::Result<Table> {
 
 /// What the training data of a model held.
 pub fn trained_on(training: &Training) -> String {
-    let Some(Range { least, most }) = &training.range else {
+    let Some(TrainingRange { least, most }) = &training.range else {
         return "what is not known of this model".into();
     };
     format!(

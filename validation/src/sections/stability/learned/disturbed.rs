@@ -2,9 +2,9 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use surrogate::asymmetry::{asymmetry, image};
+use surrogate::diagnostics::{asymmetry, mirror_image};
+use surrogate::rollout::{InitialFrames, stride};
 use surrogate::simulator::Simulator;
-use surrogate::start::{Start, stride};
 
 use super::super::outcome::Outcome;
 use super::super::study::{Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError, pick};
@@ -19,7 +19,7 @@ const ASYMMETRY: f64 = 0.1;
 
 /// The same frames with independent noise on every position (m), uniform with this standard
 /// deviation.
-fn noisy(mut start: Start, deviation: f64) -> Start {
+fn noisy(mut start: InitialFrames, deviation: f64) -> InitialFrames {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let half = deviation * 3.0_f64.sqrt();
     for x in start.positions.iter_mut().flatten().flatten() {
@@ -104,7 +104,7 @@ fn images(
     frames: usize,
 ) -> Result<[Rolled; 2], StudyError> {
     let start = direct.start(simulator)?;
-    let mut reflected = roll(simulator, &image(&start), frames);
+    let mut reflected = roll(simulator, &mirror_image(&start), frames);
     reflected.positions = mirrored(&reflected.positions);
     Ok([roll(simulator, &start, frames), reflected])
 }

@@ -9,12 +9,10 @@ use dempm::trajectory::{Frame, Header, Points};
 use files::utc_now;
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
-use surrogate::doubts::doubts;
-use surrogate::metrics::mean_square_distance;
-use surrogate::rollout::Rollout;
+use surrogate::diagnostics::{Monitor, start_checks};
+use surrogate::evaluation::mean_square_distance;
+use surrogate::rollout::{InitialFrames, Rollout, static_features_of};
 use surrogate::simulator::Simulator;
-use surrogate::start::{Start, statics};
-use surrogate::watch::Watch;
 
 use super::super::outcome::Outcome;
 use super::super::scene;
@@ -29,7 +27,7 @@ pub type Frames = Vec<Vec<[f64; 2]>>;
 pub fn load(path: &Path, device: Device) -> Result<Simulator, StudyError> {
     let error = |reason| StudyError::Scene { name: path.display().to_string(), reason };
     let mut simulator = Simulator::load(path).map_err(|e| error(e.to_string()))?;
-    simulator.place(device).map_err(|e| error(e.to_string()))?;
+    simulator.select_device(device).map_err(|e| error(e.to_string()))?;
     Ok(simulator)
 }
 
@@ -89,12 +87,12 @@ impl Direct {
     }
 
     /// Its first frames, which a model starts from.
-    pub fn start(&self, simulator: &Simulator) -> Result<Start, StudyError> {
+    pub fn start(&self, simulator: &Simulator) -> Result<InitialFrames, StudyError> {
         let name = &self.scene.name;
-        let statics = statics(simulator, name, || Ok(self.first.clone()))
+        let statics = static_features_of(simulator, name, || Ok(self.first.clone()))
             .map_err(|e| StudyError::Scene { name: name.clone(), reason: e.to_string() })?;
         let given = simulator.first_frames().min(self.positions.len());
-        Ok(Start {
+        Ok(InitialFrames {
             scene: self.scene.clone(),
             header: self.header.clone(),
             points: self.points.clone(),
@@ -125,10 +123,10 @@ pub fn beside<T: Sync>(
 }
 
 /// Predicts up to so many frames, those of the start included.
-pub fn roll(simulator: &Simulator, start: &Start, frames: usize) -> Rolled {
+pub fn roll(simulator: &Simulator, start: &InitialFrames, frames: usize) -> Rolled {
     let mut rollout = Rollout::new(simulator, start);
-    let mut watch = Watch::new(start, simulator.training.frame_interval, frames);
-    let said = doubts(simulator, start);
+    let mut monitor = Monitor::new(start, simulator.training.frame_interval, frames);
+    let said = start_checks(simulator, start);
     let mut rolled = Rolled { positions: start.positions.clone(), said, error: None };
     while rolled.positions.len() < frames {
         match rollout.advance() {
@@ -138,7 +136,7 @@ pub fn roll(simulator: &Simulator, start: &Start, frames: usize) -> Rolled {
                 break;
             }
         }
-        rolled.said.extend(watch.observe(rollout.frame(), rollout.before(), rollout.last()));
+        rolled.said.extend(monitor.observe(rollout.frame(), rollout.before(), rollout.last()));
     }
     rolled
 }

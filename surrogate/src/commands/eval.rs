@@ -1,0 +1,115 @@
+//! `surrogate eval`: compares predictions with trajectories.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use dempm::device::Device;
+use files::write_text;
+use miette::bail;
+
+use super::rollout::select_device;
+use crate::data::trajectories_in;
+use crate::diagnostics::Accuracy;
+use crate::evaluation::{Case, chart, compare, frames_table, noise_floor, report, summary_table};
+use crate::network::Precision;
+use crate::simulator::Simulator;
+
+/// Arguments of `surrogate eval`.
+#[derive(clap::Args)]
+pub struct EvalArgs {
+    /// Model (safetensors)
+    model: PathBuf,
+    /// Folder of trajectory files (*.h5) to reproduce
+    #[arg(long)]
+    data: PathBuf,
+    /// Folder for the tables and the chart
+    #[arg(short, long, default_value = "eval")]
+    output: PathBuf,
+    /// Compare at most this many frames of each
+    #[arg(long)]
+    frames: Option<usize>,
+    /// Folder of the same runs with other packings, under the same names: their differences are
+    /// the smallest error to expect of a surrogate
+    #[arg(long, value_name = "DIR")]
+    noise_floor: Option<PathBuf>,
+    /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
+    #[arg(long, default_value = "auto")]
+    device: Device,
+    /// Precision of matrix products on a GPU; bf16 is faster and less exact
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    precision: Precision,
+    /// Average each prediction with that of the mirrored window
+    #[arg(long)]
+    mirror: bool,
+    /// Write the errors into the model file, for the warnings of rollouts; use data that the model
+    /// has not learnt from
+    #[arg(long)]
+    record: bool,
+}
+
+/// Evaluates a model.
+///
+/// # Errors
+/// If a file cannot be used, or the results cannot be written.
+pub fn eval(args: &EvalArgs) -> miette::Result<()> {
+    let (mirror, precision) = (args.mirror, args.precision);
+    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
+    select_device(&mut simulator, args.device)?;
+    let paths = trajectories_in(&args.data)?;
+    let cases: Vec<Case> = paths
+        .into_iter()
+        .map(|path| evaluate(args, &simulator, path))
+        .collect::<miette::Result<_>>()?;
+    if let Some(folder) = &args.noise_floor
+        && cases.iter().all(|case| case.floor.is_none())
+    {
+        bail!(
+            "--noise-floor: {} has no file with the name of one in {}",
+            folder.display(),
+            args.data.display()
+        );
+    }
+    write_text(&args.output.join("frames.csv"), &frames_table(&cases))?;
+    write_text(&args.output.join("summary.csv"), &summary_table(&cases))?;
+    chart(&cases).write(&args.output.join("errors.svg"))?;
+    print!("{}", report(&cases));
+    println!("written: {}/{{summary.csv, frames.csv, errors.svg}}", args.output.display());
+    if args.record { record_accuracy(simulator, &cases, args) } else { Ok(()) }
+}
+
+/// Compares a rollout, and a run with another packing if there is one, with a trajectory.
+fn evaluate(args: &EvalArgs, simulator: &Simulator, path: PathBuf) -> miette::Result<Case> {
+    let began = Instant::now();
+    let rollout = compare(simulator, &path, args.frames)?;
+    if rollout.errors.is_empty() && rollout.failure.is_none() {
+        bail!(
+            "{}: nothing to compare: the model starts from {} frames",
+            args.frames.map_or(path.display().to_string(), |n| format!("--frames {n}")),
+            simulator.first_frames()
+        );
+    }
+    let per_frame = began.elapsed().as_secs_f64() / rollout.errors.len().max(1) as f64;
+    eprintln!("{}: {} frames, {per_frame:.3} s each", rollout.case, rollout.errors.len());
+    let twin = |folder: &PathBuf| folder.join(path.file_name().unwrap_or_default());
+    let floor = match args.noise_floor.as_ref().map(twin).filter(|twin| twin.exists()) {
+        Some(twin) => Some(noise_floor(simulator, &path, &twin, args.frames)?),
+        None => None,
+    };
+    Ok(Case { path, rollout, floor })
+}
+
+/// Writes the errors into the model file.
+fn record_accuracy(
+    mut simulator: Simulator,
+    cases: &[Case],
+    args: &EvalArgs,
+) -> miette::Result<()> {
+    let runs = cases.iter().map(|case| (&case.rollout, case.path.as_path() as &Path));
+    let Some(accuracy) = Accuracy::of(runs)? else {
+        bail!("--record: nothing moves in {}", args.data.display());
+    };
+    simulator.training.accuracy = Some(accuracy);
+    simulator.save(&args.model)?;
+    println!("recorded in {}", args.model.display());
+    Ok(())
+}

@@ -1,0 +1,138 @@
+//! `surrogate rollout`: predicts a trajectory.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use dempm::device::Device;
+use dempm::scene::Scene;
+use files::{FileLock, INTERRUPTED, interrupt_flag, refuse_input};
+use indicatif::ProgressBar;
+use miette::{Context, IntoDiagnostic, Report, bail};
+
+use super::progress::rollout_bar;
+use crate::cuda::CudaError;
+use crate::diagnostics::{asymmetry, start_checks};
+use crate::network::Precision;
+use crate::rollout::{InitialFrames, RecordingOptions, RolloutObserver, record};
+use crate::simulator::Simulator;
+
+/// Arguments of `surrogate rollout`.
+#[derive(clap::Args)]
+pub struct RolloutArgs {
+    /// Model (safetensors)
+    model: PathBuf,
+    /// Scene file (TOML), whose first frames are simulated
+    #[arg(long, required_unless_present = "from")]
+    scene: Option<PathBuf>,
+    /// Trajectory file (HDF5), whose first frames are read
+    #[arg(long, conflicts_with = "scene")]
+    from: Option<PathBuf>,
+    /// First frame to read from the trajectory
+    #[arg(long, value_name = "FRAME", default_value_t = 0, requires = "from")]
+    start: usize,
+    /// Frames of the result, the initial ones included [default: as many as scene or trajectory have]
+    #[arg(long)]
+    frames: Option<usize>,
+    /// Average each prediction with that of the mirrored window
+    #[arg(long)]
+    mirror: bool,
+    /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
+    #[arg(long, default_value = "auto")]
+    device: Device,
+    /// Precision of matrix products on a GPU; bf16 is faster and less exact
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    precision: Precision,
+    /// Trajectory file to write (HDF5)
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Replace the output if it exists
+    #[arg(long)]
+    overwrite: bool,
+}
+
+/// Rolls a model out into a trajectory file.
+///
+/// # Errors
+/// If a file cannot be used or written, or the prediction fails; the output then holds the frames
+/// before.
+pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
+    if args.output.exists() && !args.overwrite {
+        bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
+    }
+    let inputs = [Some(&args.model), args.scene.as_ref(), args.from.as_ref()];
+    refuse_input(&args.output, inputs.into_iter().flatten())?;
+    let _lock = FileLock::take(&args.output)?;
+    let (mirror, precision) = (args.mirror, args.precision);
+    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
+    select_device(&mut simulator, args.device)?;
+    let began = Instant::now();
+    let initial = initial_frames(args, &simulator)?;
+    let frames = args.frames.unwrap_or(initial.frames);
+    if frames < initial.positions.len() {
+        bail!("--frames {frames}: the model starts from {} frames", initial.positions.len());
+    }
+    let interrupted = interrupt_flag()?;
+    let checks = start_checks(&simulator, &initial);
+    for warning in checks.into_iter().chain(asymmetry(&simulator, &initial)) {
+        eprintln!("{warning}");
+    }
+
+    let output = args.output.display();
+    let options = RecordingOptions { model: &args.model, output: &args.output, frames, began };
+    let bar = rollout_bar(frames as u64);
+    let recorded = record(&simulator, &initial, &options, &interrupted, &mut Progress(&bar))?;
+    bar.finish_and_clear();
+    let made = recorded.frames;
+    if let Some(error) = recorded.failure {
+        return Err(Report::new(error).wrap_err(format!("{output} holds the {made} frames before")));
+    }
+    if made < frames {
+        eprintln!("interrupted; {output} holds {made} of {frames} frames");
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    let (predicted, seconds) = (made - initial.positions.len(), recorded.seconds);
+    println!("{output}: {made} frames, {predicted} of them predicted in {seconds:.2} s");
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Selects the device of a model, and reports a GPU that is there but cannot be used.
+pub(super) fn select_device(simulator: &mut Simulator, device: Device) -> miette::Result<()> {
+    let unused = simulator.select_device(device);
+    let unused: Option<CudaError> = unused.into_diagnostic().wrap_err("--device, --precision")?;
+    if let Some(reason) = unused {
+        eprintln!("running on the CPU: {reason}");
+    }
+    Ok(())
+}
+
+/// The initial frames of the scene or trajectory.
+fn initial_frames(args: &RolloutArgs, simulator: &Simulator) -> miette::Result<InitialFrames> {
+    match (&args.scene, &args.from) {
+        (Some(path), _) => {
+            let scene = Scene::load(path)?;
+            let (own, asked) = (simulator.training.frame_interval, scene.frame_interval);
+            if !simulator.training.is_interval(asked) {
+                eprintln!(
+                    "frames are {own} s apart, as in training, not {asked} s as in the scene"
+                );
+            }
+            Ok(InitialFrames::from_scene(scene, simulator)?)
+        }
+        (None, Some(from)) => Ok(InitialFrames::from_trajectory(from, args.start, simulator)?),
+        (None, None) => bail!("give a scene (--scene) or a trajectory (--from) to start from"),
+    }
+}
+
+/// Shows the progress of a rollout in a bar, and its warnings above.
+struct Progress<'a>(&'a ProgressBar);
+
+impl RolloutObserver for Progress<'_> {
+    fn recorded(&mut self, frames: usize) {
+        self.0.set_position(frames as u64);
+    }
+
+    fn warning(&mut self, text: &str) {
+        self.0.suspend(|| eprintln!("{text}"));
+    }
+}

@@ -1,0 +1,132 @@
+//! `surrogate train`: trains a network on trajectories.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use dempm::device::Device;
+use dempm::run::checkpoint_interval;
+use files::{INTERRUPTED, interrupt_flag};
+use indicatif::ProgressBar;
+
+use super::progress::training_bar;
+use crate::train::{
+    Outcome, Report, Session, SessionOptions, Summary, TrainConfig, TrainObserver, WARM_UP_STEPS,
+    check_new,
+};
+
+/// Arguments of `surrogate train`.
+#[derive(clap::Args)]
+pub struct TrainArgs {
+    /// Training file (TOML)
+    config: PathBuf,
+    /// Folder of trajectory files (*.h5), or with train/ and valid/
+    #[arg(long)]
+    data: PathBuf,
+    /// Folder for models, log and checkpoint
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Continue an interrupted training; the result is the same to the bit
+    #[arg(long)]
+    resume: bool,
+    /// Replace a training that is in the folder already
+    #[arg(long, conflicts_with = "resume")]
+    overwrite: bool,
+    /// Smallest time between checkpoints
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    checkpoint_interval: f64,
+    /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
+    #[arg(long, default_value = "auto")]
+    device: Device,
+}
+
+/// Trains a network.
+///
+/// # Errors
+/// If the configuration or the data cannot be used, the training diverges, or a file cannot be
+/// written.
+pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
+    let config = TrainConfig::load(&args.config)?;
+    let interval = checkpoint_interval(args.checkpoint_interval)?;
+    if !args.resume {
+        check_new(&args.output, args.overwrite, &config, &args.config)?;
+    }
+    let steps = config.steps;
+    let options = SessionOptions {
+        config_file: args.config.clone(),
+        data: args.data.clone(),
+        folder: args.output.clone(),
+        resume: args.resume,
+        device: args.device,
+    };
+    let interrupted = interrupt_flag()?;
+    let mut session = Session::open(config, &options)?;
+    let (summary, is_leader) = (session.summary().clone(), session.is_leader());
+    if is_leader {
+        announce(&summary);
+    }
+    let _lock = session.take_folder(args.resume)?;
+    let bar = if is_leader { training_bar(steps, summary.step) } else { ProgressBar::hidden() };
+    let outcome = session.run(&interrupted, interval, &mut Progress(&bar))?;
+    bar.finish_and_clear();
+    match outcome {
+        Outcome::Interrupted(step) => {
+            if is_leader {
+                eprintln!("interrupted at step {step} of {steps}; --resume continues");
+            }
+            Ok(ExitCode::from(INTERRUPTED))
+        }
+        Outcome::Finished(report) => {
+            if is_leader {
+                print(&report, steps, &summary);
+                println!("written: {}", args.output.display());
+            }
+            Ok(ExitCode::SUCCESS)
+        }
+    }
+}
+
+/// Shows the progress of a training in a bar.
+struct Progress<'a>(&'a ProgressBar);
+
+impl TrainObserver for Progress<'_> {
+    fn step(&mut self, step: u64) {
+        self.0.set_position(step);
+    }
+
+    fn logged(&mut self, loss: f64, best: Option<f64>) {
+        self.0.set_message(match best {
+            Some(best) => format!("loss {loss:.3e}  best MSE {best:.2e}"),
+            None => format!("loss {loss:.3e}"),
+        });
+    }
+}
+
+fn announce(summary: &Summary) {
+    let Summary { ranks, parameters, windows, train_files, valid_files, .. } = summary;
+    if let Some(gpu) = &summary.gpu {
+        let count = if *ranks > 1 { format!("{ranks} x ") } else { String::new() };
+        eprintln!("training on {count}{gpu}");
+    }
+    eprintln!(
+        "{parameters} parameters; {windows} windows in {train_files} training files, {valid_files} \
+         validation files"
+    );
+}
+
+fn print(report: &Report, steps: u64, summary: &Summary) {
+    let Report { made, seconds, seconds_per_step, loss, best } = report;
+    println!("{steps} steps, {made} of them now in {seconds:.1} s");
+    if let Some(seconds) = seconds_per_step {
+        println!("{:.3} ms per step after the first {WARM_UP_STEPS}", 1e3 * seconds);
+    }
+    if let Some(loss) = loss {
+        println!("loss {loss:.3e}");
+    }
+    match best {
+        Some(best) => println!("best validation MSE {best:.3e} [box²]: best.safetensors"),
+        None if summary.valid_files == 0 => {
+            println!("no valid/ in the data, so no best.safetensors: use last.safetensors");
+        }
+        None => println!("every validation rollout failed: use last.safetensors"),
+    }
+}

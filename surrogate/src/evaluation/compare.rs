@@ -1,0 +1,115 @@
+//! Compares rollouts with trajectories.
+
+use std::path::{Path, PathBuf};
+
+use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError};
+
+use super::metrics::{Errors, FrameError};
+use crate::rollout::{InitialFrames, InitialFramesError, Rollout, stride};
+use crate::simulator::Simulator;
+
+/// A trajectory and what was compared with it.
+pub struct Case {
+    /// The trajectory file.
+    pub path: PathBuf,
+    /// Errors of the rollout.
+    pub rollout: Errors,
+    /// Differences to a run of the same scene with another packing, over the same frames.
+    pub floor: Option<Errors>,
+}
+
+/// A comparison that cannot be made.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum EvaluationError {
+    /// A trajectory cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    /// The model cannot start from the trajectory.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    InitialFrames(#[from] InitialFramesError),
+    /// The two runs of a noise floor are of different scenes.
+    #[error("--noise-floor: {} is not a run of the scene of {}", twin.display(), path.display())]
+    OtherScene {
+        /// The trajectory file.
+        path: PathBuf,
+        /// The file that should be a run of its scene.
+        twin: PathBuf,
+    },
+}
+
+/// Rolls a model out from the first frames of a trajectory and compares it with the rest, up to
+/// `frames` frames.
+///
+/// A rollout that fails is a result, not an error: its errors end there and state why.
+///
+/// # Errors
+/// If the trajectory cannot be read or the model cannot start from it.
+pub fn compare(
+    simulator: &Simulator,
+    path: &Path,
+    frames: Option<usize>,
+) -> Result<Errors, InitialFramesError> {
+    let initial = InitialFrames::from_trajectory(path, 0, simulator)?;
+    let truth = Trajectory::open(path)?;
+    let header = truth.header();
+    let stride = stride(simulator.training.frame_interval, header.frame_interval, || name(path))?;
+    let mut errors = Errors { case: name(path), ..Errors::default() };
+    let mut rollout = Rollout::new(simulator, &initial);
+    let last = frames.unwrap_or(initial.frames).min(initial.frames);
+    while rollout.frame() + 1 < last {
+        let frame = rollout.frame() + 1;
+        let predicted = match rollout.advance() {
+            Ok(predicted) => predicted,
+            Err(error) => {
+                errors.failure = Some(error.to_string());
+                break;
+            }
+        };
+        let truth = truth.frame(frame * stride)?;
+        errors.frames.push(frame);
+        errors.errors.push(error_of(predicted, &truth, header));
+    }
+    Ok(errors)
+}
+
+/// Compares the run `twin` with another of the same scene, but another packing, in the frames that
+/// a rollout predicts. No surrogate can be expected to be closer.
+///
+/// # Errors
+/// If a file cannot be read, or the runs are of different scenes.
+pub fn noise_floor(
+    simulator: &Simulator,
+    path: &Path,
+    twin: &Path,
+    frames: Option<usize>,
+) -> Result<Errors, EvaluationError> {
+    let [truth, other] = [Trajectory::open(path)?, Trajectory::open(twin)?];
+    let (header, found) = (truth.header(), other.header());
+    let alike = truth.points().mass.len() == other.points().mass.len()
+        && header.domain == found.domain
+        && header.frame_interval == found.frame_interval;
+    if !alike {
+        return Err(EvaluationError::OtherScene { path: path.to_owned(), twin: twin.to_owned() });
+    }
+    let stride = stride(simulator.training.frame_interval, header.frame_interval, || name(path))?;
+    let made = truth.frames().min(other.frames()).div_ceil(stride);
+    let mut errors = Errors { case: format!("{} floor", name(path)), ..Errors::default() };
+    for frame in simulator.first_frames()..frames.unwrap_or(made).min(made) {
+        let (one, another) = (truth.frame(frame * stride)?, other.frame(frame * stride)?);
+        errors.frames.push(frame);
+        errors.errors.push(error_of(&another.position, &one, header));
+    }
+    Ok(errors)
+}
+
+/// The error of positions that should be those of a frame.
+fn error_of(positions: &[[f64; 2]], truth: &Frame, header: &Header) -> FrameError {
+    let (width, spacing) = (header.domain[0], header.point_spacing);
+    FrameError::between(positions, &truth.position, truth.time, width, spacing)
+}
+
+fn name(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}

@@ -1,0 +1,164 @@
+//! Features of nodes beyond velocity and walls.
+//!
+//! A rollout knows positions only, so a feature of a frame has to follow from positions
+//! (overburden, acceleration), or it is what a point started with: stress and solid fraction of later frames
+//! would have to be predicted too.
+
+use dempm::trajectory::Frame;
+
+use super::normalisation::Normalisation;
+use crate::network::{NodeFeature, feature_columns};
+
+/// A trajectory that lacks what a feature needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no {0} in it")]
+pub struct MissingField(pub &'static str);
+
+/// The features that never change, of the first frame of a trajectory: point after point.
+///
+/// # Errors
+/// If the frame lacks a field.
+pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f32>, MissingField> {
+    let mut columns: Vec<Vec<f32>> = Vec::new();
+    for feature in features {
+        match feature {
+            NodeFeature::Overburden | NodeFeature::Acceleration => {}
+            NodeFeature::InitialStress => {
+                let stress = first.stress.as_ref().ok_or(MissingField("stress"))?;
+                let pressure = |[xx, _, _, yy]: &[f32; 4]| -0.5 * (xx + yy);
+                let shear = |[xx, xy, yx, yy]: &[f32; 4]| (0.5 * (xx - yy)).hypot(0.5 * (xy + yx));
+                columns.push(stress.iter().map(pressure).collect());
+                columns.push(stress.iter().map(shear).collect());
+            }
+            NodeFeature::InitialSolidFraction => {
+                let fraction =
+                    first.solid_fraction.as_ref().ok_or(MissingField("solid fraction"))?;
+                columns.push(fraction.clone());
+            }
+        }
+    }
+    let points = first.position.len();
+    Ok((0..points).flat_map(|point| columns.iter().map(move |column| column[point])).collect())
+}
+
+/// The features of a frame that follow from positions, one after the other: points x columns each.
+/// `frames` are the positions in the frame and the ones before it, the newest last; a point has
+/// `dimensions` numbers. A feature that needs more frames than there are is empty.
+pub fn moving_features(
+    features: &[NodeFeature],
+    frames: &[&[f32]],
+    dimensions: usize,
+    radius: f32,
+) -> Vec<Vec<f32>> {
+    let moving = features.iter().filter(|feature| !feature.is_static());
+    moving
+        .map(|feature| match (feature, frames) {
+            (NodeFeature::Acceleration, [.., a, b, c]) => {
+                (0..c.len()).map(|k| (c[k] - b[k]) - (b[k] - a[k])).collect()
+            }
+            (NodeFeature::Overburden, [.., now]) => overburden(now, dimensions, radius),
+            _ => Vec::new(),
+        })
+        .collect()
+}
+
+/// All features of points, standardised: points x columns. `statics` are those that never change,
+/// `moving` the others as [`moving_features`] gives them.
+pub fn standardised(
+    features: &[NodeFeature],
+    norm: &Normalisation,
+    points: usize,
+    statics: &[f32],
+    moving: &[Vec<f32>],
+) -> Vec<f32> {
+    let dimensions = norm.velocity_mean.len();
+    let [all, width] = feature_columns(features, dimensions);
+    let mut values = Vec::with_capacity(points * all);
+    for point in 0..points {
+        let mut mine = &statics[point * width..(point + 1) * width];
+        let mut others = moving.iter();
+        for feature in features {
+            let count = feature.columns(dimensions);
+            if feature.is_static() {
+                let (these, rest) = mine.split_at(count);
+                values.extend(these);
+                mine = rest;
+            } else if let Some(all) = others.next() {
+                values.extend(&all[point * count..(point + 1) * count]);
+            }
+        }
+    }
+    let scales = norm.features_mean.iter().zip(&norm.features_std).cycle();
+    for (value, (mean, std)) in values.iter_mut().zip(scales) {
+        *value = (*value - *mean as f32) / *std as f32;
+    }
+    values
+}
+
+/// For each point, how many are above it, and no farther than half a radius to any side.
+/// `positions` is points x dimensions; the second dimension points up.
+pub fn overburden(positions: &[f32], dimensions: usize, radius: f32) -> Vec<f32> {
+    let points: Vec<&[f32]> = positions.chunks_exact(dimensions).collect();
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_unstable_by(|&a, &b| points[a][0].total_cmp(&points[b][0]));
+    let half = radius / 2.0;
+    let mut count = vec![0.0; points.len()];
+    let mut first = 0;
+    for &v in &order {
+        let x = points[v];
+        while points[order[first]][0] < x[0] - half {
+            first += 1;
+        }
+        let strip = order[first..].iter().map(|&w| points[w]).take_while(|y| y[0] <= x[0] + half);
+        let beside = |y: &[f32]| (0..dimensions).all(|k| k == 1 || (y[k] - x[k]).abs() <= half);
+        count[v] = strip.filter(|y| y[1] > x[1] && beside(y)).count() as f32;
+    }
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overburden_counts_the_points_of_a_strip() {
+        // Three columns 0.1 apart with 1, 2 and 3 points, and a stray one far above the first.
+        let positions = [0.0, 0.0, 0.1, 0.0, 0.1, 0.1, 0.2, 0.0, 0.2, 0.1, 0.2, 0.2, 0.04, 9.0];
+        let narrow = overburden(&positions, 2, 0.1);
+        assert_eq!(narrow, [1.0, 1.0, 0.0, 2.0, 1.0, 0.0, 0.0]);
+        let wide = overburden(&positions, 2, 0.25);
+        assert_eq!(wide, [2.0, 4.0, 2.0, 3.0, 1.0, 0.0, 0.0]);
+        // In 3D the strip is a square column.
+        let deep = [0.0, 0.0, 0.0, 0.0, 1.0, 0.04, 0.0, 1.0, 0.2];
+        assert_eq!(overburden(&deep, 3, 0.1), [1.0, 0.0, 0.0]);
+        // Positions that are not numbers have nothing above or below them.
+        assert_eq!(overburden(&[f32::NAN, 0.0, 0.0, 1.0], 2, 0.1)[1], 0.0);
+    }
+
+    #[test]
+    fn an_acceleration_needs_three_frames() {
+        let frames: [&[f32]; 3] = [&[0.0, 0.0], &[1.0, 0.0], &[3.0, -1.0]];
+        let moving = |frames| moving_features(&[NodeFeature::Acceleration], frames, 2, 0.1);
+        assert_eq!(moving(&frames), [[1.0, -1.0]]);
+        assert_eq!(moving(&frames[1..]), [[0.0; 0]], "and not an overburden");
+    }
+
+    #[test]
+    fn stress_becomes_invariants() {
+        let first = Frame {
+            position: vec![[0.0; 2]; 2],
+            stress: Some(vec![[-3.0, 4.0, 4.0, -9.0], [0.0; 4]]),
+            solid_fraction: Some(vec![0.8, 0.7]),
+            ..Frame::default()
+        };
+        let all = [
+            NodeFeature::InitialSolidFraction,
+            NodeFeature::Overburden,
+            NodeFeature::InitialStress,
+        ];
+        assert_eq!(feature_columns(&all, 2), [4, 3]);
+        assert_eq!(static_features(&all, &first), Ok(vec![0.8, 6.0, 5.0, 0.7, 0.0, 0.0]));
+        let bare = Frame { solid_fraction: None, ..first };
+        assert_eq!(static_features(&all, &bare), Err(MissingField("solid fraction")));
+    }
+}

@@ -1,0 +1,54 @@
+//! Optional node features of a network.
+//!
+//! A rollout knows positions only, so a feature of a later frame must follow from positions
+//! (overburden, acceleration) or stay at its initial value: otherwise the network would have to
+//! predict it too.
+
+use serde::{Deserialize, Serialize};
+
+/// A further feature of every node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NodeFeature {
+    /// Points above this one in a strip one connection radius wide: the weight that it carries,
+    /// were stress hydrostatic. Follows every frame.
+    Overburden,
+    /// Second difference of positions of the frame and the two before it, m/frame². Velocities hold
+    /// it too, but as a difference of a hundredth of their size.
+    Acceleration,
+    /// Pressure and shear stress, Pa, in the first frame of the trajectory. Both are invariants,
+    /// the same in a mirror.
+    InitialStress,
+    /// Solid fraction in the first frame of the trajectory.
+    InitialSolidFraction,
+}
+
+impl NodeFeature {
+    /// Numbers that it adds to a node.
+    pub fn columns(self, dimensions: usize) -> usize {
+        match self {
+            Self::Overburden | Self::InitialSolidFraction => 1,
+            Self::InitialStress => 2,
+            Self::Acceleration => dimensions,
+        }
+    }
+
+    /// Whether it never changes for a point.
+    pub fn is_static(self) -> bool {
+        !matches!(self, Self::Overburden | Self::Acceleration)
+    }
+
+    /// Frames before its own that it follows from.
+    pub fn frames_before(self) -> usize {
+        if self == Self::Acceleration { 2 } else { 0 }
+    }
+}
+
+/// Columns of all features, and of those that never change.
+pub fn feature_columns(features: &[NodeFeature], dimensions: usize) -> [usize; 2] {
+    let sum = |all: bool| {
+        let counted = features.iter().filter(|f| all || f.is_static());
+        counted.map(|f| f.columns(dimensions)).sum::<usize>()
+    };
+    [sum(true), sum(false)]
+}

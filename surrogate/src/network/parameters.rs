@@ -1,0 +1,62 @@
+//! All weights of a network, or their gradients, as one list of numbers.
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::tensor::backend::{AutodiffBackend, Backend};
+use burn::tensor::{Tensor, TensorData};
+
+use super::model::Model;
+
+/// The weights in the order of the network's fields.
+pub fn weights<B: Backend>(model: &Model<B>) -> Vec<f32> {
+    let mut read = Read(Vec::new());
+    model.visit(&mut read);
+    read.0
+}
+
+/// The same network with other weights, as many as [`weights`] gives.
+pub fn with_weights<B: Backend>(model: Model<B>, weights: &[f32]) -> Model<B> {
+    model.map(&mut Write(weights))
+}
+
+/// The gradients in the order of [`weights`]; zero where the loss does not depend on a weight.
+pub fn gradients<B: AutodiffBackend>(model: &Model<B>, gradients: &B::Gradients) -> Vec<f32> {
+    let mut read = ReadGradients::<B> { gradients, values: Vec::new() };
+    model.visit(&mut read);
+    read.values
+}
+
+struct Read(Vec<f32>);
+
+impl<B: Backend> ModuleVisitor<B> for Read {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<B, D>>) {
+        self.0.extend(param.val().into_data().iter::<f32>());
+    }
+}
+
+struct ReadGradients<'a, B: AutodiffBackend> {
+    gradients: &'a B::Gradients,
+    values: Vec<f32>,
+}
+
+impl<B: AutodiffBackend> ModuleVisitor<B> for ReadGradients<'_, B> {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<B, D>>) {
+        let tensor = param.val();
+        match tensor.grad(self.gradients) {
+            Some(gradient) => self.values.extend(gradient.into_data().iter::<f32>()),
+            None => self.values.resize(self.values.len() + tensor.shape().num_elements(), 0.0),
+        }
+    }
+}
+
+struct Write<'a>(&'a [f32]);
+
+impl<B: Backend> ModuleMapper<B> for Write<'_> {
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<B, D>>) -> Param<Tensor<B, D>> {
+        param.map(|old| {
+            let (mine, rest) = self.0.split_at(old.shape().num_elements());
+            self.0 = rest;
+            let data = TensorData::new(mine.to_vec(), old.shape());
+            Tensor::from_data(data, &old.device()).set_require_grad(old.is_require_grad())
+        })
+    }
+}

@@ -1,0 +1,93 @@
+//! The temporal graph neural network simulator (TGNNS) of the paper.
+
+use burn::module::Module;
+use burn::tensor::backend::Backend;
+use burn::tensor::{Int, Tensor};
+use rand_chacha::ChaCha8Rng;
+
+use super::config::ModelConfig;
+use super::message::MessageLayer;
+use super::mlp::Mlp;
+use crate::features::{FrameInput, WindowInput};
+
+/// One message-passing layer for each frame of the window on that frame's own graph, joined by the
+/// node states, then further layers on the last graph, and the decoder. No residual connections.
+#[derive(Module, Debug)]
+pub struct Tgnns<B: Backend> {
+    /// F_n0: distances to walls, of the first frame.
+    pub node_encoder_first: Mlp<B>,
+    /// F_n1: velocity and distances to walls, of later frames.
+    pub node_encoder_later: Mlp<B>,
+    /// F_e0: direction and distance, in the first frame.
+    pub edge_encoder_first: Mlp<B>,
+    /// F_e1: relative velocity, direction and distance, in later frames.
+    pub edge_encoder_later: Mlp<B>,
+    /// S: the node state of the previous frame with the encoding of the next.
+    pub node_fusion: Mlp<B>,
+    /// `edgemsg`: the previous frame's message along an edge with the edge's new features, for
+    /// edges that both graphs have; other edges are encoded by `edge_encoder_later`.
+    pub edge_fusion: Option<Mlp<B>>,
+    /// g_k and f_k for each frame.
+    pub frame_layers: Vec<MessageLayer<B>>,
+    /// g_k and f_k of the layers after the last frame's; their edge state is the last message.
+    pub message_layers: Vec<MessageLayer<B>>,
+    /// F_a: normalised acceleration.
+    pub decoder: Mlp<B>,
+}
+
+impl<B: Backend> Tgnns<B> {
+    pub(crate) fn new(config: &ModelConfig, rng: &mut ChaCha8Rng, device: &B::Device) -> Self {
+        let width = config.width;
+        let (first_edge, later_edge) = (config.first_edge_features(), config.later_edge_features());
+        let mut mlp = |input| config.mlp(input, width).init(rng, device);
+        let node_encoder_first = mlp(config.first_node_features());
+        let node_encoder_later = mlp(config.later_node_features());
+        let edge_encoder_first = mlp(first_edge);
+        let edge_encoder_later = mlp(later_edge);
+        let node_fusion = mlp(2 * width);
+        let edge_fusion = config.edge_message.then(|| mlp(width + later_edge));
+        let mut layers = |n| (0..n).map(|_| MessageLayer::new(config, rng, device)).collect();
+        Self {
+            node_encoder_first,
+            node_encoder_later,
+            edge_encoder_first,
+            edge_encoder_later,
+            node_fusion,
+            edge_fusion,
+            frame_layers: layers(config.frames),
+            message_layers: layers(config.message_layers),
+            decoder: config.decoder().init(rng, device),
+        }
+    }
+
+    pub(crate) fn forward(&self, input: &WindowInput<B>) -> Tensor<B, 2> {
+        let mut graph = &input.frames[0];
+        let nodes = self.node_encoder_first.forward(graph.nodes.clone());
+        let edges = self.edge_encoder_first.forward(graph.edges.clone());
+        let (mut nodes, mut messages) = self.frame_layers[0].forward(nodes, edges, graph);
+        for (layer, frame) in self.frame_layers.iter().zip(&input.frames).skip(1) {
+            graph = frame;
+            let encoded = self.node_encoder_later.forward(graph.nodes.clone());
+            let fused = self.node_fusion.forward(Tensor::cat(vec![nodes, encoded], 1));
+            let edges = self.later_edges(messages, graph);
+            (nodes, messages) = layer.forward(fused, edges, graph);
+        }
+        for layer in &self.message_layers {
+            (nodes, messages) = layer.forward(nodes, messages, graph);
+        }
+        self.decoder.forward(nodes)
+    }
+
+    /// Edge states of a later frame, given the previous frame's messages.
+    fn later_edges(&self, messages: Tensor<B, 2>, graph: &FrameInput<B>) -> Tensor<B, 2> {
+        let (Some(fusion), Some(edges)) = (&self.edge_fusion, &graph.persistence) else {
+            return self.edge_encoder_later.forward(graph.edges.clone());
+        };
+        let features = |edge: &Tensor<B, 1, Int>| graph.edges.clone().select(0, edge.clone());
+        let previous = messages.select(0, edges.previous.clone());
+        let persistent =
+            fusion.forward(Tensor::cat(vec![previous, features(&edges.persistent)], 1));
+        let new = self.edge_encoder_later.forward(features(&edges.new));
+        Tensor::cat(vec![persistent, new], 0).select(0, edges.place.clone())
+    }
+}

@@ -1,0 +1,303 @@
+//! Weights files: safetensors with the architecture in the metadata. Names, shapes and order of
+//! indices are PyTorch's, see docs/weights.md.
+
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
+use burn::tensor::backend::Backend;
+use burn::tensor::{Tensor, TensorData};
+use safetensors::SafeTensorError;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
+use serde::{Deserialize, Serialize};
+
+use super::config::{ConfigError, ModelConfig};
+use super::model::Model;
+use crate::features::Normalisation;
+
+/// Key of the metadata, whose value is JSON: one key, so that files are the same to the byte.
+const METADATA_KEY: &str = "surrogate";
+/// Version of the format.
+const FORMAT: u32 = 1;
+
+/// Why a weights file could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum WeightsError {
+    #[error("{path}: cannot read or write it")]
+    Io { path: PathBuf, source: std::io::Error },
+    #[error("{path}: not a safetensors file")]
+    Format { path: PathBuf, source: SafeTensorError },
+    #[error("{path}: not a weights file of this program: {reason}")]
+    Metadata { path: PathBuf, reason: String },
+    #[error("{path}: not a network of this program")]
+    Config { path: PathBuf, source: ConfigError },
+    #[error("{path}: {parameters} numbers in tensors, but the network it names has {expected}")]
+    Size { path: PathBuf, parameters: usize, expected: usize },
+    #[error("{path}: tensor `{name}` is missing")]
+    Missing { path: PathBuf, name: String },
+    #[error("{path}: tensor `{name}` is {dtype:?} {shape:?}, not {expected_dtype:?} {expected:?}")]
+    Shape {
+        path: PathBuf,
+        name: String,
+        dtype: Dtype,
+        shape: Vec<usize>,
+        expected_dtype: Dtype,
+        expected: Vec<usize>,
+    },
+    #[error("{path}: tensor `{name}`: {reason}")]
+    Value { path: PathBuf, name: String, reason: &'static str },
+}
+
+/// What the metadata holds.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Metadata {
+    format: u32,
+    config: ModelConfig,
+    extra: BTreeMap<String, String>,
+}
+
+/// Writes a weights file, in place: to survive a crash, write to a temporary name and rename.
+/// `extra` is the caller's own information.
+pub fn save<B: Backend>(
+    path: &Path,
+    model: &Model<B>,
+    config: &ModelConfig,
+    normalisation: &Normalisation,
+    extra: BTreeMap<String, String>,
+) -> Result<(), WeightsError> {
+    let metadata = Metadata { format: FORMAT, config: config.clone(), extra };
+    let json = serde_json::to_string(&metadata)
+        .map_err(|e| WeightsError::Metadata { path: path.into(), reason: e.to_string() })?;
+    let mut collect = Collect::default();
+    model.visit(&mut collect);
+    let mut tensors = collect.tensors;
+    for (name, values) in normalisation_tensors(normalisation) {
+        if values.is_empty() {
+            continue;
+        }
+        let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        tensors.push(Stored { name, dtype: Dtype::F64, shape: vec![values.len()], bytes });
+    }
+    let format = |source| WeightsError::Format { path: path.into(), source };
+    let views = tensors
+        .iter()
+        .map(|t| Ok((&t.name, TensorView::new(t.dtype, t.shape.clone(), &t.bytes)?)))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(format)?;
+    let metadata = HashMap::from([(METADATA_KEY.to_string(), json)]);
+    let bytes = serialize(views, Some(metadata)).map_err(format)?;
+    std::fs::write(path, bytes).map_err(|source| WeightsError::Io { path: path.into(), source })
+}
+
+/// Network, architecture, normalisation and the caller's information from a file of [`save`].
+#[allow(clippy::type_complexity)]
+pub fn load<B: Backend>(
+    path: &Path,
+    device: &B::Device,
+) -> Result<(Model<B>, ModelConfig, Normalisation, BTreeMap<String, String>), WeightsError> {
+    let bytes =
+        std::fs::read(path).map_err(|source| WeightsError::Io { path: path.into(), source })?;
+    let format = |source| WeightsError::Format { path: path.into(), source };
+    let (_, header) = SafeTensors::read_metadata(&bytes).map_err(format)?;
+    let file = File { path, tensors: SafeTensors::deserialize(&bytes).map_err(format)? };
+    let json = header.metadata().as_ref().and_then(|m| m.get(METADATA_KEY));
+    let json = json.ok_or_else(|| file.metadata(format!("no `{METADATA_KEY}` in its metadata")))?;
+    let metadata: Metadata =
+        serde_json::from_str(json).map_err(|e| file.metadata(e.to_string()))?;
+    if metadata.format != FORMAT {
+        return Err(file.metadata(format!("format {}, not {FORMAT}", metadata.format)));
+    }
+    let config = metadata.config;
+    config.validate().map_err(|source| WeightsError::Config { path: path.into(), source })?;
+    let normalisation = file.normalisation(&config)?;
+    file.check_size(&config)?;
+    let mut fill = Fill { names: Names::default(), file: &file, error: None };
+    let model = Model::new(&config, 0, device).map(&mut fill);
+    match fill.error {
+        Some(error) => Err(error),
+        None => Ok((model, config, normalisation, metadata.extra)),
+    }
+}
+
+/// The normalisation is stored as tensors: float64 survives a file to the bit, unlike in JSON.
+fn normalisation_tensors(n: &Normalisation) -> [(String, &[f64]); 6] {
+    [
+        ("normalisation.velocity_mean".into(), &n.velocity_mean),
+        ("normalisation.velocity_std".into(), &n.velocity_std),
+        ("normalisation.acceleration_mean".into(), &n.acceleration_mean),
+        ("normalisation.acceleration_std".into(), &n.acceleration_std),
+        ("normalisation.features_mean".into(), &n.features_mean),
+        ("normalisation.features_std".into(), &n.features_std),
+    ]
+}
+
+/// A tensor as it stands in the file.
+struct Stored {
+    name: String,
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+/// Name of the parameter that a walk through the modules is at.
+#[derive(Default)]
+struct Names(Vec<String>);
+
+impl Names {
+    fn enter(&mut self, name: &str, container: &str) {
+        // The enum's variant is the kind of network, which the architecture tells.
+        let name = if container.starts_with("Enum:") { "" } else { name };
+        // PyTorch calls LayerNorm's scale and shift so.
+        let name = match name {
+            "gamma" => "weight",
+            "beta" => "bias",
+            other => other,
+        };
+        self.0.push(name.to_string());
+    }
+
+    fn exit(&mut self) {
+        self.0.pop();
+    }
+
+    fn name(&self) -> String {
+        let parts: Vec<&str> =
+            self.0.iter().map(String::as_str).filter(|n| !n.is_empty()).collect();
+        parts.join(".")
+    }
+}
+
+/// Gathers all parameters of a network.
+#[derive(Default)]
+struct Collect {
+    names: Names,
+    tensors: Vec<Stored>,
+}
+
+impl<B: Backend> ModuleVisitor<B> for Collect {
+    fn enter_module(&mut self, name: &str, container: &str) {
+        self.names.enter(name, container);
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.names.exit();
+    }
+
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<B, D>>) {
+        let data = to_file_order(param.val()).into_data().convert::<f32>();
+        let shape = data.shape.to_vec();
+        let bytes = data.iter::<f32>().flat_map(f32::to_le_bytes).collect();
+        self.tensors.push(Stored { name: self.names.name(), dtype: Dtype::F32, shape, bytes });
+    }
+}
+
+/// Puts the file's values into a network.
+struct Fill<'a> {
+    names: Names,
+    file: &'a File<'a>,
+    error: Option<WeightsError>,
+}
+
+impl<B: Backend> ModuleMapper<B> for Fill<'_> {
+    fn enter_module(&mut self, name: &str, container: &str) {
+        self.names.enter(name, container);
+    }
+
+    fn exit_module(&mut self, _: &str, _: &str) {
+        self.names.exit();
+    }
+
+    fn map_float<const D: usize>(&mut self, param: Param<Tensor<B, D>>) -> Param<Tensor<B, D>> {
+        let old = param.val();
+        let shape = to_file_order(old.clone()).dims();
+        match self.file.values(&self.names.name(), Dtype::F32, &shape) {
+            Ok(bytes) => {
+                let values = bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+                let data = TensorData::new::<f32, _>(values, shape);
+                let tensor = Tensor::<B, D>::from_data(data, &old.device());
+                param.map(|_| to_file_order(tensor).require_grad())
+            }
+            Err(error) => {
+                self.error.get_or_insert(error);
+                param
+            }
+        }
+    }
+}
+
+/// Matrices are outputs x inputs in the file, as in PyTorch, and inputs x outputs here; it is its
+/// own inverse.
+fn to_file_order<B: Backend, const D: usize>(tensor: Tensor<B, D>) -> Tensor<B, D> {
+    if D == 2 { tensor.transpose() } else { tensor }
+}
+
+/// A file being read.
+struct File<'a> {
+    path: &'a Path,
+    tensors: SafeTensors<'a>,
+}
+
+impl<'a> File<'a> {
+    fn metadata(&self, reason: String) -> WeightsError {
+        WeightsError::Metadata { path: self.path.into(), reason }
+    }
+
+    /// Before anything of the network's size is made.
+    fn check_size(&self, config: &ModelConfig) -> Result<(), WeightsError> {
+        let f32s = self.tensors.iter().filter(|(_, t)| t.dtype() == Dtype::F32);
+        let parameters = f32s.map(|(_, t)| t.data().len() / 4).sum();
+        let expected = config.parameter_count();
+        if parameters == expected {
+            Ok(())
+        } else {
+            Err(WeightsError::Size { path: self.path.into(), parameters, expected })
+        }
+    }
+
+    /// Bytes of a tensor of this type and shape.
+    fn values(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<&[u8], WeightsError> {
+        let missing = |_| WeightsError::Missing { path: self.path.into(), name: name.into() };
+        let tensor = self.tensors.tensor(name).map_err(missing)?;
+        if tensor.dtype() != dtype || tensor.shape() != shape {
+            return Err(WeightsError::Shape {
+                path: self.path.into(),
+                name: name.into(),
+                dtype: tensor.dtype(),
+                shape: tensor.shape().to_vec(),
+                expected_dtype: dtype,
+                expected: shape.to_vec(),
+            });
+        }
+        Ok(tensor.data())
+    }
+
+    fn normalisation(&self, config: &ModelConfig) -> Result<Normalisation, WeightsError> {
+        let further = config.further_node_features();
+        let read = |name: &str, valid: fn(f64) -> bool, reason| {
+            let length = if name.starts_with("features") { further } else { config.dimensions };
+            if length == 0 {
+                return Ok(Vec::new());
+            }
+            let name = format!("normalisation.{name}");
+            let bytes = self.values(&name, Dtype::F64, &[length])?;
+            let values: Vec<f64> =
+                bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+            if values.iter().all(|&v| valid(v)) {
+                Ok(values)
+            } else {
+                Err(WeightsError::Value { path: self.path.into(), name, reason })
+            }
+        };
+        let mean = |name| read(name, |v| v.is_finite(), "not finite");
+        let std = |name| read(name, |v| v > 0.0 && v.is_finite(), "not positive");
+        Ok(Normalisation {
+            velocity_mean: mean("velocity_mean")?,
+            velocity_std: std("velocity_std")?,
+            acceleration_mean: mean("acceleration_mean")?,
+            acceleration_std: std("acceleration_std")?,
+            features_mean: mean("features_mean")?,
+            features_std: std("features_std")?,
+        })
+    }
+}

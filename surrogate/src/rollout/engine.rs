@@ -1,0 +1,171 @@
+//! A rollout under way.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use super::constraints::Constraints;
+use super::error::RolloutError;
+use super::initial_frames::InitialFrames;
+use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
+use crate::diagnostics::CrowdingLimit;
+use crate::features::{Obstacle, Window};
+use crate::inference::Inference;
+use crate::network::parameters::weights;
+use crate::simulator::Simulator;
+
+/// Where frames are predicted.
+enum Engine {
+    /// On the processor.
+    Cpu(Box<Inference>, CrowdingLimit),
+    /// On a GPU, some frames ahead.
+    Cuda(Ahead),
+}
+
+/// A rollout under way.
+pub struct Rollout<'a> {
+    simulator: &'a Simulator,
+    engine: Engine,
+    constraints: Constraints,
+    /// The frames that the network sees next, the oldest first.
+    window: VecDeque<Vec<[f64; 2]>>,
+    /// Static features of the points.
+    statics: Vec<f32>,
+    obstacles: Vec<Obstacle>,
+    /// Gravity, m/frame².
+    gravity: [f64; 2],
+    /// Time of frame 0, s.
+    start: f64,
+    frame: usize,
+}
+
+impl<'a> Rollout<'a> {
+    /// Starts after the initial frames. On a GPU, returns once memory and kernels are ready.
+    pub fn new(simulator: &'a Simulator, initial: &InitialFrames) -> Self {
+        let interval = simulator.training.frame_interval;
+        let constraints = Constraints::new(&initial.scene);
+        let engine = match &simulator.gpu {
+            Some(device) => Engine::Cuda(start_on_gpu(device, simulator, initial)),
+            None => {
+                Engine::Cpu(Box::new(simulator.inference()), crowding_limit(simulator, initial))
+            }
+        };
+        Self {
+            simulator,
+            engine,
+            obstacles: constraints.obstacles(),
+            constraints,
+            window: initial.window(simulator.config.window(), interval).into(),
+            statics: initial.statics.clone(),
+            gravity: initial.scene.gravity.map(|g| g * interval * interval),
+            start: initial.time,
+            frame: initial.positions.len() - 1,
+        }
+    }
+
+    /// Number of the last frame, counted from the first initial frame.
+    pub fn frame(&self) -> usize {
+        self.frame
+    }
+
+    /// Positions of the last frame, m.
+    pub fn last(&self) -> &[[f64; 2]] {
+        &self.window[self.window.len() - 1]
+    }
+
+    /// Positions of the last frame but one, m.
+    pub fn before(&self) -> &[[f64; 2]] {
+        &self.window[self.window.len() - 2]
+    }
+
+    /// Time of a frame, s.
+    fn time(&self, frame: usize) -> f64 {
+        self.start + frame as f64 * self.simulator.training.frame_interval
+    }
+
+    /// Predicts one frame and returns its positions (m).
+    ///
+    /// # Errors
+    /// If a position is not finite or farther outside the domain than the connection radius, if
+    /// points are [crowded](CrowdingLimit), or if the GPU fails. The rollout stays at the frame
+    /// before.
+    pub fn advance(&mut self) -> Result<&[[f64; 2]], RolloutError> {
+        let next = match &mut self.engine {
+            Engine::Cuda(ahead) => ahead.next_frame()?,
+            Engine::Cpu(network, limit) => {
+                let limit = *limit;
+                let frames = self.window.iter().flatten().flatten();
+                let positions: &Vec<f32> = &frames.map(|&x| x as f32).collect();
+                let points = self.window[0].len();
+                let (statics, obstacles) = (&self.statics, &self.obstacles);
+                let window = Window { positions, points, statics, obstacles };
+                let domain = self.constraints.domain();
+                let accelerations =
+                    self.simulator.accelerations(network, &window, domain, self.gravity);
+                let next = self.integrate(&accelerations)?;
+                limit.check(self.frame + 1, &next)?;
+                next
+            }
+        };
+        self.window.pop_front();
+        self.window.push_back(next);
+        self.frame += 1;
+        Ok(&self.window[self.window.len() - 1])
+    }
+
+    /// Semi-implicit Euler, then walls and boxes. Accelerations are in m/frame².
+    fn integrate(&self, accelerations: &[f64]) -> Result<Vec<[f64; 2]>, RolloutError> {
+        let (last, before) = (self.last(), self.before());
+        let domain = self.constraints.domain();
+        let frame = self.frame + 1;
+        let times = [self.time(self.frame), self.time(frame)];
+        let mut next = Vec::with_capacity(last.len());
+        for (point, a) in accelerations.as_chunks::<2>().0.iter().enumerate() {
+            let velocity = [0, 1].map(|k| last[point][k] - before[point][k] + a[k]);
+            let free = [0, 1].map(|k| last[point][k] + velocity[k]);
+            if !free.iter().all(|x| x.is_finite()) {
+                return Err(RolloutError::NotFinite { frame, point });
+            }
+            let beyond = (0..2).map(|k| (-free[k]).max(free[k] - domain[k])).fold(0.0, f64::max);
+            if beyond > self.simulator.config.connection_radius {
+                return Err(RolloutError::Left { frame, point, distance: beyond });
+            }
+            next.push(self.constraints.confine(last[point], free, times));
+        }
+        Ok(next)
+    }
+}
+
+fn crowding_limit(simulator: &Simulator, initial: &InitialFrames) -> CrowdingLimit {
+    CrowdingLimit::new(simulator.config.connection_radius, initial.scene.domain.spacing())
+}
+
+/// Starts a rollout on a GPU, on a thread of its own.
+fn start_on_gpu(
+    device: &Arc<gpu::Device>,
+    simulator: &Simulator,
+    initial: &InitialFrames,
+) -> Ahead {
+    let interval = simulator.training.frame_interval;
+    let relative = f64::from(u8::from(simulator.training.without_gravity));
+    let motion = Motion {
+        constraints: Constraints::new(&initial.scene),
+        fall: initial.scene.gravity.map(|g| relative * (g * interval * interval)),
+        start: initial.time,
+        interval,
+        mirror: simulator.mirror,
+        packing: crowding_limit(simulator, initial),
+    };
+    let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
+    let weights = weights(&simulator.model);
+    let window = initial.window(simulator.config.window(), interval);
+    let next = initial.positions.len();
+    let statics = initial.statics.clone();
+    let (device, precision) = (device.clone(), simulator.precision);
+    Ahead::start(move || {
+        let room = Capacity { points: window[0].len(), edges: 1 };
+        let mut network = CudaNetwork::new(&device, &config, precision, room, false)?;
+        network.set_weights(&weights)?;
+        let past = Past { window: &window, statics: &statics, next };
+        CudaRollout::new(&device, &config, &norm, &motion, past, network)
+    })
+}

@@ -1,0 +1,125 @@
+//! Records a rollout in a trajectory file.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use dempm::trajectory::{Header, TrajectoryError, TrajectoryWriter};
+use files::utc_now;
+
+use super::engine::Rollout;
+use super::error::RolloutError;
+use super::frames::FrameBuilder;
+use super::initial_frames::InitialFrames;
+use crate::diagnostics::Monitor;
+use crate::network::Precision;
+use crate::simulator::Simulator;
+
+/// What to record.
+pub struct RecordingOptions<'a> {
+    /// File of the model, named in the output.
+    pub model: &'a Path,
+    /// Trajectory file to write. A file that is there is replaced.
+    pub output: &'a Path,
+    /// Frames of the output, the initial ones included; at least as many as those.
+    pub frames: usize,
+    /// When preparation began; the output states how long it took.
+    pub began: Instant,
+}
+
+/// Follows a rollout while it is recorded.
+pub trait RolloutObserver {
+    /// `frames` frames are in the file.
+    fn recorded(&mut self, frames: usize);
+
+    /// The prediction looks wrong.
+    fn warning(&mut self, text: &str);
+}
+
+/// A recorded rollout.
+#[derive(Debug)]
+pub struct RecordedRollout {
+    /// Frames in the file, the initial ones included.
+    pub frames: usize,
+    /// Wall time of the prediction, s.
+    pub seconds: f64,
+    /// The error that ended the rollout early.
+    pub failure: Option<RolloutError>,
+}
+
+/// Rolls `simulator` out from `initial` into a trajectory file, until it has all frames, the
+/// prediction fails or `interrupted` is set. The file is complete in each case.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn record(
+    simulator: &Simulator,
+    initial: &InitialFrames,
+    options: &RecordingOptions,
+    interrupted: &AtomicBool,
+    observer: &mut dyn RolloutObserver,
+) -> Result<RecordedRollout, TrajectoryError> {
+    let interval = simulator.training.frame_interval;
+    let header = header(simulator, initial, options.model);
+    let mut writer = TrajectoryWriter::create(options.output, &header, &initial.points)?;
+    let mut rollout = Rollout::new(simulator, initial);
+    let preparation = options.began.elapsed().as_secs_f64() - initial.simulated_in;
+    let builder = FrameBuilder::new(initial, interval);
+    for frame in builder.initial() {
+        writer.push(frame)?;
+    }
+
+    let began = Instant::now();
+    let mut monitor = Monitor::new(initial, interval, options.frames);
+    let mut failure = None;
+    while writer.frames() < options.frames
+        && !interrupted.load(Ordering::Relaxed)
+        && failure.is_none()
+    {
+        match rollout.advance() {
+            Ok(_) => {
+                let (frame, before, now) = (rollout.frame(), rollout.before(), rollout.last());
+                for warning in monitor.observe(frame, before, now) {
+                    observer.warning(&warning);
+                }
+                writer.push(builder.predicted(frame, before, now))?;
+            }
+            Err(error) => failure = Some(error),
+        }
+        observer.recorded(writer.frames());
+    }
+
+    let (frames, seconds) = (writer.frames(), began.elapsed().as_secs_f64());
+    writer.set_wall_time("preparation", preparation);
+    writer.set_wall_time("start", initial.simulated_in);
+    writer.set_wall_time("surrogate", seconds);
+    match &failure {
+        Some(error) => writer.finish(&format!("failed: {error}"))?,
+        None if frames < options.frames => writer.finish("interrupted")?,
+        None => writer.finish("finished")?,
+    }
+    Ok(RecordedRollout { frames, seconds, failure })
+}
+
+/// The header of the run that the rollout replaces, with the surrogate as its material.
+fn header(simulator: &Simulator, initial: &InitialFrames, model: &Path) -> Header {
+    let mut header = initial.header.clone();
+    header.created = utc_now();
+    header.versions.insert("surrogate".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+    header.device = match &simulator.gpu {
+        Some(device) => device.name().to_owned(),
+        None => format!("cpu, {} threads", rayon::current_num_threads()),
+    };
+    let precision = match simulator.precision {
+        Precision::F32 => "f32",
+        Precision::Bf16 => "bf16",
+    };
+    header.precision = format!("{precision} (network), f64 (positions)");
+    header.material = format!("surrogate ({})", model.display());
+    header.frame_interval = simulator.training.frame_interval;
+    header.time_step = simulator.training.frame_interval;
+    header
+        .parameters
+        .insert("surrogate_training_steps".to_owned(), simulator.training.steps as f64);
+    header
+}

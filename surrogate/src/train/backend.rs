@@ -1,0 +1,325 @@
+//! Where a training runs: on the CPU or on a GPU.
+
+use std::sync::Arc;
+
+use dempm::device::Device;
+use gpu::ranks::{Environment, Ranks};
+
+use super::all_reduce::AllReduce;
+use super::config::TrainConfig;
+use super::cpu::CpuBackend;
+use super::cuda::{CudaBackend, CudaBatch};
+use super::input::{CpuBatch, InputSpec};
+use super::state::State;
+use crate::cuda::CudaError;
+use crate::data::{Examples, Recipe};
+use crate::network::burn_backend::Cpu;
+use crate::network::{Model, ModelConfig};
+
+/// Computes the training steps.
+#[allow(clippy::large_enum_variant)] // there is one
+pub enum Backend {
+    /// With Burn.
+    Cpu(CpuBackend),
+    /// With kernels of our own.
+    Cuda(CudaBackend),
+}
+
+/// A batch for a backend of the same kind.
+#[allow(clippy::large_enum_variant)] // boxed where many wait
+pub enum BackendBatch {
+    /// Tensors.
+    Cpu(CpuBatch),
+    /// Positions and targets.
+    Cuda(CudaBatch),
+}
+
+/// The GPU to train on, or `None` for the CPU. Several processes take a GPU each.
+///
+/// # Errors
+/// If a GPU that was asked for cannot be used.
+pub fn open_device(
+    device: Device,
+    environment: &Environment,
+) -> Result<Option<Arc<gpu::Device>>, gpu::Error> {
+    match device {
+        _ if !environment.is_shared() => device.open(),
+        Device::Cpu => Ok(None),
+        Device::Auto if gpu::Device::count() == 0 => Ok(None),
+        _ => device.open_for_rank(environment.local_rank).map(Some),
+    }
+}
+
+impl Backend {
+    /// A training with its initial weights, the same on every device, for batches of at most
+    /// `points` points. `ranks` are the other GPUs that take part.
+    ///
+    /// # Errors
+    /// If the GPU does not support the network.
+    pub fn new(
+        device: Option<&Arc<gpu::Device>>,
+        ranks: Option<Arc<Ranks>>,
+        model: &ModelConfig,
+        config: &TrainConfig,
+        points: usize,
+    ) -> Result<Self, CudaError> {
+        let Some(device) = device else {
+            return Ok(Self::Cpu(CpuBackend::new(model, config)));
+        };
+        Ok(Self::Cuda(CudaBackend::new(device, model, config, points, ranks)?))
+    }
+
+    /// The GPU, if the training runs on one.
+    pub fn gpu(&self) -> Option<Arc<gpu::Device>> {
+        match self {
+            Self::Cpu(_) => None,
+            Self::Cuda(backend) => Some(backend.device().clone()),
+        }
+    }
+
+    /// Whether [`step`](Self::step) unrolls windows by itself (pushforward).
+    pub fn unrolls(&self) -> bool {
+        matches!(self, Self::Cuda(_))
+    }
+
+    /// Returns the function that makes batches for this backend, on any thread.
+    pub fn prepare(
+        &self,
+        spec: &InputSpec,
+    ) -> impl Fn(&Recipe, &Examples) -> BackendBatch + Send + Sync + 'static {
+        let on_gpu = matches!(self, Self::Cuda(_));
+        let spec = Arc::new(spec.clone());
+        move |recipe, examples| {
+            if on_gpu {
+                BackendBatch::Cuda(CudaBatch::new(recipe, examples, &spec))
+            } else {
+                BackendBatch::Cpu(spec.build(&recipe.batch(examples)))
+            }
+        }
+    }
+
+    /// Continues from a state; `false` if it belongs to another network.
+    ///
+    /// # Errors
+    /// If the GPU failed.
+    pub fn resume(&mut self, state: State) -> Result<bool, CudaError> {
+        match self {
+            Self::Cpu(backend) => Ok(backend.resume(state)),
+            Self::Cuda(backend) => backend.resume(&state),
+        }
+    }
+
+    /// Steps made.
+    pub fn step_number(&self) -> u64 {
+        match self {
+            Self::Cpu(backend) => backend.state().step,
+            Self::Cuda(backend) => backend.step_number(),
+        }
+    }
+
+    /// The state after the last step.
+    ///
+    /// # Errors
+    /// If the GPU failed.
+    pub fn state(&self) -> Result<State, CudaError> {
+        match self {
+            Self::Cpu(backend) => Ok(backend.state().clone()),
+            Self::Cuda(backend) => backend.state(),
+        }
+    }
+
+    /// One step on a batch of [`prepare`](Self::prepare) at the learning rate `rate`. Gradients are
+    /// summed over `ranks` on the CPU; GPUs sum over those of [`new`](Self::new).
+    ///
+    /// # Errors
+    /// If the GPU failed, or another rank is gone.
+    pub fn step(
+        &mut self,
+        batch: BackendBatch,
+        rate: f64,
+        ranks: &mut dyn AllReduce,
+    ) -> Result<(), CudaError> {
+        match (self, batch) {
+            (Self::Cpu(backend), BackendBatch::Cpu(batch)) => backend.step(batch, rate, ranks)?,
+            (Self::Cuda(backend), BackendBatch::Cuda(batch)) => backend.step(&batch, rate)?,
+            _ => unreachable!("batches are made for their backend"),
+        }
+        Ok(())
+    }
+
+    /// Normalised accelerations of a batch of [`prepare`](Self::prepare) by the network in training.
+    /// Waits for the device.
+    ///
+    /// # Errors
+    /// If the GPU failed.
+    pub fn predict(&mut self, batch: &BackendBatch) -> Result<Vec<f32>, CudaError> {
+        match (self, batch) {
+            (Self::Cpu(backend), BackendBatch::Cpu(batch)) => Ok(backend.predict(batch)),
+            (Self::Cuda(backend), BackendBatch::Cuda(batch)) => backend.predict(batch),
+            _ => unreachable!("batches are made for their backend"),
+        }
+    }
+
+    /// The losses since the last call. Waits for the device, so call it rarely.
+    ///
+    /// # Errors
+    /// If the GPU failed.
+    pub fn take_losses(&mut self) -> Result<Vec<f64>, CudaError> {
+        match self {
+            Self::Cpu(backend) => Ok(backend.take_losses()),
+            Self::Cuda(backend) => backend.take_losses(),
+        }
+    }
+
+    /// The network to use, with averaged weights if there are any.
+    ///
+    /// # Errors
+    /// If the GPU failed.
+    pub fn model(&self) -> Result<Model<Cpu>, CudaError> {
+        match self {
+            Self::Cpu(backend) => Ok(backend.model()),
+            Self::Cuda(backend) => backend.model(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::all_reduce::SingleProcess;
+    use super::*;
+    use crate::data::{Example, Shard};
+    use crate::features::Normalisation;
+    use crate::network::Precision;
+
+    fn spec() -> InputSpec {
+        let config = ModelConfig { width: 16, frames: 3, ..Default::default() };
+        let normalisation = Normalisation {
+            acceleration_mean: vec![1e-4, -2e-4],
+            ..Normalisation::about_zero(2, 0.01, 1e-3)
+        };
+        InputSpec { config, normalisation, bounds: [[0.0, 1.0]; 2] }
+    }
+
+    fn recipe() -> Recipe {
+        Recipe {
+            seed: 1,
+            batch: 2,
+            shard: Shard { rank: 0, ranks: 1 },
+            alike: false,
+            frames: 3,
+            unroll: 5,
+            unroll_from: 0,
+            noise: 0.0,
+            mirror: false,
+            without_gravity: true,
+            normalisation: spec().normalisation,
+        }
+    }
+
+    /// Windows of 40 and some more points that the network is to move on.
+    fn examples(unroll: usize, points: usize) -> Examples {
+        let mut examples = Examples { windows: Vec::new(), future: Vec::new(), unroll };
+        for (points, gravity) in [(40, [0.0, -1e-4]), (points, [5e-5, -1e-4])] {
+            let at = |k: usize| {
+                let start = |i: usize| 0.5 + 0.45 * (1.7 * i as f64).sin();
+                let drift =
+                    move |i: usize| 1e-3 * (k as f64 + 0.1 * (k * k) as f64) * (i as f64).cos();
+                (0..2 * points).map(move |i| start(i) + drift(i))
+            };
+            examples.windows.push(Example {
+                points,
+                positions: (0..3).flat_map(at).collect(),
+                next: at(3).collect(),
+                gravity,
+                statics: Vec::new(),
+                obstacles: Vec::new(),
+            });
+            examples.future.push((3..9).flat_map(at).collect());
+        }
+        examples
+    }
+
+    /// Moves windows on the processor, with what an backend says.
+    fn pushed(backend: &mut Backend, recipe: &Recipe, examples: Examples) -> Examples {
+        let prepare = backend.prepare(&spec());
+        let said = |examples: &Examples| {
+            let still = Examples { unroll: 0, ..examples.clone() };
+            let normalised = backend.predict(&prepare(recipe, &still))?;
+            Ok::<_, CudaError>(recipe.accelerations(examples, &normalised))
+        };
+        examples.push_forward(said).unwrap()
+    }
+
+    /// Both backends start from the same weights, so they say the same of a batch; and what they
+    /// say is what they are judged by in the next step.
+    #[test]
+    fn engines_predict_alike_and_are_judged_by_it() {
+        let (spec, recipe) = (spec(), recipe());
+        let config = TrainConfig { seed: 3, loss_floor: 0.7, ..TrainConfig::default() };
+        let batch = recipe.batch(&examples(0, 25));
+        let loss = |said: &[f32]| {
+            let square = |x: f32| f64::from(x).powi(2);
+            let errors: f64 = said.iter().zip(&batch.targets).map(|(a, b)| square(a - b)).sum();
+            errors / batch.targets.iter().map(|&b| square(b) + 0.7 * 0.7).sum::<f64>()
+        };
+        let mut backends = vec![Backend::Cpu(CpuBackend::new(&spec.config, &config))];
+        if let Some(device) = gpu::for_tests() {
+            let backend = CudaBackend::new(&device, &spec.config, &config, 65, None);
+            backends.push(Backend::Cuda(backend.unwrap()));
+        }
+        let mut first: Option<(Vec<f32>, f64)> = None;
+        for mut backend in backends {
+            let prepare = backend.prepare(&spec);
+            let said = backend.predict(&prepare(&recipe, &examples(0, 25))).unwrap();
+            backend.step(prepare(&recipe, &examples(0, 25)), 1e-3, &mut SingleProcess).unwrap();
+            let mut moved = examples(2, 25);
+            if !backend.unrolls() {
+                moved = pushed(&mut backend, &recipe, moved);
+            }
+            backend.step(prepare(&recipe, &moved), 1e-3, &mut SingleProcess).unwrap();
+            let judged = backend.take_losses().unwrap();
+            assert!((judged[0] / loss(&said) - 1.0).abs() < 1e-4, "{judged:?} {}", loss(&said));
+            // 22 bits of precision through some ten layers.
+            let (other, other_judged) = first.get_or_insert_with(|| (said.clone(), judged[1]));
+            assert_eq!(other.len(), said.len());
+            for (a, b) in other.iter().zip(&said) {
+                assert!((a - b).abs() < 1e-4, "{a} {b}");
+            }
+            assert!((judged[1] / *other_judged - 1.0).abs() < 1e-4, "{judged:?} {other_judged}");
+        }
+    }
+
+    /// Batches of changing size, windows moved on or not: a GPU that repeats its queued steps and
+    /// moves windows by itself learns the same bits as one that does each step anew, on windows that
+    /// the processor has moved.
+    #[test]
+    fn a_gpu_repeats_steps_on_batches_of_any_size() {
+        let Some(device) = gpu::for_tests() else { return };
+        let (spec, recipe) = (spec(), recipe());
+        for precision in [Precision::F32, Precision::Bf16] {
+            let config = TrainConfig { precision, ema: 0.9, ..TrainConfig::default() };
+            let backend = || {
+                let made = CudaBackend::new(&device, &spec.config, &config, 100, None);
+                Backend::Cuda(made.unwrap())
+            };
+            let mut repeating = backend();
+            let (mut state, mut losses) = (repeating.state().unwrap(), Vec::new());
+            let steps = [(0, 25), (0, 60), (2, 3), (0, 60), (5, 25), (1, 60), (0, 1), (2, 60)];
+            for (unroll, points) in steps {
+                let examples = examples(unroll, points);
+                let batch = repeating.prepare(&spec)(&recipe, &examples);
+                repeating.step(batch, 1e-3, &mut SingleProcess).unwrap();
+
+                let mut fresh = backend();
+                assert!(fresh.resume(state).unwrap());
+                let examples = pushed(&mut fresh, &recipe, examples);
+                let batch = fresh.prepare(&spec)(&recipe, &examples);
+                fresh.step(batch, 1e-3, &mut SingleProcess).unwrap();
+                losses.extend(fresh.take_losses().unwrap());
+                state = fresh.state().unwrap();
+            }
+            assert_eq!(repeating.take_losses().unwrap(), losses);
+            assert_eq!(repeating.state().unwrap(), state);
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! Training steps on the CPU: network, gradients and optimiser.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use burn::module::AutodiffModule;
+use gpu::ranks::RanksError;
+
+use super::all_reduce::AllReduce;
+use super::config::{LossOver, TrainConfig};
+use super::input::CpuBatch;
+use super::schedule::average_decay;
+use super::state::State;
+use crate::network::burn_backend::{Cpu, CpuAutodiff, device};
+use crate::network::parameters::{gradients, weights, with_weights};
+use crate::network::{Model, ModelConfig};
+
+/// Keeps the loss finite without accelerations.
+const SMALLEST_TARGET: f32 = 1e-12;
+
+/// Network and optimiser in training.
+pub struct CpuBackend {
+    model: Model<CpuAutodiff>,
+    state: State,
+    /// Decay of the moving average of the weights.
+    decay: f64,
+    /// Its square is added to each squared target in the loss.
+    floor: f32,
+    over: LossOver,
+    /// Losses not read yet.
+    losses: Vec<f64>,
+}
+
+/// Burn keeps one list of the autodiff graphs of all threads. Backends that walk theirs at the same
+/// time sometimes get wrong gradients (4 in 160 runs of the tests). A training has one backend;
+/// tests have several.
+fn lock_graphs() -> MutexGuard<'static, ()> {
+    static GRAPHS: Mutex<()> = Mutex::new(());
+    GRAPHS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl CpuBackend {
+    /// A training with its initial weights.
+    pub fn new(model: &ModelConfig, config: &TrainConfig) -> Self {
+        let model = config.initial_network(model, &device());
+        let state = State::new(weights(&model), config.ema > 0.0);
+        let floor = config.loss_floor as f32;
+        let over = config.loss_over;
+        Self { model, state, decay: config.ema, floor, over, losses: Vec::new() }
+    }
+
+    /// Continues from a state; `false` if it belongs to another network.
+    #[must_use]
+    pub fn resume(&mut self, state: State) -> bool {
+        let count = self.state.weights.len();
+        let lengths = [Some(&state.weights), state.average.as_ref()];
+        if lengths.into_iter().flatten().any(|list| list.len() != count)
+            || state.adam.len() != count
+            || state.average.is_some() != self.state.average.is_some()
+        {
+            return false;
+        }
+        self.model = with_weights(self.model.clone(), &state.weights);
+        self.state = state;
+        true
+    }
+
+    /// The state after the last step.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// One step of Adam at the learning rate `rate`. The loss is sum (a - a*)² / sum (a*² + floor²)
+    /// over the windows of all ranks, or the mean of the losses of all ranks.
+    ///
+    /// # Errors
+    /// If another rank is gone.
+    pub fn step(
+        &mut self,
+        batch: CpuBatch,
+        rate: f64,
+        ranks: &mut dyn AllReduce,
+    ) -> Result<(), RanksError> {
+        let (mut gradients, targets) = self.gradients(batch);
+        if self.over == LossOver::Process {
+            // The sums over ranks are then those of the losses and of ones.
+            let scale = targets.max(SMALLEST_TARGET);
+            gradients.iter_mut().for_each(|sum| *sum /= scale);
+            gradients.last_mut().into_iter().for_each(|own| *own = 1.0);
+        }
+        ranks.sum(&mut gradients)?;
+        let scale = gradients.pop().unwrap_or_default().max(SMALLEST_TARGET);
+        gradients.iter_mut().for_each(|sum| *sum /= scale);
+        self.losses.extend(gradients.pop().map(f64::from));
+        self.state.adam.step(&mut self.state.weights, &gradients, rate);
+        let lock = lock_graphs();
+        self.model = with_weights(self.model.clone(), &self.state.weights);
+        drop(lock);
+        self.state.step += 1;
+        if let Some(average) = &mut self.state.average {
+            let decay = average_decay(self.decay, self.state.step);
+            for (mean, weight) in average.iter_mut().zip(&self.state.weights) {
+                *mean = decay * *mean + (1.0 - decay) * weight;
+            }
+        }
+        Ok(())
+    }
+
+    /// Gradients of the sum of squared errors, followed by that sum and by the sum of squared
+    /// targets; the latter also by itself.
+    fn gradients(&self, batch: CpuBatch) -> (Vec<f32>, f32) {
+        let _lock = lock_graphs();
+        let squares = batch.targets.clone().powi_scalar(2).add_scalar(self.floor * self.floor);
+        let targets = squares.sum().into_scalar();
+        let error = self.model.forward(&batch.input) - batch.targets;
+        let errors = error.powi_scalar(2).sum();
+        let mut gradients = gradients(&self.model, &errors.backward());
+        // Both sums travel with the gradients of one of them.
+        gradients.extend([errors.into_scalar(), targets]);
+        (gradients, targets)
+    }
+
+    /// Normalised accelerations of a batch by the network in training.
+    pub fn predict(&self, batch: &CpuBatch) -> Vec<f32> {
+        let _lock = lock_graphs();
+        self.model.forward(&batch.input).into_data().iter::<f32>().collect()
+    }
+
+    /// The losses since the last call.
+    pub fn take_losses(&mut self) -> Vec<f64> {
+        std::mem::take(&mut self.losses)
+    }
+
+    /// The network to use, with averaged weights if there are any.
+    pub fn model(&self) -> Model<Cpu> {
+        let weights = self.state.average.as_ref().unwrap_or(&self.state.weights);
+        with_weights(self.model.valid(), weights)
+    }
+}

@@ -1,0 +1,49 @@
+//! Network inputs of a batch on the CPU.
+
+use burn::tensor::{Tensor, TensorData};
+
+use crate::data::Batch;
+use crate::features::{Normalisation, Window, WindowInput, window_input};
+use crate::network::ModelConfig;
+use crate::network::burn_backend::{CpuAutodiff, Device, device};
+
+/// What the inputs depend on besides the batch.
+#[derive(Clone, Debug)]
+pub struct InputSpec {
+    /// The network.
+    pub config: ModelConfig,
+    /// Normalisation of inputs and targets.
+    pub normalisation: Normalisation,
+    /// Walls of the domain, m.
+    pub bounds: [[f64; 2]; 2],
+}
+
+/// A batch as tensors.
+pub struct CpuBatch {
+    /// Graphs and features of the windows.
+    pub input: WindowInput<CpuAutodiff>,
+    /// Normalised accelerations, points x 2.
+    pub targets: Tensor<CpuAutodiff, 2>,
+}
+
+impl InputSpec {
+    /// Builds the graphs of a batch; can run on another thread ahead of the training.
+    pub fn build(&self, batch: &Batch) -> CpuBatch {
+        let device: Device = device();
+        let windows = batch.windows.iter().zip(&batch.points).zip(&batch.statics);
+        let windows = windows.zip(&batch.obstacles);
+        let windows: Vec<Window> = windows
+            .map(|(((positions, &points), statics), obstacles)| Window {
+                positions,
+                points,
+                statics,
+                obstacles,
+            })
+            .collect();
+        let input =
+            window_input(&windows, &self.config, &self.normalisation, &self.bounds, &device);
+        let shape = [batch.targets.len() / 2, 2];
+        let targets = Tensor::from_data(TensorData::new(batch.targets.clone(), shape), &device);
+        CpuBatch { input, targets }
+    }
+}

@@ -1,0 +1,83 @@
+//! Trainings that start from a trained model.
+
+use std::path::PathBuf;
+
+use super::config::TrainConfig;
+use super::error::TrainError;
+use crate::diagnostics::TrainingRange;
+use crate::features::Normalisation;
+use crate::network::Initialisation;
+use crate::simulator::Simulator;
+
+/// The model that a training starts from. The network keeps its normalisation, whatever the new
+/// data are.
+pub struct Pretrained {
+    path: PathBuf,
+    /// Hash of the file.
+    pub hash: [u8; 32],
+    /// The model.
+    pub simulator: Simulator,
+}
+
+impl Pretrained {
+    /// Loads the model of `start`, if that is a file.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is damaged.
+    pub fn load(config: &TrainConfig) -> Result<Option<Self>, TrainError> {
+        let Initialisation::Weights(path) = &config.start else { return Ok(None) };
+        let bytes = std::fs::read(path)
+            .map_err(|source| TrainError::ReadWeights { path: path.clone(), source })?;
+        Ok(Some(Self {
+            hash: *blake3::hash(&bytes).as_bytes(),
+            simulator: Simulator::load(path)?,
+            path: path.clone(),
+        }))
+    }
+
+    /// Checks that the model predicts what is to be trained; `interval` is the time between frames
+    /// of the data (s).
+    ///
+    /// # Errors
+    /// If the frames are another time apart, or accelerations relative to another fall.
+    pub fn check(&self, config: &TrainConfig, interval: f64) -> Result<(), TrainError> {
+        let (training, path) = (&self.simulator.training, self.path.clone());
+        if !training.is_interval(interval) {
+            let (trained, found) = (training.frame_interval, interval);
+            return Err(TrainError::OtherInterval { path, trained, found });
+        }
+        if training.without_gravity != config.data.subtract_gravity {
+            return Err(TrainError::OtherGravity { path, trained: training.without_gravity });
+        }
+        Ok(())
+    }
+}
+
+/// What a model takes over from the one it started from.
+pub struct Lineage {
+    /// Normalisation of inputs and targets.
+    pub normalisation: Normalisation,
+    /// Range of all data that it has learnt from; none if that is not known.
+    pub range: Option<TrainingRange>,
+    /// Training steps made before.
+    pub steps: u64,
+}
+
+impl Lineage {
+    /// Of a model with this normalisation and range of its data, or of the pretrained one.
+    pub fn new(
+        pretrained: Option<&Pretrained>,
+        normalisation: Normalisation,
+        range: Option<TrainingRange>,
+    ) -> Self {
+        let Some(Pretrained { simulator, .. }) = pretrained else {
+            return Self { normalisation, range, steps: 0 };
+        };
+        let both = simulator.training.range.zip(range);
+        Self {
+            normalisation: simulator.normalisation.clone(),
+            range: both.map(|(old, new)| old.and(new)),
+            steps: simulator.training.steps,
+        }
+    }
+}
