@@ -40,6 +40,8 @@ pub enum Promise {
     WholeWeights,
     /// Killed at any moment, a job continues to the same result.
     Resumable,
+    /// What finishes after an interruption leaves no files of it.
+    Tidy,
     /// A failed write loses nothing that was there before.
     NothingLost,
     /// Work goes on without anybody to print to.
@@ -55,6 +57,7 @@ const PENDING: &[Promise] = &[
     Promise::WholeCheckpoint,
     Promise::WholeCache,
     Promise::WholeWeights,
+    Promise::Tidy,
     Promise::PrintingIsNoWork,
 ];
 

@@ -1,13 +1,30 @@
 //! Work that may be interrupted anywhere: how it begins, how it continues, what it leaves.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use crate::campaign::{Finding, Promise, empty, workplace};
 use crate::fixtures::{TRAIN, arrays, copy};
 use crate::program::{Program, program};
+
+/// Names of all files of a folder but those of the cache, and what a trace of system calls left.
+fn files(folder: &Path) -> BTreeSet<String> {
+    fn add(folder: &Path, before: &str, found: &mut BTreeSet<String>) {
+        for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap()) {
+            let name = format!("{before}{}", entry.file_name().to_string_lossy());
+            match entry.path().is_dir() {
+                true => add(&entry.path(), &format!("{name}/"), found),
+                false => drop(found.insert(name)),
+            }
+        }
+    }
+    let mut found = BTreeSet::new();
+    add(folder, "", &mut found);
+    found.retain(|name| !name.starts_with("cache/") && name != "calls.txt");
+    found
+}
 
 /// A kind of work.
 #[derive(Clone, Copy, Debug)]
@@ -98,7 +115,7 @@ impl Job {
     pub fn undisturbed(self) -> &'static Results {
         static KNOWN: [OnceLock<Results>; 3] = [const { OnceLock::new() }; 3];
         KNOWN[self as usize].get_or_init(|| {
-            let folder = workplace().join(format!("undisturbed-{self:?}"));
+            let folder = self.undisturbed_folder();
             empty(&folder);
             self.prepare(&folder);
             let ended = self.begin(&folder).run();
@@ -117,6 +134,15 @@ impl Job {
         if self.results(folder)? != *self.undisturbed() {
             return Promise::Resumable.broken(ended.report(&format!("{how}: another result")));
         }
+        let (left, usual) = (files(folder), files(&self.undisturbed_folder()));
+        let more: Vec<_> = left.difference(&usual).collect();
+        if !more.is_empty() {
+            return Promise::Tidy.broken(ended.report(&format!("{how}: left behind {more:?}")));
+        }
         Ok(())
+    }
+
+    fn undisturbed_folder(self) -> PathBuf {
+        workplace().join(format!("undisturbed-{self:?}"))
     }
 }
