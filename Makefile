@@ -1,7 +1,7 @@
 # make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
 # make learn   train a small network on direct runs, let it predict scenes/column.toml: out/learn
 # make test    the whole test suite
-# make lint    links, formatting and clippy, as the continuous integration does
+# make lint    links, formatting, clippy and licences, as the continuous integration does
 # make docs    the documentation as a book: target/book/index.html
 # make build   all programs
 
@@ -44,6 +44,7 @@ lint:
 	python3 scripts/check_reference.py
 	cargo fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --release -- -D warnings
+	scripts/deny
 
 docs:
 	@command -v mdbook >/dev/null || { echo 'mdbook is missing: cargo install mdbook --locked'; exit 1; }
