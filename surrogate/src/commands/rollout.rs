@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use dempm::device::Device;
 use dempm::scene::Scene;
-use files::{FileLock, INTERRUPTED, announce, interrupt_flag, note, refuse_input};
+use files::{FileLock, INTERRUPTED, Interrupt, announce, note, refuse_input};
 use indicatif::ProgressBar;
 use miette::{Context, IntoDiagnostic, Report, bail};
 
@@ -57,6 +57,7 @@ pub struct RolloutArgs {
 /// If a file cannot be used or written, or the prediction fails; the output then holds the frames
 /// before.
 pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
+    let interrupt = Interrupt::install()?;
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
@@ -72,7 +73,6 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if frames < initial.positions.len() {
         bail!("--frames {frames}: the model starts from {} frames", initial.positions.len());
     }
-    let interrupted = interrupt_flag()?;
     let checks = start_checks(&simulator, &initial);
     for warning in checks.into_iter().chain(asymmetry(&simulator, &initial)) {
         note!("{warning}");
@@ -81,7 +81,9 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     let output = args.output.display();
     let options = RecordingOptions { model: &args.model, output: &args.output, frames, began };
     let bar = rollout_bar(frames as u64);
-    let recorded = record(&simulator, &initial, &options, &interrupted, &mut Progress(&bar))?;
+    // From here on there is something to save.
+    let _guard = interrupt.guard();
+    let recorded = record(&simulator, &initial, &options, interrupt.flag(), &mut Progress(&bar))?;
     bar.finish_and_clear();
     let made = recorded.frames;
     if let Some(error) = recorded.failure {

@@ -5,13 +5,13 @@ use std::process::ExitCode;
 
 use dempm::device::Device;
 use dempm::run::checkpoint_interval;
-use files::{INTERRUPTED, announce, interrupt_flag, note};
+use files::{INTERRUPTED, Interrupt, announce, note};
 use indicatif::ProgressBar;
 
 use super::progress::training_bar;
 use crate::train::{
     Outcome, Report, Session, SessionOptions, Summary, TrainConfig, TrainObserver, WARM_UP_STEPS,
-    check_new,
+    check_new, checkpoint_in,
 };
 
 /// Arguments of `surrogate train`.
@@ -45,9 +45,12 @@ pub struct TrainArgs {
 /// If the configuration or the data cannot be used, the training diverges, or a file cannot be
 /// written.
 pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
+    let interrupt = Interrupt::install()?;
     let config = TrainConfig::load(&args.config)?;
     let interval = checkpoint_interval(args.checkpoint_interval)?;
-    if !args.resume {
+    // What has not begun, or was killed before its first checkpoint, begins.
+    let resume = args.resume && checkpoint_in(&args.output).exists();
+    if !resume {
         check_new(&args.output, args.overwrite, &config, &args.config)?;
     }
     let steps = config.steps;
@@ -55,18 +58,19 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
         config_file: args.config.clone(),
         data: args.data.clone(),
         folder: args.output.clone(),
-        resume: args.resume,
+        resume,
         device: args.device,
     };
-    let interrupted = interrupt_flag()?;
     let mut session = Session::open(config, &options)?;
     let (summary, is_leader) = (session.summary().clone(), session.is_leader());
     if is_leader {
-        announce(&summary);
+        print_summary(&summary);
     }
-    let _lock = session.take_folder(args.resume)?;
+    let _lock = session.take_folder(resume)?;
     let bar = if is_leader { training_bar(steps, summary.step) } else { ProgressBar::hidden() };
-    let outcome = session.run(&interrupted, interval, &mut Progress(&bar))?;
+    // From here on there is something to save.
+    let _guard = interrupt.guard();
+    let outcome = session.run(interrupt.flag(), interval, &mut Progress(&bar))?;
     bar.finish_and_clear();
     match outcome {
         Outcome::Interrupted(step) => {
@@ -101,7 +105,7 @@ impl TrainObserver for Progress<'_> {
     }
 }
 
-fn announce(summary: &Summary) {
+fn print_summary(summary: &Summary) {
     let Summary { ranks, parameters, windows, train_files, valid_files, .. } = summary;
     if let Some(gpu) = &summary.gpu {
         let count = if *ranks > 1 { format!("{ranks} x ") } else { String::new() };
