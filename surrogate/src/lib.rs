@@ -28,7 +28,6 @@
 #![warn(missing_docs)]
 
 pub mod commands;
-#[allow(missing_docs)]
 pub mod cuda;
 pub mod data;
 pub mod diagnostics;
