@@ -80,7 +80,8 @@ pub fn crowding(position: &[[f64; 2]], cell: f64, full: usize) -> Option<Unsound
         *count.entry(x.map(|x| (x / cell).floor() as i64)).or_default() += 1;
     }
     // The first of several, whatever the order of the map.
-    let (index, most) = count.into_iter().max_by_key(|&(index, n)| (n, std::cmp::Reverse(index)))?;
+    let (index, most) =
+        count.into_iter().max_by_key(|&(index, n)| (n, std::cmp::Reverse(index)))?;
     let density = most as f64 / full as f64;
     let at = index.map(|i| (i as f64 + 0.5) * cell);
     // One point more than fits is no density where cells hold one or two.

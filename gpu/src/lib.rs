@@ -1,7 +1,14 @@
-//! An NVIDIA GPU, found at run time, CUDA C++ compiled for it at first use, and several processes
-//! with a GPU each.
+//! NVIDIA GPUs: found at run time, with kernels in CUDA C++ that are compiled at first use.
 //!
-//! The same binary works on machines without a GPU, where [`Device::new`] says what is missing.
+//! The same binary works on machines without a GPU, where [`Device::new`] returns what is missing.
+//!
+//! - [`Device`]: a GPU, its stream and its memory.
+//! - [`cuda_struct!`], [`kernel!`]: structs and kernel arguments, defined once for Rust and CUDA C++.
+//! - [`Function`]: a kernel, and how it is launched.
+//! - [`ranks`]: several processes with a GPU each.
+
+#![warn(missing_docs)]
+
 mod abi;
 mod cache;
 mod compiler;

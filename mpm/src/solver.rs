@@ -40,7 +40,10 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// A solver at time 0. `gravity` in m/s².
+    /// A solver at time 0 with `gravity` (m/s²).
+    ///
+    /// # Errors
+    /// Domain, scheme, gravity or an obstacle is impossible.
     pub fn new(
         domain: Domain,
         numerics: Numerics,
@@ -75,6 +78,9 @@ impl Solver {
     }
 
     /// Advances all points by one step of `dt` (s).
+    ///
+    /// # Errors
+    /// The step or a point is impossible, or the material failed.
     pub fn advance(
         &mut self,
         points: &mut Points,
