@@ -162,7 +162,7 @@ fn nothing_is_overwritten_by_accident() {
     export.args(["export", "--to", "npz"]).args(kept);
     for command in [&mut into_scene, &mut plot, &mut export] {
         let error = fails(command, 1);
-        assert!(error.contains("is what is read"), "{error}");
+        assert!(error.contains("would replace its own input"), "{error}");
     }
     assert_eq!(text, std::fs::read(&scene).unwrap());
     Trajectory::open(&directory.path().join("kept.h5")).unwrap();

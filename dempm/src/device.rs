@@ -1,16 +1,16 @@
-//! Where a run is advanced.
+//! The choice between CPU and GPUs.
 
 use std::str::FromStr;
 use std::sync::Arc;
 
-/// The user's choice.
+/// The value of `--device`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Device {
-    /// The first NVIDIA GPU if there is one that works, else the CPU.
+    /// The first NVIDIA GPU that works, else the CPU.
     Auto,
     /// All cores of the processor.
     Cpu,
-    /// The NVIDIA GPU of a number; without one the first, or all where there is work for several.
+    /// The NVIDIA GPU with this number; without a number the first, or all where several are of use.
     Cuda(Option<usize>),
 }
 
@@ -31,51 +31,80 @@ impl FromStr for Device {
     }
 }
 
+/// The GPUs found for a choice.
+#[derive(Clone, Debug, Default)]
+pub struct Selection {
+    /// The GPUs to use; none for the CPU.
+    pub gpus: Vec<Arc<gpu::Device>>,
+    /// The reason why `auto` falls back to the CPU.
+    pub fallback: Option<String>,
+    /// Whether that reason is a fault, and not only the absence of a GPU.
+    pub is_faulty: bool,
+}
+
+impl Selection {
+    /// The first GPU; `None` for the CPU.
+    pub fn first(&self) -> Option<Arc<gpu::Device>> {
+        self.gpus.first().cloned()
+    }
+}
+
 impl Device {
-    /// The GPU to use, `None` for the CPU. Where `auto` falls back to the CPU, one line on standard
-    /// error says why.
+    /// The device of one simulation: at most one GPU.
     ///
     /// # Errors
-    /// When a GPU that was asked for cannot be used.
-    pub fn open(self) -> Result<Option<Arc<gpu::Device>>, gpu::Error> {
+    /// If a GPU that was asked for cannot be used.
+    pub fn select(self) -> Result<Selection, gpu::Error> {
         match self {
-            Self::Cpu => Ok(None),
-            Self::Cuda(number) => gpu::Device::new(number.unwrap_or(0)).map(Some),
-            Self::Auto => match gpu::Device::new(0) {
-                Ok(device) => Ok(Some(device)),
-                Err(reason) => {
-                    eprintln!("running on the CPU: {reason}");
-                    Ok(None)
-                }
-            },
+            Self::Cpu => Ok(Selection::default()),
+            Self::Cuda(number) => {
+                let gpu = gpu::Device::new(number.unwrap_or(0))?;
+                Ok(Selection { gpus: vec![gpu], ..Selection::default() })
+            }
+            Self::Auto => Ok(match gpu::Device::new(0) {
+                Ok(gpu) => Selection { gpus: vec![gpu], ..Selection::default() },
+                Err(reason) => Selection {
+                    is_faulty: !matches!(reason, gpu::Error::NoDriver | gpu::Error::NoDevice),
+                    fallback: Some(reason.to_string()),
+                    ..Selection::default()
+                },
+            }),
         }
     }
 
-    /// The GPU of rank number `local` on its host: the one of that number among the visible ones
-    /// (which may be one for each rank), unless the user names one.
+    /// The devices of several simulations: all visible GPUs unless the user names one.
     ///
     /// # Errors
-    /// When the GPU cannot be used; `cpu` is refused too.
+    /// If a GPU cannot be used, except for the first one of `auto`.
+    pub fn select_all(self) -> Result<Selection, gpu::Error> {
+        let mut selection = self.select()?;
+        if matches!(self, Self::Auto | Self::Cuda(None)) && !selection.gpus.is_empty() {
+            for ordinal in 1..gpu::Device::count() {
+                selection.gpus.push(gpu::Device::new(ordinal)?);
+            }
+        }
+        Ok(selection)
+    }
+
+    /// The GPU of one simulation; `None` for the CPU.
+    ///
+    /// # Errors
+    /// If a GPU that was asked for cannot be used.
+    pub fn open(self) -> Result<Option<Arc<gpu::Device>>, gpu::Error> {
+        Ok(self.select()?.first())
+    }
+
+    /// The GPU of the rank with number `local` on its host: the visible GPU of that number, or the
+    /// only one if each rank sees its own, unless the user names one.
+    ///
+    /// # Errors
+    /// If the GPU cannot be used, and for `cpu`.
     pub fn open_for_rank(self, local: usize) -> Result<Arc<gpu::Device>, gpu::Error> {
         match self {
             Self::Cpu => Err(gpu::Error::NoDevice),
             Self::Cuda(Some(number)) => gpu::Device::new(number),
             Self::Cuda(None) | Self::Auto => gpu::Device::new(local % gpu::Device::count().max(1)),
         }
-    }
-
-    /// The GPUs for work on several scenes: all that there are unless the user names one; none for the CPU.
-    ///
-    /// # Errors
-    /// When a GPU cannot be used, but for the first one of `auto`.
-    pub fn open_all(self) -> Result<Vec<Arc<gpu::Device>>, gpu::Error> {
-        let mut devices: Vec<_> = self.open()?.into_iter().collect();
-        if matches!(self, Self::Auto | Self::Cuda(None)) && !devices.is_empty() {
-            for ordinal in 1..gpu::Device::count() {
-                devices.push(gpu::Device::new(ordinal)?);
-            }
-        }
-        Ok(devices)
     }
 }
 

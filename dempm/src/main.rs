@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use dempm::{bench, check, dataset, element, export, info, plot, run};
+use dempm::commands::{bench, check, dataset, element, export, info, plot, run};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
 #[derive(Parser)]
@@ -12,22 +12,25 @@ use dempm::{bench, check, dataset, element, export, info, plot, run};
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+    /// Report the device, and why it is not a GPU.
+    #[arg(short, long, global = true)]
+    verbose: bool,
 }
 
 #[derive(Subcommand)]
 enum Command {
     /// Simulate a scene into a trajectory file.
     Run(run::RunArgs),
-    /// Simulate many scenes into a data set: those of the paper, or a list of your own.
+    /// Simulate many scenes into a data set: the scenes of the paper, or your own list.
     Dataset(dataset::DatasetArgs),
-    /// Say what a scene needs and costs, without simulating.
+    /// Estimate the cost of a scene and warn about it, without simulating.
     Check {
         /// Scene file (TOML).
         scene: PathBuf,
     },
     /// Drive one packing along a path of strain and stress.
     Element(element::ElementArgs),
-    /// Measure how fast this machine is, as tables in Markdown.
+    /// Measure the speed of this machine, as tables in Markdown.
     Bench(bench::BenchArgs),
     /// Summarise a trajectory file.
     Info {
@@ -42,12 +45,13 @@ enum Command {
 
 fn main() -> ExitCode {
     let done = |()| ExitCode::SUCCESS;
-    let result = match Arguments::parse().command {
-        Command::Run(args) => run::run(&args),
-        Command::Dataset(args) => dataset::dataset(&args),
+    let Arguments { command, verbose } = Arguments::parse();
+    let result = match command {
+        Command::Run(args) => run::run(&args, verbose),
+        Command::Dataset(args) => dataset::dataset(&args, verbose),
         Command::Check { scene } => check::check(&scene).map(done),
         Command::Element(args) => element::element(&args).map(done),
-        Command::Bench(args) => bench::bench(&args).map(done),
+        Command::Bench(args) => bench::bench(&args, verbose).map(done),
         Command::Info { file } => info::info(&file).map(done),
         Command::Plot(args) => plot::plot(&args).map(done),
         Command::Export(args) => export::export(&args).map(done),

@@ -15,7 +15,9 @@ const VERSION: u32 = 3;
 /// A consolidated packing and one packing per overburden.
 #[derive(Clone, Debug)]
 pub struct Ladder {
+    /// The consolidated packing under isotropic pressure.
     pub isotropic: Packing<f64>,
+    /// The same packing at each vertical stress, in the order of the depths.
     pub rungs: Vec<Rung>,
 }
 

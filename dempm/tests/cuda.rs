@@ -6,10 +6,11 @@ use std::error::Error as _;
 use std::path::Path;
 use std::sync::Arc;
 
+use dempm::run::checkpoint;
 use dempm::scene::Scene;
+use dempm::simulation::cuda;
 use dempm::simulation::{SceneMaterial, Simulation, SimulationError, State};
 use dempm::trajectory::Frame;
-use dempm::{checkpoint, cuda};
 use gpu::{Device, compile};
 use mpm::{Mat2, Vec2};
 use rstest::rstest;
@@ -120,11 +121,11 @@ fn a_collapse_is_that_of_the_cpu(#[case] material: &str, #[case] numerics: &str)
     assert_eq!((a.step, a.ledger.projected), (b.step, b.ledger.projected));
     match (&a.material, &b.material) {
         (SceneMaterial::Rve(a), SceneMaterial::Rve(b)) => {
-            let counts = |t: dempm::rve_material::Tally| {
+            let counts = |t: dempm::simulation::Tally| {
                 [t.steps, t.free_steps, t.thin_steps, t.overlap_steps]
             };
             assert_eq!(counts(a.tally), counts(b.tally));
-            let limits = |t: dempm::rve_material::Tally| Vec2::new(t.max_overlap, t.min_width);
+            let limits = |t: dempm::simulation::Tally| Vec2::new(t.max_overlap, t.min_width);
             let (a_limits, b_limits) = (limits(a.tally), limits(b.tally));
             assert!((a_limits - b_limits).norm() <= TOLERANCE * b_limits.norm());
             // Each twin searches neighbours when its own bound says so.

@@ -35,7 +35,7 @@ const BLOCKS: usize = 20;
 struct Rest(CudaSlice<f32>);
 
 impl Network for Rest {
-    fn make_room(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
+    fn reserve(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
         Ok(())
     }
 

@@ -180,7 +180,8 @@ fn train_all_in(
         };
         let host = HostWindows::new(batch, Some(unrolling).filter(|_| unroll > 0));
         let mut step = || -> Result<(), CudaError> {
-            let batch = batches.make(&host, |seen, said| trainer.say(seen, said))?;
+            let batch = batches
+                .make(&host, |input, predicted| trainer.predict_windows(input, predicted))?;
             trainer.step(&batch.frames, &batch.targets, rates)
         };
         (0..10).try_for_each(|_| step())?;

@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rstest::rstest;
 use surrogate::cuda::{
-    Capacity, CudaError, CudaNetwork, CudaTrainer, FrameInput, HostInput, Rates, SOURCES, defines,
+    Capacity, CudaError, CudaNetwork, CudaTrainer, FrameInput, HostInput, Rates, network_sources,
     upload,
 };
 use surrogate::features::{Normalisation, Window, WindowInput, host_frames, window_input};
@@ -414,7 +414,7 @@ fn what_does_not_fit_is_refused() {
     let mut network = CudaNetwork::new(&device, &case.config, Precision::F32, room, false).unwrap();
     let (_, frames) = case.input();
     let error = network.forward(&uploaded(&device, &frames)).unwrap_err();
-    assert!(matches!(error, CudaError::Room { .. }), "{error}");
+    assert!(matches!(error, CudaError::Capacity { .. }), "{error}");
     assert!(upload(&device, &frames[0], 0).is_err());
     assert!(network.set_weights(&[0.0]).is_err());
 }
@@ -428,8 +428,8 @@ fn kernels_compile() {
     // With and without products of warp groups.
     for architecture in ["sm_80", "sm_90a"] {
         for precision in [Precision::F32, Precision::Bf16] {
-            for (name, source) in SOURCES {
-                compile(name, source, architecture, &defines(precision, 227 << 10)).unwrap();
+            for source in network_sources(precision, 227 << 10) {
+                compile(source.name, &source.text, architecture, &source.defines).unwrap();
             }
         }
     }

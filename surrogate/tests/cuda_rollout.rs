@@ -13,9 +13,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rstest::rstest;
 use surrogate::cuda::{
-    BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FEATURES_SOURCE,
-    FrameBuilder, FrameInput, Frames, GRAPH_SOURCE, GraphBuilder, HostWindows, INTEGRATE_SOURCE,
-    Motion, Network, NewFrame, PUSH_FORWARD_SOURCE, Past, features_defines, graph_defines,
+    BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
+    Frames, GraphBuilder, HostWindows, Motion, Network, NewFrame, Past, Source, features_source,
+    graph_source, integrate_source, push_forward_source,
 };
 use surrogate::data::Batch;
 use surrogate::diagnostics::CrowdingLimit;
@@ -415,7 +415,7 @@ impl StandIn {
 }
 
 impl Network for StandIn {
-    fn make_room(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
+    fn reserve(&mut self, _: usize, _: usize) -> Result<(), CudaError> {
         self.calls = 0;
         Ok(())
     }
@@ -679,15 +679,14 @@ fn kernels_compile() {
     }
     for architecture in ["sm_80", "sm_90"] {
         for dimensions in [2, 3] {
-            let (graph, other) = (graph_defines(dimensions), features_defines(dimensions));
-            for (name, source, defines) in [
-                ("graph.cu", GRAPH_SOURCE, &graph),
-                ("features.cu", FEATURES_SOURCE, &other),
-                ("integrate.cu", INTEGRATE_SOURCE, &Vec::new()),
-                ("push_forward.cu", PUSH_FORWARD_SOURCE, &Vec::new()),
-                ("stand_in.cu", STAND_IN, &Vec::new()),
+            for Source { name, text, defines } in [
+                graph_source(dimensions),
+                features_source(dimensions),
+                integrate_source(),
+                push_forward_source(),
+                Source { name: "stand_in.cu", text: STAND_IN.to_owned(), defines: Vec::new() },
             ] {
-                let cubin = compile(name, source, architecture, defines).unwrap();
+                let cubin = compile(name, &text, architecture, &defines).unwrap();
                 assert!(!cubin.is_empty(), "{name}");
             }
         }

@@ -11,10 +11,10 @@ use clap::Subcommand;
 pub enum Suite {
     /// `dempm run`
     #[command(hide = true)]
-    Run(dempm::run::RunArgs),
+    Run(dempm::commands::run::RunArgs),
     /// `dempm element`, which `validation/yade/compare.py` calls
     #[command(hide = true)]
-    Element(dempm::element::ElementArgs),
+    Element(dempm::commands::element::ElementArgs),
     /// `surrogate rollout`
     #[command(hide = true)]
     Rollout(surrogate::commands::RolloutArgs),
@@ -27,8 +27,10 @@ impl Suite {
     /// As the command.
     pub fn run(&self) -> miette::Result<ExitCode> {
         match self {
-            Self::Run(args) => dempm::run::run(args),
-            Self::Element(args) => dempm::element::element(args).map(|()| ExitCode::SUCCESS),
+            Self::Run(args) => dempm::commands::run::run(args, false),
+            Self::Element(args) => {
+                dempm::commands::element::element(args).map(|()| ExitCode::SUCCESS)
+            }
             Self::Rollout(args) => surrogate::commands::rollout(args),
         }
     }

@@ -201,7 +201,7 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
             (format!("cuda:{number}"), gpu.name().to_owned(), 2e10)
         }
         None => {
-            let rate = dempm::rate::disc_steps_per_second().into_diagnostic()?;
+            let rate = dempm::check::disc_steps_per_second().into_diagnostic()?;
             ("cpu".to_owned(), format!("{}, {threads} threads", processor()), rate)
         }
     };

@@ -331,7 +331,7 @@ impl Work {
         // As it would be typed beside the directory, wherever that is.
         let command = format!("{} {}", job.program, arguments.join(" "))
             .replace(&*self.root.to_string_lossy(), "report-work");
-        let checkpoint = dempm::checkpoint::path_beside(&output);
+        let checkpoint = dempm::run::checkpoint::path_beside(&output);
         if job.resumes {
             let flag = if checkpoint.exists() { "--resume" } else { "--overwrite" };
             arguments.push(flag.to_owned());

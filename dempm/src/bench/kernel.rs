@@ -1,4 +1,4 @@
-//! The RVE kernel alone: disc-steps per second at several shear rates.
+//! Disc-steps per second of RVEs in simple shear, without the MPM.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use dem::{Packing, Real, Rve, RveBatch, RveParameters, RveState};
 use miette::IntoDiagnostic;
 use nalgebra::Matrix2;
 
-use super::Extent;
+use super::extent::Extent;
 use super::markdown::table;
 use crate::packings;
 
@@ -24,10 +24,13 @@ const WARM_UP: usize = 50;
 const COUNTED: usize = 40;
 /// RVEs per thread of the CPU.
 const PER_THREAD: usize = 16;
-/// RVEs on a GPU: the paper's 3 m column.
+/// RVEs on a GPU: the points of the paper's 3 m column.
 const ON_GPU: usize = 2304;
 
-/// The table of all devices, precisions and rates.
+/// A table of all devices, precisions and shear rates.
+///
+/// # Errors
+/// If a packing cannot be prepared or a device fails.
 pub fn report(gpu: Option<&Arc<gpu::Device>>, extent: Extent) -> miette::Result<String> {
     let p = RveParameters::default();
     // As the first packing of a scene with seed 1 (scenes shift their seed by 16 bits).

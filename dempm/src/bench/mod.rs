@@ -1,81 +1,8 @@
-//! `dempm bench`: how fast this machine is, as Markdown tables to paste.
+//! Speed of this machine, as tables in Markdown.
 
-mod kernel;
+mod extent;
+pub mod kernel;
 mod markdown;
-mod scenes;
+pub mod scenes;
 
-use std::sync::Arc;
-use std::time::Duration;
-
-use files::utc_now;
-use miette::IntoDiagnostic;
-
-use crate::device::Device;
-
-/// Arguments of `dempm bench`.
-#[derive(clap::Args)]
-pub struct BenchArgs {
-    /// More scenes, batches and time: minutes instead of one.
-    #[arg(long)]
-    full: bool,
-    /// What to measure beside the CPU: auto (the first GPU, if there is one), cpu, cuda or cuda:N.
-    #[arg(long, default_value = "auto")]
-    device: Device,
-    /// Scene files or names of the paper's scenes, such as col5x5, instead of the usual ones
-    /// (may be repeated).
-    #[arg(long, value_name = "SCENE")]
-    scene: Vec<String>,
-}
-
-/// How much is measured.
-#[derive(Clone, Copy)]
-struct Extent {
-    full: bool,
-    /// Time for one measurement.
-    time: Duration,
-}
-
-/// Measures and prints.
-///
-/// # Errors
-/// A packing cannot be prepared, a scene is wrong, or a GPU that was asked for does not work.
-pub fn bench(args: &BenchArgs) -> miette::Result<()> {
-    let time = Duration::from_millis(if args.full { 5000 } else { 1000 });
-    let extent = Extent { full: args.full, time };
-    let gpu = args.device.open().into_diagnostic()?;
-    let scenes = scenes::scenes(&args.scene, extent)?;
-    println!("{}\n", machine(gpu.as_ref()));
-    println!("### One macro step of RVEs in steady simple shear\n");
-    print!("{}", kernel::report(gpu.as_ref(), extent)?);
-    println!("\n### Scenes\n");
-    print!("{}", scenes::report(gpu.as_ref(), scenes, extent)?);
-    Ok(())
-}
-
-/// Version, date, processor and GPU.
-fn machine(gpu: Option<&Arc<gpu::Device>>) -> String {
-    let build = if cfg!(debug_assertions) { " (debug build: slow)" } else { "" };
-    let mut text = format!(
-        "dempm {}{build}, {}; {}, {} threads",
-        env!("CARGO_PKG_VERSION"),
-        &utc_now()[..10],
-        processor(),
-        rayon::current_num_threads()
-    );
-    if let Some(device) = gpu {
-        let (major, minor) = device.driver();
-        text += &format!(
-            "; {} ({}), driver of CUDA {major}.{minor}",
-            device.name(),
-            device.architecture()
-        );
-    }
-    text
-}
-
-/// Name of the processor as Linux knows it, else the architecture.
-fn processor() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split(':').nth(1));
-    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |name| name.trim().to_owned())
-}
+pub use extent::Extent;

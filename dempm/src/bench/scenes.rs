@@ -1,13 +1,13 @@
-//! A short stretch of whole scenes: time per macro step and phase.
+//! Time per macro step of whole scenes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::Extent;
-use super::markdown::table;
 use miette::bail;
 
+use super::extent::Extent;
+use super::markdown::table;
 use crate::dataset::paper_scene;
 use crate::scene::{Material, Scene};
 use crate::simulation::Simulation;
@@ -18,7 +18,10 @@ const COLUMN_MU_I: &str = include_str!("../../../scenes/column-mu-i.toml");
 const ON_GPU: &[&str] = &["col3x3barriers"];
 const ON_GPU_FULL: &[&str] = &["col2x2", "col3x3barriers", "col10x2", "col5x5"];
 
-/// The table of the scenes on the CPU and, if there is one, the GPU.
+/// A table of the scenes on the CPU and on the GPU, if there is one.
+///
+/// # Errors
+/// If a scene cannot be simulated or is too short.
 pub fn report(
     gpu: Option<&Arc<gpu::Device>>,
     scenes: Vec<(Scene, bool, bool)>,
@@ -51,7 +54,10 @@ pub fn report(
     ))
 }
 
-/// The scenes, and whether they are measured on the CPU and on the GPU.
+/// The scenes, with flags for measuring on the CPU and on the GPU.
+///
+/// # Errors
+/// If a chosen scene cannot be read.
 pub fn scenes(chosen: &[String], extent: Extent) -> miette::Result<Vec<(Scene, bool, bool)>> {
     if !chosen.is_empty() {
         return chosen.iter().map(|name| Ok((named(name)?, true, true))).collect();
@@ -83,7 +89,7 @@ fn measure(
     if let Some(device) = device {
         simulation.move_to(device, None)?;
     }
-    // The first steps search all neighbours; on a GPU each of these goes to the next frame.
+    // Warm-up: the first steps search all neighbours. On a GPU each advances by a frame.
     let half = simulation.scene.steps() / 2;
     for _ in 0..10 {
         if simulation.state.step < half {

@@ -1,32 +1,33 @@
-//! What cheaper settings cost in accuracy, as it was measured.
+//! Cheaper settings and their measured errors.
 
-/// What `tables/what-a-scene-needs--recommendations.csv` of `validation report` says of settings of the
-/// solver, with the packings of the reference and the device beside the name of the scene: the quick suite on two
-/// cores (processor seconds), the full one on a GPU (`docs/report`).
+/// `tables/what-a-scene-needs--recommendations.csv` of `validation report`, settings of the solver only:
+/// the quick suite on two cores (processor seconds) and the full suite on a GPU.
 const MEASURED: &str = include_str!("recommendations.csv");
 
 /// The cheapest setting within a tolerance of a reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Advice {
-    /// The reference, and what it was compared on.
+    /// The reference, with scene and device.
     pub reference: &'static str,
-    /// What was to be right.
+    /// The compared quantity: `shape` or `every point`.
     pub goal: &'static str,
-    /// Tolerance and measured error, parts of the runout.
+    /// Tolerance relative to the runout.
     pub tolerance: &'static str,
+    /// Measured error relative to the runout.
     pub error: &'static str,
+    /// The setting.
     pub setting: &'static str,
     /// Time of the reference over time of the setting.
     pub speed_up: f64,
 }
 
-/// All advice; lines that are not as the report writes them are left out.
+/// All recommendations; lines in another format are left out.
 pub(super) fn measured() -> Vec<Advice> {
     MEASURED.lines().skip(1).filter_map(parse).collect()
 }
 
 impl Advice {
-    /// Whether it has fewer discs than so many, or something else that is cheaper.
+    /// Whether the setting is cheaper than packings of `discs` discs.
     pub fn is_cheaper_than(&self, discs: usize) -> bool {
         let Some((own, more)) = self.setting.split_once(" discs") else { return true };
         own.parse::<usize>().is_ok_and(|own| own < discs || (own == discs && !more.is_empty()))

@@ -2,9 +2,11 @@
 
 use std::fmt;
 
-use super::{COLLISIONAL, Needs, advice};
+use super::advice;
+use super::needs::{COLLISIONAL, Needs};
+use super::units::{bytes, duration, grouped, quantity};
 
-/// A line of the table: what, how much, and what it means.
+/// A line of the table: quantity, value and note.
 struct Row(&'static str, String, String);
 
 impl Needs {
@@ -32,7 +34,7 @@ impl Needs {
             Row(
                 "wave speed",
                 format!("{:.0} m/s", self.wave_speed),
-                "stiffest answer of the material".into(),
+                "stiffest response of the material".into(),
             ),
             Row(
                 "pressure at the base",
@@ -56,7 +58,7 @@ impl Needs {
                 "side of an RVE",
                 quantity(rve.side, "m"),
                 format!(
-                    "{:.2} cells: a sample of the material, not a place in it",
+                    "{:.2} cells: a sample of the material, not a region of the domain",
                     rve.side / self.cell
                 ),
             ));
@@ -86,7 +88,7 @@ impl Needs {
         state.push(Row(
             "peak velocity",
             format!("{:.1} m/s", self.peak_velocity),
-            "upper bound, free fall from the top".into(),
+            "upper bound: free fall from the top".into(),
         ));
         if let Some(i) = self.inertial_number {
             let regime = match i {
@@ -121,7 +123,7 @@ impl Needs {
         cost.push(Row("time", duration(self.seconds), "estimate".into()));
         let sections = [("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];
         let mut sections = Vec::from(sections.map(|(heading, rows)| (heading.to_owned(), rows)));
-        // Only packings have cheaper settings.
+        // Recommendations are for packings only.
         if let Some(rve) = &self.rve {
             sections.extend(cheaper(rve.discs));
         }
@@ -129,13 +131,12 @@ impl Needs {
     }
 }
 
-/// What is cheaper than packings of so many discs, for each reference that the validation report compared
-/// with.
+/// Settings cheaper than packings of so many discs, for each reference of the validation report.
 fn cheaper(discs: usize) -> Vec<(String, Vec<Row>)> {
     let mut sections: Vec<(String, Vec<Row>)> = Vec::new();
     for advice in advice::measured().into_iter().filter(|advice| advice.is_cheaper_than(discs)) {
         let advice::Advice { reference, goal, tolerance, error, setting, speed_up } = advice;
-        let heading = format!("Cheaper than {reference}, as the validation report measured");
+        let heading = format!("Cheaper than {reference} (validation report)");
         let note = format!("{setting}: {error} off, {speed_up:.1} times as fast");
         let row = Row(goal, format!("within {tolerance}"), note);
         match sections.last_mut() {
@@ -169,79 +170,5 @@ impl fmt::Display for Needs {
             write!(f, "\n  - {warning}")?;
         }
         Ok(())
-    }
-}
-
-/// Three or four significant digits with a prefix, such as `62.5 mm`.
-pub(super) fn quantity(value: f64, unit: &str) -> String {
-    const PREFIXES: [(f64, &str); 6] =
-        [(1.0e9, "G"), (1.0e6, "M"), (1.0e3, "k"), (1.0, ""), (1.0e-3, "m"), (1.0e-6, "µ")];
-    // Kilometres and kiloseconds are for nobody.
-    let usable = |scale: f64| unit == "Pa" || scale <= 1.0;
-    let fits = PREFIXES.iter().find(|(scale, _)| usable(*scale) && value >= 0.9995 * scale);
-    let (scale, prefix) = match fits {
-        Some(&fits) => fits,
-        None if value == 0.0 => (1.0, ""),
-        None => return format!("{value:.2e} {unit}"),
-    };
-    let digits = match value / scale {
-        x if x < 10.0 => 2,
-        x if x < 100.0 => 1,
-        _ => 0,
-    };
-    let number = format!("{:.digits$}", value / scale);
-    let number = if number.contains('.') {
-        number.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        &number
-    };
-    format!("{number} {prefix}{unit}")
-}
-
-/// A whole number with its thousands apart.
-fn grouped(number: f64) -> String {
-    let digits = format!("{number:.0}");
-    let mut text = String::new();
-    for (k, digit) in digits.chars().enumerate() {
-        if k > 0 && (digits.len() - k).is_multiple_of(3) {
-            text.push(' ');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-fn bytes(number: f64) -> String {
-    match number {
-        n if n < 1.0e6 => format!("{:.0} kB", n / 1.0e3),
-        n if n < 1.0e9 => format!("{:.0} MB", n / 1.0e6),
-        n => format!("{:.1} GB", n / 1.0e9),
-    }
-}
-
-fn duration(seconds: f64) -> String {
-    match seconds {
-        s if s < 1.0 => "under a second".into(),
-        s if s < 100.0 => format!("{s:.0} s"),
-        s if s < 6000.0 => format!("{:.0} min", s / 60.0),
-        s if s < 100.0 * 3600.0 => format!("{:.1} h", s / 3600.0),
-        s => format!("{:.0} days", s / 86400.0),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_are_written_for_people() {
-        assert_eq!(quantity(0.0625, "m"), "62.5 mm");
-        assert_eq!(quantity(1.0e-4, "s"), "100 µs");
-        assert_eq!(quantity(65_512.0, "Pa"), "65.5 kPa");
-        assert_eq!(quantity(3.0, "m"), "3 m");
-        assert_eq!(quantity(120.0, "s"), "120 s");
-        assert_eq!(quantity(0.0, "Pa"), "0 Pa");
-        assert_eq!(grouped(921_600.0), "921 600");
-        assert_eq!((bytes(9.3e7), duration(2488.0)), ("93 MB".into(), "41 min".into()));
     }
 }

@@ -1,11 +1,13 @@
-//! A user's own list of scenes: base scenes and values for some of their keys, as lists or grids.
+//! Lists of scenes: base scenes with values for some of their keys, as lists or grids.
 
 use std::path::Path;
 
 use serde::Deserialize;
 use toml::{Table, Value};
 
-use super::{Case, DatasetError, Split};
+use super::case::Case;
+use super::error::DatasetError;
+use super::split::Split;
 use crate::scene::Scene;
 
 /// A list file; `docs/datasets.md` describes it.
@@ -47,8 +49,8 @@ type Assignment = (String, Value);
 /// Reads a list file and the scenes of all its cases.
 ///
 /// # Errors
-/// If a file cannot be read, is not of this form, or a case is not a valid scene.
-pub fn read(path: &Path) -> miette::Result<Vec<Case>> {
+/// If a file cannot be read or has another form, or a case is not a valid scene.
+pub(super) fn read(path: &Path) -> Result<Vec<Case>, DatasetError> {
     let file: ListFile = toml::from_str(&text_of(path)?)
         .map_err(|source| DatasetError::Syntax { path: path.to_owned(), source })?;
     let mut cases = Vec::new();
@@ -85,14 +87,13 @@ pub fn read(path: &Path) -> miette::Result<Vec<Case>> {
     }
     if cases.is_empty() {
         let (path, key) = (path.to_owned(), "train".to_owned());
-        let reason =
-            "is missing, and so are `valid` and `test`: there is nothing to run".to_owned();
-        return Err(DatasetError::Key { path, key, reason }.into());
+        let reason = "is missing, as are `valid` and `test`: there is nothing to run".to_owned();
+        return Err(DatasetError::Key { path, key, reason });
     }
     Ok(cases)
 }
 
-/// What the block says of a case, each key once: what varies comes after `set` and replaces it.
+/// The assignments of a case, each key once: varied keys come after `set` and replace it.
 fn values(block: &Block, varied: &[Assignment]) -> String {
     let scene = block.scene.iter().map(|name| ("scene".to_owned(), Value::String(name.clone())));
     let mut fixed: Vec<Assignment> = scene.chain(leaves(&block.set)).collect();
@@ -110,7 +111,7 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Where in the list file something is.
+/// A block of the list file, for error messages.
 struct Place<'a> {
     path: &'a Path,
     block: String,
@@ -194,8 +195,7 @@ fn leaves(table: &Table) -> Vec<Assignment> {
     found
 }
 
-/// Sets a dotted key, in which a number counts the entries of a list: `column.0.size`. Tables that
-/// are missing are made.
+/// Sets a dotted key, in which numbers index lists: `column.0.size`. Creates missing tables.
 fn assign(table: &mut Table, key: &str, value: Value) -> Result<(), String> {
     let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
     let mut place: &mut Table = table;
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn cases_are_told_apart_by_set_too() {
+    fn cases_are_distinguished_by_set_too() {
         let block: Block = toml::from_str(
             "scene = \"wide.toml\"\nset.column.0.size = [1.0, 1.25]\nset.duration = 1.0\n\
              list.duration = [2.0]\n",

@@ -1,4 +1,4 @@
-//! `metadata.json`: what a learned simulator has to know of a data set, under the keys that
+//! `metadata.json`: properties of a data set for learned simulators, under the keys that
 //! geoelements/gns (`gns/train.py`) and LagrangeBench (`lagrangebench/case_setup`, `runner.py`)
 //! read.
 
@@ -7,7 +7,9 @@ use std::path::Path;
 use files::{WriteError, write_atomically};
 use serde::Serialize;
 
-use super::{DataSet, DatasetError, Split, Statistics, open_finished};
+use super::error::DatasetError;
+use super::split::{DataSet, Split, open_finished};
+use super::statistics::Statistics;
 
 /// The content of `metadata.json`. Lengths in m, times in s; velocities and accelerations are
 /// differences of positions per frame.
@@ -15,9 +17,11 @@ use super::{DataSet, DatasetError, Split, Statistics, open_finished};
 pub struct Metadata {
     /// Smallest and largest coordinate along each axis.
     pub bounds: [[f64; 2]; 2],
+    /// Dimensions of space: 2.
     pub dim: usize,
     /// Time between frames: positions are `dt * write_every` apart.
     pub dt: f64,
+    /// Steps of length `dt` between frames: 1.
     pub write_every: usize,
     /// Frames of the shortest training trajectory.
     pub sequence_length: usize,
@@ -25,28 +29,38 @@ pub struct Metadata {
     pub default_connectivity_radius: f64,
     /// Initial distance of neighbouring points.
     pub dx: f64,
+    /// Mean velocity of the training set (m/frame).
     pub vel_mean: [f64; 2],
+    /// Standard deviation of the velocity (m/frame).
     pub vel_std: [f64; 2],
+    /// Mean acceleration of the training set (m/frame²).
     pub acc_mean: [f64; 2],
+    /// Standard deviation of the acceleration (m/frame²).
     pub acc_std: [f64; 2],
+    /// Periodicity along each axis: none.
     pub periodic_boundary_conditions: [bool; 2],
     /// Points of the largest trajectory of all splits.
     pub num_particles_max: usize,
+    /// Training trajectories.
     pub num_trajs_train: usize,
+    /// Validation trajectories.
     pub num_trajs_valid: usize,
+    /// Test trajectories.
     pub num_trajs_test: usize,
+    /// As `sequence_length`.
     pub sequence_length_train: usize,
     /// Frames of the shortest test trajectory; 0 without any.
     pub sequence_length_test: usize,
+    /// The program that made the trajectories.
     pub solver: &'static str,
 }
 
 impl Metadata {
-    /// Measures the training set, and counts the others.
+    /// Measures the training set and counts the others.
     ///
     /// # Errors
-    /// If a trajectory cannot be read or is not finished, there is none to train with, or those
-    /// to train with differ in the time between frames.
+    /// If a trajectory cannot be read or is not finished, there is no training trajectory, or two of
+    /// them differ in the frame interval.
     pub fn of(set: &DataSet) -> Result<Self, DatasetError> {
         let mut statistics = Statistics::default();
         let mut first = None;

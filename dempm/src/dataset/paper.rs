@@ -1,9 +1,9 @@
-//! The scenes of the paper, inside the program, so that an installed one finds them anywhere.
+//! The scenes of the paper, compiled into the program.
 
-use super::Split;
+use super::split::Split;
 
 /// Split, name and text of the files in `scenes/paper`.
-pub const SCENES: [(Split, &str, &str); 39] = {
+pub(super) const SCENES: [(Split, &str, &str); 39] = {
     macro_rules! scenes {
         ($($split:ident $folder:literal: $($name:literal)*;)*) => {
             [$($((
@@ -23,6 +23,11 @@ pub const SCENES: [(Split, &str, &str); 39] = {
             "col5x4" "col5x5" "penetration";
     }
 };
+
+/// The text of a scene of the paper, such as `col5x5`.
+pub fn paper_scene(name: &str) -> Option<&'static str> {
+    SCENES.iter().find(|scene| scene.1 == name).map(|scene| scene.2)
+}
 
 #[cfg(test)]
 mod tests {

@@ -1,44 +1,52 @@
-//! What became of every scene of a data set: a table for people and a CSV file.
+//! The results of a data set: a table for the terminal and a CSV file.
 
 use std::fmt::Write;
 use std::path::Path;
 
 use files::{WriteError, csv_cell, write_text};
 
-use super::{Case, DatasetError, Split};
-use crate::record::STABLE_STEP;
+use super::case::Case;
+use super::error::DatasetError;
+use super::split::Split;
+use crate::simulation::STABLE_STEP;
 use crate::trajectory::{Field, Trajectory};
 
-/// One scene.
+/// The result of one scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
+    /// Split of the case.
     pub split: Split,
+    /// Name of the case.
     pub name: String,
+    /// Its keys and values, as in [`Case::values`].
     pub values: String,
+    /// Material points.
     pub points: usize,
     /// Discs of all points; 0 for a continuum law.
     pub discs: usize,
+    /// Macro steps.
     pub steps: usize,
-    /// Wall time (s) and right edge of the foremost point at the end (m); none before the end.
+    /// Wall time of the finished run (s).
     pub seconds: Option<f64>,
+    /// Right edge of the foremost point at the end of the finished run (m).
     pub front: Option<f64>,
-    /// `ok`, what is doubtful, or how far the run is.
+    /// `ok`, doubts about the result, or the progress of the run.
     pub checks: String,
-    /// Whether its file is there but cannot be read.
+    /// Whether the file exists but cannot be read.
     pub damaged: bool,
 }
 
 impl Row {
-    /// Whether the run has come to its end.
+    /// Whether the run is finished.
     pub fn is_finished(&self) -> bool {
         self.seconds.is_some()
     }
 
-    /// What the scene says, and what its file adds.
+    /// The result of a case, from its file in `folder` if it exists.
     fn new(case: &Case, folder: &Path) -> Self {
         let mut row = Self::not_begun(case);
         if let Err(error) = row.read(case, folder) {
-            row.checks = format!("damaged, delete it to have it made again ({error})");
+            row.checks = format!("damaged, delete it to make it again ({error})");
             row.damaged = true;
             row.seconds = None;
         }
@@ -95,12 +103,12 @@ pub fn rows(cases: &[Case], folder: &Path) -> Vec<Row> {
     cases.iter().map(|case| Row::new(case, folder)).collect()
 }
 
-/// Energy (kinetic and potential) may exceed that of the start by this part of the largest: what
-/// is stored in the compression of the ground at the start is not in it.
+/// Tolerated growth of kinetic and potential energy, relative to the largest energy: the elastic
+/// energy of the ground at the start is not counted.
 const ENERGY_TOLERANCE: f64 = 0.02;
 
-/// What is doubtful in a finished trajectory: numbers that are none, points outside the domain, a
-/// step above the bound up to which it is certain to be stable, energy from nowhere.
+/// Doubts about a finished trajectory: values that are not finite, points outside the domain, a step
+/// above its bound of guaranteed stability, growing energy.
 fn doubts(trajectory: &Trajectory) -> Result<Vec<String>, DatasetError> {
     let header = trajectory.header();
     let mut doubts = Vec::new();
@@ -139,7 +147,7 @@ fn doubts(trajectory: &Trajectory) -> Result<Vec<String>, DatasetError> {
     Ok(doubts)
 }
 
-/// The rows as a table for people.
+/// The rows as an aligned table.
 pub fn table(rows: &[Row]) -> String {
     let number = |value: Option<f64>, digits: usize| {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))

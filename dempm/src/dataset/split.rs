@@ -1,22 +1,26 @@
-//! What a data set is on disk: a folder `train`, `valid` and `test` of trajectories.
+//! Data sets on disk: folders `train`, `valid` and `test` of trajectories.
 
 use std::path::{Path, PathBuf};
 
-use super::DatasetError;
+use super::error::DatasetError;
 use crate::trajectory::Trajectory;
 
-/// The parts of a data set: to fit a model, to choose one, to judge it.
+/// The parts of a data set.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Split {
+    /// Trajectories to fit a model to.
     Train,
+    /// Trajectories to choose a model by.
     Valid,
+    /// Trajectories to assess the chosen model.
     Test,
 }
 
 impl Split {
+    /// All splits in order.
     pub const ALL: [Self; 3] = [Self::Train, Self::Valid, Self::Test];
 
-    /// Its folder.
+    /// The name of its folder.
     pub fn name(self) -> &'static str {
         match self {
             Self::Train => "train",
@@ -25,7 +29,7 @@ impl Split {
         }
     }
 
-    /// One of its cases, as `train/000`.
+    /// The full name of one of its cases, such as `train/000`.
     pub fn case(self, name: &str) -> String {
         format!("{}/{name}", self.name())
     }
@@ -34,6 +38,7 @@ impl Split {
 /// The trajectory files of a data set, by split.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DataSet {
+    /// The files of each split, sorted by name.
     pub splits: Vec<(Split, Vec<PathBuf>)>,
 }
 
@@ -83,10 +88,10 @@ fn trajectories_in(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(files)
 }
 
-/// A trajectory whose run has come to its end.
+/// Opens the trajectory of a finished run.
 ///
 /// # Errors
-/// If it cannot be read or has not.
+/// If it cannot be read or its run is not finished.
 pub fn open_finished(path: &Path) -> Result<Trajectory, DatasetError> {
     let trajectory = Trajectory::open(path)?;
     if trajectory.status() != "finished" {

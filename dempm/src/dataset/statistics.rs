@@ -1,10 +1,10 @@
 //! Mean and standard deviation of velocities and accelerations, as learned simulators see them:
 //! differences of positions per frame, without a division by the time between frames.
 
-use super::DatasetError;
+use super::error::DatasetError;
 use crate::trajectory::Trajectory;
 
-/// Running mean and variance in double precision, after Welford: no differences of large sums.
+/// Running mean and variance (Welford's algorithm), without differences of large sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Welford {
     count: u64,
@@ -26,6 +26,7 @@ impl Welford {
         self.count
     }
 
+    /// The mean; zero without values.
     pub fn mean(&self) -> f64 {
         self.mean
     }
@@ -35,7 +36,7 @@ impl Welford {
         (self.squares / self.count.max(1) as f64).sqrt()
     }
 
-    /// As though every value had come with its negative.
+    /// The statistics if every value were accompanied by its negative.
     pub fn symmetric(self) -> Self {
         let count = self.count as f64;
         Self { mean: 0.0, squares: self.squares + count * self.mean * self.mean, ..self }
@@ -45,7 +46,9 @@ impl Welford {
 /// Statistics per component: m/frame and m/frame².
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Statistics {
+    /// First differences of positions (m/frame).
     pub velocity: [Welford; 2],
+    /// Second differences of positions (m/frame²).
     pub acceleration: [Welford; 2],
 }
 
@@ -55,7 +58,7 @@ impl Statistics {
     /// # Errors
     /// If it cannot be read.
     pub fn add(&mut self, trajectory: &Trajectory) -> Result<(), DatasetError> {
-        // The last two frames and, before them, the one that a second difference reaches back to.
+        // Positions two frames and one frame before.
         let (mut before, mut last): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for index in 0..trajectory.frames() {
             let now = trajectory.positions(index..index + 1)?.into_raw_vec_and_offset().0;

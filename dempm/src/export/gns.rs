@@ -12,8 +12,9 @@ use files::{OutputFile, write_atomically};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::{ExportError, frames_f32};
-use crate::export::npz::npy_header;
+use super::error::ExportError;
+use super::npy::npy_header;
+use super::positions::frames_f32;
 use crate::trajectory::Trajectory;
 
 /// Sand among the particle types of the GNS data sets.
@@ -142,7 +143,7 @@ impl<W: Write> Pickle<W> {
         }
         self.raw(TUPLE)?;
         self.element_type(kind)?;
-        // Not in Fortran's order.
+        // C order.
         self.boolean(false)
     }
 

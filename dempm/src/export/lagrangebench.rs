@@ -6,10 +6,11 @@ use std::path::Path;
 use files::write_atomically;
 use ndarray::{Array1, s};
 
-use super::{ExportError, frames_f32};
+use super::error::ExportError;
+use super::positions::frames_f32;
 use crate::trajectory::{Trajectory, WriteThrough};
 
-/// `NodeType.FLUID` of LagrangeBench: what moves by itself.
+/// `NodeType.FLUID` of LagrangeBench: free particles.
 const FLUID: i64 = 0;
 
 /// Writes the trajectories of a split to `path` with the suffix `.h5`.

@@ -1,4 +1,4 @@
-//! Arrays for numpy: a zip archive of `.npy` files under the names of the datasets.
+//! Archives for numpy: a zip file of `.npy` files, named as the datasets of the trajectory.
 
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -7,11 +7,15 @@ use files::{OutputFile, write_atomically};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::ExportError;
+use super::error::ExportError;
+use super::npy::npy_header;
 use crate::trajectory::{Field, Trajectory};
 
-/// Writes all arrays of a trajectory, frame by frame.
-pub(super) fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
+/// Writes all arrays of a trajectory as `.npz`.
+///
+/// # Errors
+/// If the trajectory cannot be read or the file cannot be written.
+pub fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
     write_atomically(output, |temporary| {
         let at = ExportError::at(output);
         let mut file = OutputFile::create(temporary).map_err(&at)?;
@@ -112,7 +116,7 @@ impl<W: Write + io::Seek> Archive<W> {
         self.values(values)
     }
 
-    /// Begins an array: the header of the `.npy` format, version 1.0.
+    /// Begins an array.
     fn begin<T: Element>(&mut self, name: &str, shape: &[usize]) -> io::Result<()> {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Deflated)
@@ -127,31 +131,5 @@ impl<W: Write + io::Seek> Archive<W> {
             value.append_to(&mut bytes);
         }
         self.0.write_all(&bytes)
-    }
-}
-
-/// The header, padded with spaces so that the data begin at a multiple of 64 bytes.
-pub(super) fn npy_header(description: &str, shape: &[usize]) -> Vec<u8> {
-    let sizes: String = shape.iter().map(|size| format!("{size},")).collect();
-    let mut text =
-        format!("{{'descr': '{description}', 'fortran_order': False, 'shape': ({sizes}), }}");
-    // 6 bytes of magic, 2 of version, 2 of length, the text and its final newline.
-    let unpadded = 10 + text.len() + 1;
-    text.push_str(&" ".repeat(unpadded.next_multiple_of(64) - unpadded));
-    text.push('\n');
-    let mut header = b"\x93NUMPY\x01\x00".to_vec();
-    // At most a few hundred bytes, whatever the shape.
-    header.extend_from_slice(&(text.len() as u16).to_le_bytes());
-    header.extend_from_slice(text.as_bytes());
-    header
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn headers_are_aligned() {
-        let header = super::npy_header("<f8", &[301, 2304, 2]);
-        assert_eq!(header.len() % 64, 0);
-        assert!(header.ends_with(b" \n"));
     }
 }

@@ -6,11 +6,14 @@ use std::path::Path;
 
 use files::write_atomically;
 
-use super::ExportError;
+use super::error::ExportError;
 use crate::trajectory::{Field, Frame, Points, Trajectory};
 
-/// Writes `output` (.pvd) and the folder of its frames beside it, `NAME_frames`.
-pub(super) fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
+/// Writes `output` (.pvd) and the folder `NAME_frames` of its frames beside it.
+///
+/// # Errors
+/// If the trajectory cannot be read or a file cannot be written.
+pub fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     let folder = format!("{stem}_frames");
     let mut series = String::from(
@@ -24,7 +27,7 @@ pub(super) fn write(trajectory: &Trajectory, output: &Path) -> Result<(), Export
         let _ = writeln!(series, "<DataSet timestep=\"{time}\" file=\"{}\"/>", escape(&name));
     }
     series.push_str("</Collection>\n</VTKFile>\n");
-    // Last, so that a series is never there without its frames.
+    // Last, so that the series never exists without its frames.
     put(output, series.as_bytes())
 }
 

@@ -1,4 +1,4 @@
-//! What a scene says: the validated content of a scene file.
+//! The validated content of a scene file.
 
 use dem::RveParameters;
 use dem::cuda::Room;
@@ -11,11 +11,11 @@ use crate::trajectory::Field;
 /// A validated scene. All units are SI; the plane is (x, y), lengths out of plane are per metre.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// Name of the file, as shown in messages.
+    /// Name of the file for messages.
     pub name: String,
     /// The text of the file, as stored in the trajectory.
     pub text: String,
-    /// What people call the scene.
+    /// Title of the scene.
     pub title: String,
     /// Seed of the random numbers: packings and their assignment to points.
     pub seed: u64,
@@ -27,23 +27,23 @@ pub struct Scene {
     pub step: f64,
     /// Time between frames (s), a whole number of steps.
     pub frame_interval: f64,
-    /// The box around everything, and the background grid in it.
+    /// The domain with its walls and background grid.
     pub domain: Domain,
-    /// Rectangles of material at the start; at least one.
+    /// Rectangles of material at time zero; at least one.
     pub columns: Vec<Column>,
     /// Rigid boxes that never move.
     pub obstacles: Vec<Obstacle>,
     /// A rigid box with a prescribed velocity.
     pub plate: Option<Plate>,
-    /// What the points are made of.
+    /// The material of all points.
     pub material: Material,
-    /// How points start: with the stress of the ground they lie in, or without.
+    /// Initial stress of the points.
     pub initial_stress: InitialStress,
     /// Numerics of the material point method.
     pub numerics: Numerics,
     /// Optional fields of the trajectory; positions and velocities are always in it.
     pub fields: Vec<Field>,
-    /// What is doubtful but allowed.
+    /// Doubtful but allowed settings.
     pub warnings: Vec<Problem>,
 }
 
@@ -85,19 +85,22 @@ impl Rectangle {
 /// A rectangle filled with material points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Column {
+    /// The rectangle.
     pub place: Rectangle,
-    /// Velocity of all its points at the start (m/s).
+    /// Initial velocity of all its points (m/s).
     pub velocity: [f64; 2],
 }
 
 /// A rigid box at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Obstacle {
+    /// The rectangle that it fills.
     pub place: Rectangle,
+    /// Contact on its four sides.
     pub faces: Walls,
 }
 
-/// A rigid box that stands still until `start` and then moves at a constant velocity.
+/// A rigid box at rest until `start`, then moving at a constant velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plate {
     /// Place until `start`.
@@ -106,11 +109,12 @@ pub struct Plate {
     pub velocity: [f64; 2],
     /// Time at which it begins to move (s).
     pub start: f64,
+    /// Contact on its four sides.
     pub faces: Walls,
 }
 
 impl Plate {
-    /// Where the plate is at `time` (s).
+    /// The rectangle of the plate at `time` (s).
     pub fn at(&self, time: f64) -> Rectangle {
         let moved = (time - self.start).max(0.0);
         let [x, y] = self.place.corner;
@@ -124,7 +128,7 @@ impl Plate {
     }
 }
 
-/// What the material points are made of.
+/// The material of the points.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Material {
     /// A DEM packing in every point.
@@ -136,7 +140,7 @@ pub enum Material {
 }
 
 impl Material {
-    /// As written in scene files.
+    /// The name in scene files.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Rve(_) => "rve",
@@ -149,29 +153,32 @@ impl Material {
 /// A DEM packing in every point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rve {
+    /// Parameters of the discs, their contacts and their preparation.
     pub parameters: RveParameters,
-    /// Number of different packings; each point gets one of them.
+    /// Number of different packings, of which each point gets one at random.
     pub packings: usize,
     /// Precision of the DEM.
     pub precision: Precision,
-    /// Room for lists of neighbours on a GPU.
+    /// Capacity of neighbour lists on a GPU.
     pub neighbours: Room,
 }
 
-/// Floating-point precision.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Floating-point precision of packings.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
+    /// Single precision
     F32,
+    /// Double precision
     F64,
 }
 
-/// Stress of the points at the start.
+/// Initial stress of the points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InitialStress {
-    /// Vertical stress `rho g depth` in columns that stand on something; see
+    /// Vertical stress `rho g depth` in resting columns; see
     /// [`Points::depth`](super::Points::depth).
     Ladder,
-    /// The same small stress everywhere (the preparation pressure of the packing, else zero).
+    /// The preparation pressure of the packing everywhere; zero for a continuum law.
     None,
 }
 
@@ -188,7 +195,7 @@ pub struct Elastic {
 }
 
 impl Default for Elastic {
-    /// About as heavy and as stiff as a packing of the default discs.
+    /// Density and stiffness of about a packing of the default discs.
     fn default() -> Self {
         Self { density: 2173.0, young_modulus: 1.0e7, poisson_ratio: 0.2 }
     }

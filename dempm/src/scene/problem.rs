@@ -1,4 +1,4 @@
-//! What can be wrong with a scene, shown with the place in the file where it is wrong.
+//! Errors and warnings about a scene, shown at their places in the file.
 
 use std::fmt;
 use std::ops::Range;
@@ -12,24 +12,25 @@ pub enum SceneError {
     /// The file cannot be read.
     #[error("cannot read the scene {}", path.display())]
     Read {
-        /// The file that was asked for.
+        /// The scene file.
         path: PathBuf,
+        /// The system's reason.
         source: std::io::Error,
     },
-    /// The file can be read, and is wrong in one or more places.
+    /// The file is wrong in one or more places.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Invalid(Box<Problems>),
 }
 
-/// One thing that is wrong or doubtful, its place in the scene file, and what would be right.
+/// An error or a warning with its places in the scene file and a remedy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
-    /// What is wrong.
+    /// What is wrong or doubtful.
     pub message: String,
-    /// What would be right.
+    /// The remedy.
     pub help: Option<String>,
-    /// Places in the text (byte ranges) and what is there.
+    /// Places in the text (byte ranges) with labels.
     pub places: Vec<(Range<usize>, String)>,
     /// An error makes the scene unusable; a warning does not.
     pub severity: Severity,
@@ -52,7 +53,7 @@ impl Problem {
         self
     }
 
-    /// Says what would be right.
+    /// Adds a remedy.
     pub(super) fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
@@ -85,7 +86,7 @@ impl Diagnostic for Problem {
     }
 }
 
-/// Everything found wrong or doubtful in one scene file, with the text of the file.
+/// All errors and warnings about one scene file, with its text.
 #[derive(Debug)]
 pub struct Problems {
     name: String,

@@ -1,15 +1,14 @@
-//! What a trajectory says about the run that made it, kept as attributes of the file.
+//! The run that made a trajectory, stored as attributes of the file.
 
 use std::collections::BTreeMap;
-use std::str::FromStr;
 
-use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenAscii, VarLenUnicode};
-use hdf5::{Group, H5Type, Location};
-use ndarray::{Array1, ArrayView1};
+use hdf5::Group;
+use ndarray::ArrayView1;
 
-use super::layout::{FORMAT, FORMAT_VERSION};
+use super::attributes::{read_all, read_pair, read_scalar, read_text, write_scalar, write_text};
+use super::layout::{FORMAT, FORMAT_VERSION, new_group};
 
-/// The run: enough to repeat it and to read its numbers.
+/// A description of the run: enough to repeat it and to interpret its numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Header {
     /// The title of the scene.
@@ -18,15 +17,15 @@ pub struct Header {
     pub scene: String,
     /// The seed of the random numbers.
     pub seed: u64,
-    /// When the run began, UTC, ISO 8601; see [`files::utc_now`].
+    /// Start of the run, UTC, ISO 8601; see [`files::utc_now`].
     pub created: String,
-    /// Versions of the programs and libraries that made it, such as `dempm` -> `0.1.0`.
+    /// Versions of the programs that made it, such as `dempm` -> `0.1.0`.
     pub versions: BTreeMap<String, String>,
-    /// What it ran on, such as `cpu, 16 threads` or the name of a GPU.
+    /// The processor, such as `cpu, 16 threads` or the name of a GPU.
     pub device: String,
-    /// The precision of the computation, such as `f64`.
+    /// Floating-point precision, such as `f64`.
     pub precision: String,
-    /// The material of the points, such as `rve` or `drucker-prager`.
+    /// The material of the points, such as `rve` or `mu-i`.
     pub material: String,
     /// Size of the domain along x and y, m; its corner is at the origin.
     pub domain: [f64; 2],
@@ -40,7 +39,7 @@ pub struct Header {
     pub time_step: f64,
     /// Time between frames, s.
     pub frame_interval: f64,
-    /// Further numbers of the run under the scene's own names, SI units.
+    /// Further parameters of the run in SI units, such as `rve_discs`.
     pub parameters: BTreeMap<String, f64>,
     /// Walls that never move: segments (x1, y1, x2, y2), m.
     pub walls: Vec<[f64; 4]>,
@@ -74,11 +73,11 @@ impl Header {
         for (name, vector) in [("domain", &self.domain), ("gravity", &self.gravity)] {
             root.new_attr_builder().with_data(ArrayView1::from(vector)).create(name)?;
         }
-        let versions = super::writer::new_group(root, "versions")?;
+        let versions = new_group(root, "versions")?;
         for (name, version) in &self.versions {
             write_text(&versions, name, version)?;
         }
-        let parameters = super::writer::new_group(root, "parameters")?;
+        let parameters = new_group(root, "parameters")?;
         for (name, number) in &self.parameters {
             write_scalar(&parameters, name, number)?;
         }
@@ -87,7 +86,7 @@ impl Header {
 
     /// Reads the attributes; the walls are a dataset and are left empty.
     ///
-    /// On failure the name of the attribute comes with the error.
+    /// Errors come with the name of the attribute.
     pub(super) fn read(root: &Group) -> Result<Self, (String, hdf5::Error)> {
         let text = |name: &str| read_text(root, name).map_err(|error| (name.to_owned(), error));
         let number =
@@ -113,78 +112,4 @@ impl Header {
             walls: Vec::new(),
         })
     }
-}
-
-/// The longest text attribute, bytes.
-const LONGEST_TEXT: usize = 65_536;
-
-/// Writes a text attribute, in place of an older one of that name.
-///
-/// Strings of fixed length lie in the object's header, which has a checksum. Those of variable
-/// length lie in a heap without one, where a flipped bit can send the library round in circles.
-pub(super) fn write_text(place: &Location, name: &str, text: &str) -> hdf5::Result<()> {
-    // HDF5 strings end at the first NUL.
-    let text = text.replace('\0', "\u{fffd}");
-    let value = FixedUnicode::<LONGEST_TEXT>::from_str(&text).map_err(|_| {
-        hdf5::Error::from(format!("{} bytes of text, at most {LONGEST_TEXT} fit", text.len()))
-    })?;
-    remove(place, name)?;
-    let exact = TypeDescriptor::FixedUnicode(text.len().max(1));
-    place.new_attr_builder().empty_as(exact).create(name)?.write_scalar(&value)
-}
-
-/// Writes a scalar attribute, in place of an older one of that name.
-pub(super) fn write_scalar<T: H5Type>(place: &Location, name: &str, value: &T) -> hdf5::Result<()> {
-    remove(place, name)?;
-    place.new_attr::<T>().create(name)?.write_scalar(value)
-}
-
-fn remove(place: &Location, name: &str) -> hdf5::Result<()> {
-    if place.attr(name).is_ok() { place.delete_attr(name) } else { Ok(()) }
-}
-
-/// Reads a text attribute: of fixed length as we write it, or variable as h5py does.
-pub(super) fn read_text(place: &Location, name: &str) -> hdf5::Result<String> {
-    let attribute = place.attr(name)?;
-    let bytes = match attribute.dtype()?.to_descriptor()? {
-        TypeDescriptor::VarLenUnicode => {
-            attribute.read_scalar::<VarLenUnicode>()?.as_bytes().to_vec()
-        }
-        TypeDescriptor::VarLenAscii => attribute.read_scalar::<VarLenAscii>()?.as_bytes().to_vec(),
-        TypeDescriptor::FixedAscii(_) => {
-            attribute.read_scalar::<FixedAscii<LONGEST_TEXT>>()?.as_bytes().to_vec()
-        }
-        _ => attribute.read_scalar::<FixedUnicode<LONGEST_TEXT>>()?.as_bytes().to_vec(),
-    };
-    String::from_utf8(bytes).map_err(|error| hdf5::Error::from(error.to_string()))
-}
-
-/// Reads a scalar attribute.
-pub(super) fn read_scalar<T: H5Type>(place: &Location, name: &str) -> hdf5::Result<T> {
-    place.attr(name)?.read_scalar()
-}
-
-fn read_pair(place: &Location, name: &str) -> hdf5::Result<[f64; 2]> {
-    let attribute = place.attr(name)?;
-    if attribute.shape() != [2] {
-        return Err(format!("has shape {:?}, expected [2]", attribute.shape()).into());
-    }
-    let values: Array1<f64> = attribute.read_1d()?;
-    Ok([values[0], values[1]])
-}
-
-/// Reads all attributes of a group that is used as a table.
-pub(super) fn read_all<T>(
-    group: &Group,
-    read: impl Fn(&Location, &str) -> hdf5::Result<T>,
-) -> Result<BTreeMap<String, T>, (String, hdf5::Error)> {
-    let place = group.name();
-    let names = group.attr_names().map_err(|error| (place.clone(), error))?;
-    names
-        .into_iter()
-        .map(|name| match read(group, &name) {
-            Ok(value) => Ok((name, value)),
-            Err(error) => Err((format!("{place}.{name}"), error)),
-        })
-        .collect()
 }

@@ -198,3 +198,32 @@ pub(super) fn frame_selection(frames: std::ops::Range<usize>, rank: usize) -> hd
     slices.resize(rank, (..).into());
     hdf5::Hyperslab::new(slices)
 }
+
+/// Creates a group without time stamps.
+pub(super) fn new_group(parent: &Group, name: &str) -> hdf5::Result<Group> {
+    parent.create_group_builder().obj_track_times(false).create(name)
+}
+
+/// Writes a compressed dataset of fixed shape in one chunk; an empty one is left out.
+pub(super) fn write_whole<T: H5Type>(
+    group: &Group,
+    name: &str,
+    shape: &[usize],
+    values: &[T],
+) -> hdf5::Result<()> {
+    if values.is_empty() {
+        return Ok(());
+    }
+    let view = ArrayView::from_shape(shape, values)
+        .map_err(|error| hdf5::Error::from(error.to_string()))?;
+    group
+        .new_dataset_builder()
+        .with_data(view)
+        .chunk(shape.to_vec())
+        .shuffle()
+        .deflate(4)
+        .fletcher32()
+        .obj_track_times(false)
+        .create(name)?;
+    Ok(())
+}

@@ -5,6 +5,7 @@
 //! the file under its own name is complete and readable, it holds whole frames only, and a resumed
 //! run continues it as though it had never stopped.
 
+mod attributes;
 mod error;
 mod frame;
 mod header;

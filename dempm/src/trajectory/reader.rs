@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use hdf5::{Dataset, File, H5Type};
 use ndarray::{Array3, ArrayD};
 
+use super::attributes::{read_all, read_scalar, read_text};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, Points};
-use super::header::{Header, read_all, read_scalar, read_text};
+use super::header::Header;
 use super::layout::{
     BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS,
     frame_selection, unlocked,

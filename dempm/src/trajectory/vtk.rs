@@ -9,8 +9,7 @@ use hdf5::types::FixedAscii;
 use hdf5::{Extents, File, Group, H5Type, Hyperslab, SliceOrIndex};
 use ndarray::{Array1, Array2, ArrayView1};
 
-use super::layout::{COLUMN, Field, MASS, TIME};
-use super::writer::new_group;
+use super::layout::{COLUMN, Field, MASS, TIME, new_group};
 
 pub(super) const GROUP: &str = "VTKHDF";
 

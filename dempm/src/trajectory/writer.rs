@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 
 use files::{AtomicFile, WriteError, write_atomically};
 use hdf5::file::{FileAccessBuilder, LibraryVersion};
-use hdf5::{File, Group, H5Type};
-use ndarray::ArrayView;
+use hdf5::{File, H5Type};
 
+use super::attributes::{write_scalar, write_text};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
-use super::header::{Header, write_scalar, write_text};
+use super::header::Header;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, create_growing, set_frames,
-    unlocked, write_frames,
+    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, create_growing, new_group,
+    set_frames, unlocked, write_frames, write_whole,
 };
 use super::reader::Trajectory;
 use super::vtk;
@@ -359,35 +359,6 @@ impl TrajectoryWriter {
 /// earlier formats lack: a damaged file gives an error instead of nonsense.
 fn version_110(access: &mut FileAccessBuilder) -> &mut FileAccessBuilder {
     unlocked(access).libver_bounds(LibraryVersion::V110, LibraryVersion::V110)
-}
-
-/// Makes a group without time stamps.
-pub(super) fn new_group(parent: &Group, name: &str) -> hdf5::Result<Group> {
-    parent.create_group_builder().obj_track_times(false).create(name)
-}
-
-/// Writes a dataset of fixed shape; an empty one is left out.
-pub(super) fn write_whole<T: H5Type>(
-    group: &Group,
-    name: &str,
-    shape: &[usize],
-    values: &[T],
-) -> hdf5::Result<()> {
-    if values.is_empty() {
-        return Ok(());
-    }
-    let view = ArrayView::from_shape(shape, values)
-        .map_err(|error| hdf5::Error::from(error.to_string()))?;
-    group
-        .new_dataset_builder()
-        .with_data(view)
-        .chunk(shape.to_vec())
-        .shuffle()
-        .deflate(4)
-        .fletcher32()
-        .obj_track_times(false)
-        .create(name)?;
-    Ok(())
 }
 
 /// Calls `act` for every dataset that grows along the frames, until it fails.

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use dempm::export::{ExportArgs, export};
-use dempm::info::info;
-use dempm::plot::{PlotArgs, plot};
+use dempm::commands::export::{ExportArgs, export};
+use dempm::commands::info::info;
+use dempm::commands::plot::{PlotArgs, plot};
 use tempfile::{TempDir, tempdir};
 
 use crate::python;

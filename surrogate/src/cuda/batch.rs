@@ -1,28 +1,28 @@
-//! Training batches on the device: positions -> graphs, features.
+//! Training batches on the device: from positions to graphs and features.
 
 use std::sync::Arc;
 
 use cudarc::driver::{CudaEvent, CudaSlice, CudaView, CudaViewMut};
 use gpu::Device;
 
-use super::buffers::FrameInput;
 use super::error::CudaError;
-use super::features::{FrameBuilder, NewFrame};
-use super::network::Capacity;
-use super::push_forward::PushForward;
+use super::frame_builder::{FrameBuilder, NewFrame};
+use super::ops::frame_input::FrameInput;
+use super::pushforward::PushedWindows;
+use super::support::Capacity;
 use crate::data::{Batch, Unrolling};
 use crate::features::{Normalisation, Obstacle};
 use crate::network::{ModelConfig, ModelKind};
 
-/// Room for edges of each point at first; it grows as needed.
+/// Edges of each point that there is memory for at first; it grows as needed.
 pub const EDGES_PER_POINT: usize = 48;
 
-/// Places in which batches are made in turn, so that one is made while another is read.
+/// Places of batches, which are made in turn, so that one is made while another is read.
 pub(super) const PLACES: usize = 2;
 
-/// Frames that take less time if each is predicted from a whole window, all of which has to be gone
-/// through frame by frame before others can follow.
-const FEW: usize = 2;
+/// Most frames that are predicted from a whole window each. More take less time one after the other,
+/// although the window has to be gone through frame by frame first.
+const WHOLE_WINDOWS: usize = 2;
 
 /// Makes batches on a stream of its own.
 pub struct BatchBuilder {
@@ -32,15 +32,15 @@ pub struct BatchBuilder {
     config: ModelConfig,
     norm: Normalisation,
     bounds: Vec<[f64; 2]>,
-    /// Most points of each window so far, and edges to have room for.
+    /// Most points of each window so far, and edges to have memory for.
     largest: Vec<usize>,
     edges: usize,
     places: [Option<Place>; PLACES],
     /// When what was in a place has been read.
     read: [CudaEvent; PLACES],
-    /// When windows are there to be moved on, and when the network has said where to.
+    /// When windows are there to be moved on, and when the network has predicted where to.
     ready: CudaEvent,
-    said: CudaEvent,
+    predicted: CudaEvent,
     /// The place of the next batch.
     next: usize,
 }
@@ -48,39 +48,49 @@ pub struct BatchBuilder {
 /// A batch and what it is made with.
 struct Place {
     builder: FrameBuilder,
-    /// frames of a window x points x dimensions.
+    /// Frames of a window x points x dimensions (m).
     positions: CudaSlice<f32>,
-    pushing: PushForward,
+    pushed: PushedWindows,
     batch: DeviceBatch,
 }
 
 /// What a network learns from in one step.
 pub struct DeviceBatch {
-    /// The frames that the network has graphs of, oldest first.
+    /// The frames that the network has graphs of, the oldest first.
     pub frames: Vec<FrameInput>,
-    /// Normalised accelerations, points x dimensions, at the start of the list,
+    /// Normalised accelerations (points x dimensions), at the start of the list,
     pub targets: CudaSlice<f32>,
-    /// and how many numbers they are.
+    /// and the number of these values.
     pub values: usize,
 }
 
 impl DeviceBatch {
-    /// The room that a network needs for batches in this one's place.
-    pub fn room(&self) -> Capacity {
+    /// The capacity that a network needs for batches in this one's place.
+    pub fn capacity(&self) -> Capacity {
         let graph = &self.frames[0].graph;
         Capacity { points: graph.points, edges: graph.capacity }
     }
 }
 
-/// What is to be predicted from.
-pub enum Seen<'a> {
-    /// The frames of windows, the oldest first; `followed` by others, that go on with a frame.
-    Windows { frames: &'a [FrameInput], followed: bool },
-    /// The windows that go on with a frame after `before`, which ended those before them.
-    Next { frame: &'a FrameInput, before: &'a FrameInput },
+/// What the network predicts from.
+pub enum PredictionInput<'a> {
+    /// Windows.
+    Windows {
+        /// Their frames, the oldest first.
+        frames: &'a [FrameInput],
+        /// Whether windows follow that go on with a frame ([`Next`](Self::Next)).
+        followed: bool,
+    },
+    /// The windows of the prediction before, moved on by a frame.
+    Next {
+        /// That frame,
+        frame: &'a FrameInput,
+        /// and the one before it.
+        before: &'a FrameInput,
+    },
 }
 
-/// Windows side by side.
+/// The windows of a batch side by side.
 #[derive(Clone, Debug)]
 pub struct HostWindows {
     /// Points of each window.
@@ -116,7 +126,7 @@ impl HostWindows {
 }
 
 impl BatchBuilder {
-    /// For those who read batches on the stream of a `reader`. `bounds` are the lower and upper wall
+    /// For a `reader` of batches, with its stream. `bounds` are the lower and upper wall
     /// of each direction (m).
     ///
     /// # Errors
@@ -139,25 +149,25 @@ impl BatchBuilder {
             places: [None, None],
             read: [event()?, event()?],
             ready: event()?,
-            said: event()?,
+            predicted: event()?,
             next: 0,
         })
     }
 
-    /// Makes the batch of some windows, at least one point, all with the frames of the network, while
+    /// Makes the batch of some windows, of at least one point and with the frames of the network, while
     /// what is queued on the reader's stream goes on. Waits until it is made. It stays until after the
     /// next one.
     ///
-    /// Windows that are to be moved on are so with what `say` queues on the reader's stream: normalised
-    /// accelerations, points x dimensions.
+    /// Windows that are to be moved on are so by what `predict` queues on the reader's stream:
+    /// normalised accelerations, points x dimensions.
     ///
     /// # Errors
     /// A network that is too large for the kernels, too little memory, no compiler, or a kernel
-    /// failed; those of `say`.
+    /// failed; those of `predict`.
     pub fn make(
         &mut self,
         host: &HostWindows,
-        mut say: impl FnMut(Seen, &mut CudaViewMut<f32>) -> Result<(), CudaError>,
+        mut predict: impl FnMut(PredictionInput, &mut CudaViewMut<f32>) -> Result<(), CudaError>,
     ) -> Result<&DeviceBatch, CudaError> {
         let now = self.next;
         self.next = (now + 1) % PLACES;
@@ -165,7 +175,7 @@ impl BatchBuilder {
         self.read[self.next].record(self.reader.stream())?;
         let stream = self.device.stream().clone();
         stream.wait(&self.read[now])?;
-        self.make_room(&host.points);
+        self.grow(&host.points);
         let mut place = match self.places[now].take() {
             Some(place) if place.builder.has_room_for(&host.points) => place,
             _ => self.place()?,
@@ -179,7 +189,7 @@ impl BatchBuilder {
             place.builder.set_obstacles(&host.obstacles)?;
             self.make_frames(&mut place)?;
             if let Some(unrolling) = &host.unrolling {
-                self.push_forward(&mut place, unrolling, &mut say)?;
+                self.push_forward(&mut place, unrolling, &mut predict)?;
             }
             let needed = place.builder.needed()?;
             if needed <= place.batch.frames[0].graph.capacity {
@@ -237,31 +247,31 @@ impl BatchBuilder {
         &self,
         place: &mut Place,
         unrolling: &Unrolling,
-        say: &mut impl FnMut(Seen, &mut CudaViewMut<f32>) -> Result<(), CudaError>,
+        predict: &mut impl FnMut(PredictionInput, &mut CudaViewMut<f32>) -> Result<(), CudaError>,
     ) -> Result<(), CudaError> {
         let (stream, reader) = (self.device.stream(), self.reader.stream());
-        place.pushing.begin(unrolling)?;
-        let followed = unrolling.steps > FEW;
+        place.pushed.begin(unrolling)?;
+        let followed = unrolling.steps > WHOLE_WINDOWS;
         for step in 1..=unrolling.steps {
             self.ready.record(stream)?;
             reader.wait(&self.ready)?;
-            let Place { builder, positions, pushing, batch } = &mut *place;
+            let Place { builder, positions, pushed, batch } = &mut *place;
             // New frames take the places of the oldest.
             let count = batch.frames.len();
             let [frame, before] = [step + count - 2, step + 2 * count - 3].map(|k| k % count);
             let [frame, before] = [&batch.frames[frame], &batch.frames[before]];
-            let seen = if step == 1 || !followed {
-                Seen::Windows { frames: &batch.frames, followed }
+            let input = if step == 1 || !followed {
+                PredictionInput::Windows { frames: &batch.frames, followed }
             } else {
-                Seen::Next { frame, before }
+                PredictionInput::Next { frame, before }
             };
-            say(seen, &mut pushing.said.slice_mut(..batch.values))?;
-            self.said.record(reader)?;
-            stream.wait(&self.said)?;
+            predict(input, &mut pushed.predicted.slice_mut(..batch.values))?;
+            self.predicted.record(reader)?;
+            stream.wait(&self.predicted)?;
             let size = [self.config.window(), batch.values];
             let last = step == unrolling.steps;
             let targets = Some(&mut batch.targets).filter(|_| last);
-            pushing.step(builder.window(), positions, size, targets)?;
+            pushed.step(builder.window(), positions, size, targets)?;
             if last || !followed {
                 self.make_frames(place)?;
             } else {
@@ -271,8 +281,8 @@ impl BatchBuilder {
         Ok(())
     }
 
-    /// Sees to it that new places have room for such windows.
-    fn make_room(&mut self, points: &[usize]) {
+    /// Has new places have memory for such windows.
+    fn grow(&mut self, points: &[usize]) {
         self.largest.resize(self.largest.len().max(points.len()), 0);
         for (largest, &points) in self.largest.iter_mut().zip(points) {
             *largest = points.max(*largest);
@@ -280,6 +290,7 @@ impl BatchBuilder {
         self.edges = self.edges.max(EDGES_PER_POINT * self.largest.iter().sum::<usize>());
     }
 
+    /// Memory for another batch.
     fn place(&self) -> Result<Place, CudaError> {
         let Self { device, config, norm, bounds, largest, .. } = self;
         let graphs = config.graphs();
@@ -288,7 +299,7 @@ impl BatchBuilder {
         let frames = (0..graphs).map(|_| builder.allocate(self.edges));
         Ok(Place {
             positions: device.zeros(config.window() * values)?,
-            pushing: PushForward::new(device, largest.len(), values)?,
+            pushed: PushedWindows::new(device, largest.len(), values)?,
             batch: DeviceBatch {
                 frames: frames.collect::<Result<_, _>>()?,
                 targets: device.zeros(values)?,

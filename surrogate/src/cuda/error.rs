@@ -1,24 +1,47 @@
-//! What can go wrong with a network on a GPU.
+//! Failures of networks on a GPU.
 
 use cudarc::driver::DriverError;
 
 /// Why a network could not be set up or run on a GPU.
 #[derive(Debug, thiserror::Error)]
 pub enum CudaError {
+    /// A failure of the GPU.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),
+    /// A failure of the GPUs' communication.
     #[error(transparent)]
     Ranks(#[from] gpu::ranks::RanksError),
-    #[error(
-        "`{key}` is {value}, but networks on a GPU have at most {most}; run it on the CPU instead"
-    )]
-    Unsupported { key: &'static str, value: usize, most: usize },
-    #[error("bf16 needs a GPU, and this is computed on the CPU; leave `--precision` out")]
+    /// The network is too large for the kernels.
+    #[error("`{key}` is {value}, but networks on a GPU have at most {most}; run it on the CPU")]
+    Unsupported {
+        /// Key of the network's configuration.
+        key: &'static str,
+        /// Its value.
+        value: usize,
+        /// Its largest value on a GPU.
+        most: usize,
+    },
+    /// A precision that only GPUs have.
+    #[error("bf16 needs a GPU; leave `--precision` out on the CPU")]
     Bf16OnCpu,
+    /// A batch is too large for the buffers.
     #[error("{found} {what}, but the buffers have room for {room}")]
-    Room { what: &'static str, found: usize, room: usize },
+    Capacity {
+        /// Points, edges, ...
+        what: &'static str,
+        /// Their number.
+        found: usize,
+        /// Their largest number.
+        room: usize,
+    },
+    /// A list of weights is that of another network.
     #[error("{found} weights, but the network has {expected}")]
-    Weights { found: usize, expected: usize },
+    Weights {
+        /// Length of the list.
+        found: usize,
+        /// Number of weights of the network.
+        expected: usize,
+    },
 }
 
 impl From<DriverError> for CudaError {

@@ -1,8 +1,8 @@
-//! Where the weights of each MLP are in the list of all weights
-//! ([`crate::network::parameters::weights`]), and where the kernels find them packed.
+//! Places of each MLP's weights in the list of all weights ([`weights`](crate::network::parameters::weights)), and of the
+//! packed weights that the kernels read.
 
-use super::arguments::Pack;
-use super::kernels::UNIT;
+use super::ops::tile::MATRIX_WORDS;
+use super::ops::weights::Pack;
 use crate::network::{ModelConfig, ModelKind, Precision};
 
 /// What the first linear of an MLP reads, side by side.
@@ -17,8 +17,9 @@ pub enum Input {
 /// Packed matrices, one after the other.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Packed {
-    /// First word of 16 bytes, and number of words.
-    pub at: usize,
+    /// First [`Word`](super::ops::tile::Word),
+    pub first: usize,
+    /// and number of words.
     pub words: usize,
 }
 
@@ -35,6 +36,7 @@ pub struct Mlp {
     pub columns: usize,
     /// LayerNorm at the end.
     pub norm: bool,
+    /// Packed for the forward and for the backward pass.
     pub forward: Packed,
     pub backward: Packed,
 }
@@ -66,6 +68,7 @@ impl Mlp {
         if layer == 0 { self.offset } else { self.bias(layer - 1) + self.outputs(layer - 1) }
     }
 
+    /// Offset of the bias of linear `layer`.
     pub fn bias(&self, layer: usize) -> usize {
         let rows = if layer == 0 { self.rows() } else { self.width };
         self.weight(layer) + rows * self.outputs(layer)
@@ -82,9 +85,10 @@ impl Mlp {
 
     /// Steps of 16 columns that the features take.
     pub fn feature_steps(&self) -> usize {
-        self.features().div_ceil(16)
+        self.features().div_ceil(STEP_ROWS)
     }
 
+    /// Number of features among the inputs.
     pub fn features(&self) -> usize {
         self.inputs.iter().map(|i| if let Input::Features(n) = i { *n } else { 0 }).sum()
     }
@@ -92,46 +96,58 @@ impl Mlp {
 
 /// One message-passing layer. The first linear of the message MLP acts on [sender, receiver, edge]
 /// as W_w h_w + W_v h_v + W_e e, of which the first two are computed for each node: as MLPs of
-/// their own without hidden layers. `to_nodes` packs the transposed W_w and W_v.
+/// their own without hidden layers.
 #[derive(Clone, Debug)]
 pub struct MessageLayer {
+    /// The MLP of the messages, and that of the node states.
     pub message: usize,
     pub update: usize,
+    /// W_w and W_v.
     pub sender: Packed,
     pub receiver: Packed,
+    /// Both transposed.
     pub to_nodes: Packed,
 }
 
-/// All MLPs of a network. The GNS is a TGNNS of one frame whose layers add to the states.
+/// All MLPs of a network, by their numbers in `mlps`. The GNS is a TGNNS of one frame whose layers
+/// add to the states.
 #[derive(Clone, Debug)]
 pub struct Layout {
+    /// In the order of their weights.
     pub mlps: Vec<Mlp>,
+    /// Encoders of nodes and edges, of the first frame and of later ones.
     pub node_first: usize,
     pub node_later: usize,
     pub edge_first: usize,
     pub edge_later: usize,
+    /// Joins the node states of a frame with those of the frame before; the same of edges.
     pub node_fusion: usize,
     pub edge_fusion: Option<usize>,
     /// The layers of the frames, then the further ones.
     pub layers: Vec<MessageLayer>,
+    /// The MLP whose output are accelerations.
     pub decoder: usize,
     /// Frames that the network reads.
     pub frames: usize,
     /// Layers add to the states.
     pub residual: bool,
+    /// Slope of LeakyReLU for negative arguments.
     pub slope: f32,
+    /// Columns of the decoder's output.
     pub dimensions: usize,
     /// Number of weights.
     pub parameters: usize,
+    /// All matrices to pack.
     pub packs: Vec<Pack>,
     /// Words of 16 bytes of all packed weights.
     pub words: usize,
 }
 
 impl Layout {
-    /// `fused`: with the weights of edges' MLPs as `edges_backward.cu` takes them.
+    /// The layout of a network. `fused`: with the weights of edges' MLPs as `edges_backward` reads
+    /// them.
     pub fn new(config: &ModelConfig, precision: Precision, fused: bool) -> Self {
-        let mut list = List { config, mlps: Vec::new(), parameters: 0 };
+        let mut list = MlpList { config, mlps: Vec::new(), parameters: 0 };
         let features = |n| vec![Input::Features(n)];
         let states = |n| vec![Input::State; n];
         let tgnns = config.kind == ModelKind::Tgnns;
@@ -191,11 +207,20 @@ impl Layout {
         layout
     }
 
+    /// Numbers of the encoders of nodes and of edges of a frame.
+    pub fn encoders(&self, frame: usize) -> (usize, usize) {
+        match frame {
+            0 => (self.node_first, self.edge_first),
+            _ => (self.node_later, self.edge_later),
+        }
+    }
+
     /// Whether a layer (not the first) reads the messages of the one before.
     pub fn reads_messages(&self, layer: usize) -> bool {
         layer >= self.frames || self.edge_fusion.is_some()
     }
 
+    /// Lays out the packed weights.
     fn pack(&mut self, precision: Precision, fused: bool) {
         let mut packer = Packer { parts: precision.parts(), packs: Vec::new(), words: 0 };
         let messages: Vec<usize> = self.layers.iter().map(|l| l.message).collect();
@@ -238,13 +263,14 @@ impl Layout {
 }
 
 /// MLPs in the order of their weights.
-struct List<'a> {
+struct MlpList<'a> {
     config: &'a ModelConfig,
     mlps: Vec<Mlp>,
     parameters: usize,
 }
 
-impl List<'_> {
+impl MlpList<'_> {
+    /// Adds an MLP, and gives its number.
     fn add(&mut self, inputs: Vec<Input>) -> usize {
         let mlp = Mlp {
             offset: self.parameters,
@@ -265,22 +291,33 @@ impl List<'_> {
 /// How a matrix is packed (weights.cu).
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Order {
+    /// For a product with the matrix.
     Forward,
+    /// For a product with the transposed matrix.
     Transposed,
+    /// Row after row, for `edges_backward`.
     Plain,
 }
 
+/// Rows of a step, steps of a matrix of 128 x 128, and words of a step.
+const STEP_ROWS: usize = 16;
+const STEPS: usize = 8;
+const STEP_WORDS: usize = MATRIX_WORDS / STEPS;
+
+/// Lays packed matrices out, one after the other.
 struct Packer {
+    /// Two-byte numbers whose sum is a weight.
     parts: usize,
     packs: Vec<Pack>,
     words: usize,
 }
 
 impl Packer {
+    /// Lays out the matrices that `fill` adds.
     fn sequence(&mut self, fill: impl FnOnce(&mut Self)) -> Packed {
-        let at = self.words;
+        let first = self.words;
         fill(self);
-        Packed { at, words: self.words - at }
+        Packed { first, words: self.words - first }
     }
 
     /// The rows of the first linear that act on an input.
@@ -291,12 +328,14 @@ impl Packer {
         self.matrix(from, rows, columns, order, kind != Input::State);
     }
 
+    /// The matrix of a linear but the first.
     fn linear(&mut self, mlp: &Mlp, layer: usize, order: Order) {
         self.matrix(mlp.weight(layer), mlp.width, mlp.outputs(layer), order, false);
     }
 
     fn matrix(&mut self, from: usize, rows: usize, columns: usize, order: Order, features: bool) {
-        let steps = if features { rows.div_ceil(16) } else { 8 };
+        let steps = if features { rows.div_ceil(STEP_ROWS) } else { STEPS };
+        // Features carry positions: sums of two float16 in either precision.
         let parts = if features { 2 } else { self.parts };
         self.packs.push(Pack {
             from: from as i32,
@@ -310,7 +349,7 @@ impl Packer {
             plain: i32::from(order == Order::Plain),
             to: self.words as i32,
         });
-        self.words += parts * steps * UNIT / 8;
+        self.words += parts * steps * STEP_WORDS;
     }
 }
 

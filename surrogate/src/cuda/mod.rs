@@ -1,44 +1,49 @@
-//! The learned simulator on an NVIDIA GPU. Kernels are CUDA C++ beside their wrappers (`graph.rs`
-//! and `graph.cu`), and each is the twin of code for the CPU.
+//! The learned simulator on an NVIDIA GPU.
 //!
-//! The networks are computed in float32, or in bfloat16 with sums in float32. The plain Burn model
-//! of [`crate::network`] is the reference; docs/notes/2026-11-22-network-kernels.md has the design. States are
-//! rows of 128 columns; narrower networks are padded with zeros.
+//! `ops` are the kernels: CUDA C++ beside typed wrappers of the same name (`graph.rs` and
+//! `graph.cu`), each the twin of code for the CPU. The network, its training and rollouts are made of
+//! them.
+//!
+//! Networks are computed in float32, or in bfloat16 with sums in float32. The plain Burn model of
+//! [`crate::network`] is the reference; docs/notes/2026-11-22-network-kernels.md describes the design.
+//! States are rows of 128 columns; narrower networks are padded with zeros.
 
-mod ahead;
-mod arguments;
-mod backward;
+mod activations;
+mod advance;
+mod backward_pass;
 mod batch;
-mod buffers;
-mod constraints;
 mod error;
-mod features;
-mod forward;
-mod graph;
-mod integrate;
-mod kernels;
-mod launch;
+mod forward_pass;
+mod frame_builder;
+mod graph_builder;
+mod integrator;
 mod layout;
 mod network;
-mod predict;
+mod ops;
 mod products;
-mod profile;
-mod push_forward;
-mod rollout;
-mod room;
+mod pushforward;
+mod rollout_graph;
+mod rollout_thread;
+mod support;
 mod trainer;
 mod upload;
+mod weight_gradient;
 
-pub use ahead::Ahead;
-pub use batch::{BatchBuilder, DeviceBatch, EDGES_PER_POINT, HostWindows, Seen};
-pub use buffers::{DeviceGraph, FrameInput};
+pub use batch::{BatchBuilder, DeviceBatch, EDGES_PER_POINT, HostWindows, PredictionInput};
 pub use error::CudaError;
-pub use features::{FEATURES_SOURCE, FrameBuilder, NewFrame, features_defines};
-pub use graph::{GRAPH_SOURCE, GraphBuilder, graph_defines};
-pub use integrate::{BLOCK, Frames, INTEGRATE_SOURCE, Integrator, Landing, Motion};
-pub use kernels::{SOURCES, defines};
-pub use network::{Capacity, CudaNetwork, supports};
-pub use predict::{CudaRollout, Network, Past};
-pub use push_forward::PUSH_FORWARD_SOURCE;
+pub use frame_builder::{FrameBuilder, NewFrame};
+pub use graph_builder::GraphBuilder;
+pub use integrator::{BLOCK, Frames, Integrator, Landing, Motion};
+pub use network::CudaNetwork;
+pub use ops::features::features_source;
+pub use ops::frame_input::{DeviceGraph, FrameInput};
+pub use ops::graph::graph_source;
+pub use ops::integrate::integrate_source;
+pub use ops::kernels::network_sources;
+pub use ops::push_forward::push_forward_source;
+pub use ops::source::Source;
+pub use rollout_graph::{CudaRollout, Network, Past};
+pub use rollout_thread::RolloutThread;
+pub use support::{Capacity, supports};
 pub use trainer::{CudaTrainer, LOSSES, Rates};
 pub use upload::{HostInput, upload};

@@ -5,32 +5,29 @@ use std::sync::Arc;
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaGraph, CudaSlice, CudaViewMut};
-use gpu::Device;
 use gpu::ranks::Ranks;
+use gpu::{ConstPointer, Device, Pointer};
 
-use super::arguments::Address;
-use super::batch::{PLACES, Seen};
-use super::buffers::FrameInput;
+use super::batch::{PLACES, PredictionInput};
 use super::error::CudaError;
-use super::kernels::Kernels;
-use super::network::{Capacity, CudaNetwork, View};
-use super::products::{List, Products};
+use super::network::{CudaNetwork, FrameView};
+use super::ops::frame_input::FrameInput;
+use super::ops::optimiser::{Adam, Loss};
+use super::support::Capacity;
+use super::weight_gradient::{Products, WeightGradient};
 use crate::network::{ModelConfig, Precision};
 
-/// Losses that can wait on the device to be read.
+/// Most losses that the device keeps until they are read.
 pub const LOSSES: usize = 4096;
-/// Numbers behind the gradient: the sums of squared errors and of squared targets, or of the losses of
-/// GPUs and of ones; their ratio is the loss.
-pub const SUMS: usize = 2;
 /// Keeps the loss finite when nothing accelerates.
 const SMALLEST_TARGET: f32 = 1e-12;
 
 /// A network in training.
 pub struct CudaTrainer {
     network: CudaNetwork,
-    /// The same without room for gradients, once something is to be predicted.
+    /// The same without memory for gradients, once something is to be predicted.
     predictor: Option<CudaNetwork>,
-    products: Products,
+    gradient: WeightGradient,
     /// Added in squares to the squared targets of the loss.
     floor: f32,
     /// Makes the loss of several GPUs the mean of theirs.
@@ -44,24 +41,26 @@ pub struct CudaTrainer {
     average: Option<CudaSlice<f32>>,
     /// Learning rate, the averages' corrections, decay of the average of the weights.
     rates: CudaSlice<f32>,
+    /// The last [`LOSSES`] losses in turn, and the number of steps.
     losses: CudaSlice<f32>,
     counter: CudaSlice<u32>,
     /// The steps that can be repeated, the oldest first.
-    queued: VecDeque<Queued>,
+    captured: VecDeque<CapturedStep>,
 }
 
-/// A step on what is at certain addresses, however large the batch is that is there.
-struct Queued {
-    views: Vec<View>,
-    target: Address,
+/// A step on certain buffers, however large the batch is that they hold.
+struct CapturedStep {
+    views: Vec<FrameView>,
+    target: ConstPointer<f32>,
     /// Read by the graph.
-    _list: List,
+    _products: Products,
     graph: CudaGraph,
 }
 
 /// Numbers that change from step to step.
 #[derive(Clone, Copy, Debug)]
 pub struct Rates {
+    /// Learning rate.
     pub rate: f32,
     /// 1 - beta^n of the averages of the gradient and of its square.
     pub corrections: [f32; 2],
@@ -88,7 +87,7 @@ impl CudaTrainer {
         let count = network.layout.parameters;
         Ok(Self {
             predictor: None,
-            products: Products::new(&network, device)?,
+            gradient: WeightGradient::new(&network)?,
             floor: 0.0,
             each_relative: false,
             ranks,
@@ -98,7 +97,7 @@ impl CudaTrainer {
             rates: device.zeros(4)?,
             losses: device.zeros(LOSSES)?,
             counter: device.zeros(1)?,
-            queued: VecDeque::new(),
+            captured: VecDeque::new(),
             network,
         })
     }
@@ -110,15 +109,16 @@ impl CudaTrainer {
         Self { floor, each_relative: each, ..self }
     }
 
+    /// The network in training.
     pub fn network(&mut self) -> &mut CudaNetwork {
         &mut self.network
     }
 
     fn device(&self) -> Arc<Device> {
-        self.network.kernels.device.clone()
+        self.network.device().clone()
     }
 
-    /// Makes room for larger batches, if need be.
+    /// Grows to this capacity, if need be.
     ///
     /// # Errors
     /// If the GPU's memory is too small.
@@ -127,41 +127,46 @@ impl CudaTrainer {
         self.network.grow(capacity)?;
         if self.network.capacity() != before {
             self.device().stream().synchronize()?;
-            self.queued.clear();
-            self.products = Products::new(&self.network, &self.device())?;
+            self.captured.clear();
+            self.gradient = WeightGradient::new(&self.network)?;
         }
         Ok(())
     }
 
-    /// Queues what the network says of windows, normalised accelerations. Those that go on with a
-    /// frame are the ones of the call before.
+    /// Queues the prediction of the normalised accelerations of windows (points x dimensions). Windows
+    /// that go on with a frame are those of the call before.
     ///
     /// # Errors
     /// If the GPU's memory is too small.
-    pub fn say(&mut self, seen: Seen, said: &mut CudaViewMut<f32>) -> Result<(), CudaError> {
+    pub fn predict_windows(
+        &mut self,
+        input: PredictionInput,
+        predicted: &mut CudaViewMut<f32>,
+    ) -> Result<(), CudaError> {
+        use PredictionInput::{Next, Windows};
         let stream = self.device().stream().clone();
-        let output = match (seen, &mut self.predictor) {
-            (Seen::Next { frame, before }, Some(predictor)) => predictor.advance(frame, before)?,
-            (Seen::Next { frame, .. }, None) => {
-                return Err(CudaError::Room { what: "frames", found: frame.graph.points, room: 0 });
+        let output = match (input, &mut self.predictor) {
+            (Next { frame, before }, Some(predictor)) => predictor.advance(frame, before)?,
+            (Next { frame, .. }, None) => {
+                let (what, found) = ("frames", frame.graph.points);
+                return Err(CudaError::Capacity { what, found, room: 0 });
             }
-            (Seen::Windows { frames, followed: true }, _) => {
-                self.predictor(frames)?.begin(frames)?
-            }
-            (Seen::Windows { frames, followed: false }, _) => self.predict(frames)?,
+            (Windows { frames, followed: true }, _) => self.predictor(frames)?.begin(frames)?,
+            (Windows { frames, followed: false }, _) => self.predict(frames)?,
         };
-        Ok(stream.memcpy_dtod(&output.slice(..said.len()), said)?)
+        Ok(stream.memcpy_dtod(&output.slice(..predicted.len()), predicted)?)
     }
 
-    /// The network as it is by now, with room for the frames of windows.
+    /// The network as it is by now, with memory for the frames of windows.
     fn predictor(&mut self, frames: &[FrameInput]) -> Result<&mut CudaNetwork, CudaError> {
         let graph = &frames[0].graph;
         let room = Capacity { points: graph.points, edges: graph.capacity };
         let mut predictor = match self.predictor.take() {
             Some(predictor) => predictor,
             None => {
-                let Kernels { device, precision, .. } = &self.network.kernels;
-                CudaNetwork::new(device, &self.network.config, *precision, room, false)?
+                let Self { network, .. } = self;
+                let precision = network.kernels.launcher.precision;
+                CudaNetwork::new(network.device(), &network.config, precision, room, false)?
             }
         };
         predictor.grow(room)?;
@@ -169,8 +174,8 @@ impl CudaTrainer {
         Ok(self.predictor.insert(predictor))
     }
 
-    /// What the network says of a window or a batch of windows, the oldest frame first: normalised
-    /// accelerations, points x dimensions, at the start of the list. Does not wait.
+    /// Predicts the normalised accelerations of a window or a batch of windows, the oldest frame first
+    /// (points x dimensions, at the start of the list). Does not wait.
     ///
     /// # Errors
     /// If the GPU's memory is too small.
@@ -182,7 +187,7 @@ impl CudaTrainer {
     /// not wait.
     ///
     /// # Errors
-    /// If there are more points or edges than there is room for.
+    /// If there are more points or edges than there is memory for.
     pub fn step(
         &mut self,
         frames: &[FrameInput],
@@ -193,35 +198,39 @@ impl CudaTrainer {
         let stream = self.device().stream().clone();
         stream.memcpy_htod(&[rate, mean, square, decay], &mut self.rates)?;
         let views = self.network.views(frames)?;
-        let target = self.network.address(target);
-        let known = |queued: &Queued| queued.views == views && queued.target == target;
-        match self.queued.iter().find(|queued| known(queued)) {
-            Some(queued) => queued.graph.launch()?,
-            None => self.queue(views, target)?,
+        let target = self.network.pointer(target);
+        let same = |step: &&CapturedStep| step.views == views && step.target == target;
+        match self.captured.iter().find(same) {
+            Some(step) => step.graph.launch()?,
+            None => self.capture(views, target)?,
         }
         if let Some(ranks) = &self.ranks {
-            ranks.all_reduce(&mut self.products.gradient)?;
+            ranks.all_reduce(&mut self.gradient.gradient)?;
             self.queue_update()?;
         }
         Ok(())
     }
 
     /// Captures a step in a CUDA graph and queues it.
-    fn queue(&mut self, views: Vec<View>, target: Address) -> Result<(), CudaError> {
+    fn capture(
+        &mut self,
+        views: Vec<FrameView>,
+        target: ConstPointer<f32>,
+    ) -> Result<(), CudaError> {
         let stream = self.device().stream().clone();
-        let list = self.products.list(&self.network, &views)?;
+        let products = self.gradient.products(&self.network, &views)?;
         // What is captured must not wait for what was queued before.
         stream.synchronize()?;
         stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
-        let captured = self.queue_captured(&views, target, &list);
+        let captured = self.queue_captured(&views, target, &products);
         let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
         captured?;
         let Some(graph) = graph else { return Ok(()) };
         graph.launch()?;
-        if self.queued.len() == PLACES {
-            self.queued.pop_front();
+        if self.captured.len() == PLACES {
+            self.captured.pop_front();
         }
-        self.queued.push_back(Queued { views, target, _list: list, graph });
+        self.captured.push_back(CapturedStep { views, target, _products: products, graph });
         Ok(())
     }
 
@@ -229,52 +238,58 @@ impl CudaTrainer {
     /// too, all would have to do so at the same time, but each has batches of its own.
     fn queue_captured(
         &self,
-        views: &[View],
-        target: Address,
-        list: &List,
+        views: &[FrameView],
+        target: ConstPointer<f32>,
+        products: &Products,
     ) -> Result<(), CudaError> {
-        self.queue_gradient(views, target, list)?;
+        self.queue_gradient(views, target, products)?;
         if self.ranks.is_none() { self.queue_update() } else { Ok(()) }
     }
 
     /// Queues Adam's step with the gradient.
     fn queue_update(&self) -> Result<(), CudaError> {
         let network = &self.network;
-        let lists = [
-            network.address(&network.parameters),
-            network.address(&self.mean),
-            network.address(&self.square),
-            self.average.as_ref().map_or(0, |average| network.address(average)),
-            network.address(&self.products.gradient),
-            network.address(&self.rates),
-        ];
-        let ring = [network.address(&self.losses), network.address(&self.counter)];
-        network.kernels.adam(lists, network.layout.parameters, ring, LOSSES)?;
+        let stream = network.device().stream();
+        let average = self.average.as_ref();
+        network.kernels.optimiser.adam(&Adam {
+            weights: Pointer::to(&network.parameters, stream),
+            mean: Pointer::to(&self.mean, stream),
+            square: Pointer::to(&self.square, stream),
+            average: average.map_or(Pointer::NULL, |average| Pointer::to(average, stream)),
+            gradient: ConstPointer::to(&self.gradient.gradient, stream),
+            rates: ConstPointer::to(&self.rates, stream),
+            count: network.layout.parameters as i32,
+            losses: Pointer::to(&self.losses, stream),
+            counter: Pointer::to(&self.counter, stream),
+            ring: LOSSES as u32,
+        })?;
         network.pack()
     }
 
+    /// Queues the loss and its gradient.
     fn queue_gradient(
         &self,
-        views: &[View],
-        target: Address,
-        list: &List,
+        views: &[FrameView],
+        target: ConstPointer<f32>,
+        products: &Products,
     ) -> Result<(), CudaError> {
         let network = &self.network;
-        network.pass(views, true)?;
-        let Some(passed) = &network.room.training else { return Ok(()) };
-        network.kernels.loss(
-            [network.address(&network.output), target],
-            views[0].nodes,
-            network.layout.dimensions,
-            [
-                passed.output,
-                network.address(&self.products.gradient) + 4 * network.layout.parameters as u64,
-            ],
-            self.floor,
-            self.each_relative,
-        )?;
-        network.propagate(views, passed, list, || self.products.add_up_edges(network))?;
-        self.products.launch(network, list)
+        network.forward_pass(views, true)?;
+        let Some(gradients) = &network.activations.gradients else { return Ok(()) };
+        let all = Pointer::to(&self.gradient.gradient, network.device().stream());
+        network.kernels.optimiser.loss_gradient(&Loss {
+            output: network.pointer(&network.output),
+            target,
+            nodes: views[0].nodes,
+            columns: network.layout.dimensions as i32,
+            gradient: gradients.output,
+            sums: all.offset(network.layout.parameters),
+            floor: self.floor,
+            relative: i32::from(self.each_relative),
+        })?;
+        let after_edges = || self.gradient.reduce_edges(network);
+        network.backward_pass(views, gradients, products, after_edges)?;
+        self.gradient.compute(network, products)
     }
 
     /// The loss and its gradient, in the order of the weights, which stay as they are. Other GPUs
@@ -288,9 +303,9 @@ impl CudaTrainer {
         target: &CudaSlice<f32>,
     ) -> Result<(f32, Vec<f32>), CudaError> {
         let views = self.network.views(frames)?;
-        let products = self.products.list(&self.network, &views)?;
-        self.queue_gradient(&views, self.network.address(target), &products)?;
-        let mut list = self.device().stream().clone_dtoh(&self.products.gradient)?;
+        let products = self.gradient.products(&self.network, &views)?;
+        self.queue_gradient(&views, self.network.pointer(target), &products)?;
+        let mut list = self.device().stream().clone_dtoh(&self.gradient.gradient)?;
         let sums = list.split_off(self.network.layout.parameters);
         let scale = sums[1].max(SMALLEST_TARGET);
         list.iter_mut().for_each(|sum| *sum /= scale);
@@ -307,10 +322,10 @@ impl CudaTrainer {
         target: &CudaSlice<f32>,
     ) -> Result<Vec<(&'static str, usize, f32)>, CudaError> {
         let views = self.network.views(frames)?;
-        let products = self.products.list(&self.network, &views)?;
+        let products = self.gradient.products(&self.network, &views)?;
         self.network.profile(|network| {
             network.pack()?;
-            self.queue_gradient(&views, network.address(target), &products)
+            self.queue_gradient(&views, network.pointer(target), &products)
         })
     }
 
@@ -319,7 +334,7 @@ impl CudaTrainer {
     /// # Errors
     /// If a kernel failed.
     pub fn losses(&self, count: usize) -> Result<Vec<f32>, CudaError> {
-        let stream = self.network.kernels.device.stream();
+        let stream = self.network.device().stream();
         let end = stream.clone_dtoh(&self.counter)?[0] as usize;
         let all = stream.clone_dtoh(&self.losses)?;
         let first = end.saturating_sub(count.min(LOSSES));
@@ -331,7 +346,7 @@ impl CudaTrainer {
     /// # Errors
     /// If a kernel failed.
     pub fn download(&self) -> Result<[Vec<f32>; 4], CudaError> {
-        let stream = self.network.kernels.device.stream();
+        let stream = self.network.device().stream();
         let average = match &self.average {
             Some(average) => stream.clone_dtoh(average)?,
             None => Vec::new(),

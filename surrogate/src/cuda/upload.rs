@@ -1,25 +1,30 @@
-//! Frames from the host's memory to the GPU's.
+//! Upload of frames whose graphs and features the host computed.
 
 use std::sync::Arc;
 
 use cudarc::driver::{CudaSlice, DeviceRepr};
 use gpu::Device;
 
-use super::buffers::{DeviceGraph, FrameInput};
 use super::error::CudaError;
+use super::ops::frame_input::{DeviceGraph, FrameInput};
 use crate::features::HostFrame;
 
-/// A frame as the GPU wants it.
+/// A frame in host memory, laid out as [`FrameInput`].
 #[derive(Clone, Debug)]
 pub struct HostInput {
+    /// Number of nodes.
     pub points: usize,
     /// Features of a node and of an edge.
     pub columns: [usize; 2],
+    /// Features of nodes (points x columns) and of edges (edges x columns).
     pub nodes: Vec<f32>,
+    /// See `nodes`.
     pub edges: Vec<f32>,
-    /// First edge of each receiver.
+    /// First edge of each receiver (points + 1).
     pub start: Vec<u32>,
+    /// Sender of each edge.
     pub sender: Vec<u32>,
+    /// Receiver of each edge.
     pub receiver: Vec<u32>,
     /// Index of each edge's reverse.
     pub reverse: Vec<u32>,
@@ -59,11 +64,11 @@ impl From<HostFrame> for HostInput {
 }
 
 impl FrameInput {
-    /// An empty frame with room for `points` and `edges` with so many features each.
+    /// An empty frame with memory for `points` and `edges` with so many features (`columns`) each.
     ///
     /// # Errors
     /// If the GPU's memory is too small.
-    pub fn with_room(
+    pub(super) fn with_capacity(
         device: &Arc<Device>,
         points: usize,
         edges: usize,
@@ -89,8 +94,8 @@ impl FrameInput {
     /// Takes another frame.
     ///
     /// # Errors
-    /// If there is no room for it.
-    pub fn fill(&mut self, device: &Device, frame: &HostInput) -> Result<(), CudaError> {
+    /// If it is too large.
+    pub(super) fn fill(&mut self, device: &Device, frame: &HostInput) -> Result<(), CudaError> {
         let graph = &mut self.graph;
         copy(device, "points", &frame.start, &mut graph.start)?;
         copy(device, "edges", &frame.sender, &mut graph.sender)?;
@@ -104,7 +109,7 @@ impl FrameInput {
     }
 }
 
-/// Copies a frame to the GPU, with room for `capacity` edges.
+/// Copies a frame to the GPU, with memory for `capacity` edges.
 ///
 /// # Errors
 /// If the frame has more edges, or the GPU's memory is too small.
@@ -113,7 +118,7 @@ pub fn upload(
     frame: &HostInput,
     capacity: usize,
 ) -> Result<FrameInput, CudaError> {
-    let mut input = FrameInput::with_room(device, frame.points, capacity, frame.columns)?;
+    let mut input = FrameInput::with_capacity(device, frame.points, capacity, frame.columns)?;
     input.fill(device, frame)?;
     Ok(input)
 }
@@ -126,7 +131,7 @@ fn copy<T: DeviceRepr>(
 ) -> Result<(), CudaError> {
     let (found, room) = (list.len(), to.len());
     if found > room {
-        return Err(CudaError::Room { what, found, room });
+        return Err(CudaError::Capacity { what, found, room });
     }
     if found > 0 {
         device.stream().memcpy_htod(list, &mut to.slice_mut(..found))?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::constraints::Constraints;
 use super::error::RolloutError;
 use super::initial_frames::InitialFrames;
-use crate::cuda::{Ahead, Capacity, CudaNetwork, CudaRollout, Motion, Past};
+use crate::cuda::{Capacity, CudaNetwork, CudaRollout, Motion, Past, RolloutThread};
 use crate::diagnostics::CrowdingLimit;
 use crate::features::{Obstacle, Window};
 use crate::inference::Inference;
@@ -18,7 +18,7 @@ enum Engine {
     /// On the processor.
     Cpu(Box<Inference>, CrowdingLimit),
     /// On a GPU, some frames ahead.
-    Cuda(Ahead),
+    Cuda(RolloutThread),
 }
 
 /// A rollout under way.
@@ -90,7 +90,7 @@ impl<'a> Rollout<'a> {
     /// before.
     pub fn advance(&mut self) -> Result<&[[f64; 2]], RolloutError> {
         let next = match &mut self.engine {
-            Engine::Cuda(ahead) => ahead.next_frame()?,
+            Engine::Cuda(thread) => thread.next_frame()?,
             Engine::Cpu(network, limit) => {
                 let limit = *limit;
                 let frames = self.window.iter().flatten().flatten();
@@ -144,7 +144,7 @@ fn start_on_gpu(
     device: &Arc<gpu::Device>,
     simulator: &Simulator,
     initial: &InitialFrames,
-) -> Ahead {
+) -> RolloutThread {
     let interval = simulator.training.frame_interval;
     let relative = f64::from(u8::from(simulator.training.without_gravity));
     let motion = Motion {
@@ -161,7 +161,7 @@ fn start_on_gpu(
     let next = initial.positions.len();
     let statics = initial.statics.clone();
     let (device, precision) = (device.clone(), simulator.precision);
-    Ahead::start(move || {
+    RolloutThread::start(move || {
         let room = Capacity { points: window[0].len(), edges: 1 };
         let mut network = CudaNetwork::new(&device, &config, precision, room, false)?;
         network.set_weights(&weights)?;

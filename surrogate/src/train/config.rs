@@ -115,7 +115,7 @@ impl Default for TrainConfig {
             ema: 0.0,
             loss_floor: 0.0,
             loss_over: LossOver::default(),
-            precision: Precision::default(),
+            precision: Precision::F32,
             data: Data::default(),
             schedule: Schedule::default(),
             pushforward: Pushforward::default(),

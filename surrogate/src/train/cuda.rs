@@ -172,8 +172,9 @@ impl CudaBackend {
             none => none.insert(BatchBuilder::new(device, config, normalisation, bounds)?),
         };
         let trainer = &mut self.trainer;
-        let batch = builder.make(&batch.windows, |seen, said| trainer.say(seen, said))?;
-        trainer.grow(batch.room())?;
+        let batch = builder
+            .make(&batch.windows, |input, predicted| trainer.predict_windows(input, predicted))?;
+        trainer.grow(batch.capacity())?;
         Ok((trainer, batch))
     }
 

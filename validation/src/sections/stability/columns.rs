@@ -1,7 +1,7 @@
 //! Tall columns: energy of their fall, overlaps under their weight.
 
+use dempm::run::Monitor;
 use dempm::simulation::{SceneMaterial, Simulation, SimulationError};
-use dempm::watch::Watch;
 use rayon::prelude::*;
 
 use super::learned::roll::window;
@@ -26,7 +26,7 @@ fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
     let scene = scene::parse(name, text)?;
     let failed = |e: SimulationError| StudyError::Scene { name: name.into(), reason: chain(&e) };
     let mut simulation = Simulation::new(scene).map_err(failed)?;
-    let mut watch = Watch::default();
+    let mut monitor = Monitor::default();
     let mut fall = Fall {
         said: scene::doubts(text).into_iter().filter(|doubt| !meant(doubt)).collect(),
         error: None,
@@ -46,7 +46,7 @@ fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
             break;
         }
         if simulation.state.step.is_multiple_of(per_frame) {
-            fall.said.extend(watch.observe(&simulation, &simulation.frame()));
+            fall.said.extend(monitor.observe(&simulation, &simulation.frame()));
             fall.energy = fall.energy.max(energy(&simulation) / start);
         }
     }

@@ -82,7 +82,7 @@ fn judge(cycle: &Cycle, gas: &Cycle, p: &RveParameters) -> Outcome {
         format!("stress-free {part:.0} % of RVE steps")
     });
     let deep = (cycle.overlap > p.overlap_warning)
-        .then(|| dempm::watch::overlap(cycle.overlap, p.overlap_warning));
+        .then(|| dempm::run::monitor::overlap(cycle.overlap, p.overlap_warning));
     Outcome::of(symptom, deep.or(free))
 }
 

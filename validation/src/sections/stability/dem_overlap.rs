@@ -55,7 +55,7 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
         return Outcome::Failed { message: message.clone() };
     }
     let deep = look.overlap > p.overlap_warning;
-    Outcome::of(None, deep.then(|| dempm::watch::overlap(look.overlap, p.overlap_warning)))
+    Outcome::of(None, deep.then(|| dempm::run::monitor::overlap(look.overlap, p.overlap_warning)))
 }
 
 pub fn study(suite: Suite) -> Result<Study, StudyError> {

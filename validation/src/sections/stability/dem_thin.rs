@@ -79,7 +79,8 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
     if let Some(message) = &look.failure {
         return Outcome::Failed { message: message.clone() };
     }
-    let held = look.thin.then(|| dempm::watch::thin(p.thin_width, look.width * p.mean_diameter()));
+    let held =
+        look.thin.then(|| dempm::run::monitor::thin(p.thin_width, look.width * p.mean_diameter()));
     let sound = (SOUND[0]..SOUND[1]).contains(&look.sin_phi);
     let symptom = format!("sin phi {:.2} in a cell {:.1} diameters wide", look.sin_phi, look.width);
     Outcome::of((!sound).then_some(symptom), held.or_else(|| said(p)))

@@ -90,7 +90,7 @@ impl Body {
 
     /// The end of a run that goes on until the solver gives up, if it does not stay stable.
     fn outcome(&mut self, dt: f64) -> Result<Outcome, StudyError> {
-        let said = dempm::watch::beyond_bound(dt, self.bound()?);
+        let said = dempm::run::monitor::beyond_bound(dt, self.bound()?);
         if self.stays(dt) {
             return Ok(Outcome::of(None, said));
         }

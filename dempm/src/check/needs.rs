@@ -1,0 +1,392 @@
+//! Cost of a scene, the expected flow regime, and warnings.
+
+use super::units::quantity;
+use crate::run::monitor;
+use crate::scene::{CROSSING, Material, Precision, Rve, Scene};
+use crate::trajectory::Field;
+
+/// Cost of running a scene and the flow regime to expect. SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Needs {
+    /// Title of the scene.
+    pub title: String,
+    /// File of the scene.
+    pub name: String,
+    /// Name of the material.
+    pub material: &'static str,
+    /// Material points.
+    pub points: usize,
+    /// Initial distance between neighbouring points (m).
+    pub spacing: f64,
+    /// Edge of a cell of the background grid (m).
+    pub cell: f64,
+    /// Cells along x and y.
+    pub cells: [usize; 2],
+    /// Frames after the initial one.
+    pub frames: usize,
+    /// Macro steps.
+    pub steps: usize,
+    /// Macro step (s).
+    pub step: f64,
+    /// Largest stable macro step for elastic waves (s).
+    pub step_limit: f64,
+    /// Bulk density (kg/m³).
+    pub density: f64,
+    /// Speed of compression waves (m/s).
+    pub wave_speed: f64,
+    /// Height of the highest pile (m).
+    pub height: f64,
+    /// Pressure under the highest pile (Pa).
+    pub base_pressure: f64,
+    /// Upper bound of velocities (m/s): free fall from the highest point with the initial velocity.
+    pub peak_velocity: f64,
+    /// Inertial number of the shear rate `peak velocity / height` at half the base pressure.
+    pub inertial_number: Option<f64>,
+    /// Duration of a collapse, `3.2 sqrt(H / g)` (s); none without gravity.
+    pub collapse_time: Option<f64>,
+    /// Expected extent of the deposit along x (m), ignoring walls.
+    pub reach: Option<[f64; 2]>,
+    /// Cost of the packings.
+    pub rve: Option<RveNeeds>,
+    /// Size of the uncompressed trajectory (bytes).
+    pub output: f64,
+    /// Memory for points, grid and packings (bytes).
+    pub memory: f64,
+    /// Estimated wall time (s).
+    pub seconds: f64,
+    /// Ways in which the scene leaves the validity of the method.
+    pub warnings: Vec<String>,
+}
+
+/// Cost and stability of the packings of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RveNeeds {
+    /// Discs in one RVE.
+    pub discs: usize,
+    /// Side of the RVE (m).
+    pub side: f64,
+    /// Different packings.
+    pub packings: usize,
+    /// DEM steps in a macro step.
+    pub substeps: usize,
+    /// DEM step (s).
+    pub step: f64,
+    /// Largest stable DEM step (s).
+    pub step_limit: f64,
+    /// Stiffness number `kn / (p t)` under the highest pile; infinite without gravity.
+    pub stiffness_number: f64,
+    /// DEM steps times discs of the whole run.
+    pub disc_steps: f64,
+    /// Disc-steps per second.
+    pub rate: f64,
+}
+
+/// DEM step beyond which packings are unstable, in `sqrt(m_min / kn)`.
+const UNSTABLE_STEP: f64 = 0.55;
+/// Below this stiffness number overlaps are no longer small.
+const SOFT: f64 = 50.0;
+/// Above this inertial number flow is no longer dense.
+pub(super) const COLLISIONAL: f64 = 0.1;
+/// Ratio of local pressures in impacts to the pressure at the base.
+const IMPACT: f64 = 4.0;
+/// Macro steps times points per second, without packings.
+const POINT_STEPS_PER_SECOND: f64 = 2.5e6;
+
+impl Needs {
+    /// Estimates the cost of `scene` with a DEM that makes `disc_steps_per_second`.
+    pub fn of(scene: &Scene, disc_steps_per_second: f64) -> Self {
+        let points = scene.point_count();
+        let gravity = scene.gravity[0].hypot(scene.gravity[1]);
+        let density = scene.material.density();
+        let height = scene.height();
+        let base_pressure = density * gravity * height;
+        let peak_velocity = peak_velocity(scene, gravity);
+        let point_steps = points as f64 * scene.steps() as f64;
+        let rve = match &scene.material {
+            Material::Rve(rve) => {
+                Some(RveNeeds::of(rve, scene, base_pressure, point_steps, disc_steps_per_second))
+            }
+            _ => None,
+        };
+        let mut needs = Self {
+            title: scene.title.clone(),
+            name: scene.name.clone(),
+            material: scene.material.name(),
+            points,
+            spacing: scene.domain.spacing(),
+            cell: scene.domain.cell,
+            cells: scene.domain.cells(),
+            frames: scene.frames(),
+            steps: scene.steps(),
+            step: scene.step,
+            step_limit: scene.step_limit(),
+            density,
+            wave_speed: scene.material.wave_speed(),
+            height,
+            base_pressure,
+            peak_velocity,
+            inertial_number: inertial_number(scene, peak_velocity / height, 0.5 * base_pressure),
+            collapse_time: (gravity > 0.0).then(|| 3.2 * (height / gravity).sqrt()),
+            reach: if gravity > 0.0 { reach(scene) } else { None },
+            output: (scene.frames() + 1) as f64 * points as f64 * bytes_per_point(&scene.fields),
+            memory: memory(scene, points),
+            seconds: point_steps / POINT_STEPS_PER_SECOND
+                + rve.as_ref().map_or(0.0, |rve| rve.disc_steps / rve.rate),
+            rve,
+            warnings: Vec::new(),
+        };
+        needs.warnings = needs.warnings(scene);
+        needs
+    }
+
+    fn warnings(&self, scene: &Scene) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let (Some(rve), Material::Rve(material)) = (&self.rve, &scene.material) {
+            let p = &material.parameters;
+            let overlap = 2.0 * IMPACT / rve.stiffness_number;
+            if rve.stiffness_number < SOFT {
+                warnings.push(format!(
+                    "discs are soft: kappa = {:.0} at the base, at least {SOFT} keeps overlaps below \
+                     2 % of a diameter; a larger normal_stiffness or a smaller thickness helps",
+                    rve.stiffness_number
+                ));
+            } else if overlap > p.overlap_warning {
+                warnings.push(format!(
+                    "impacts may press discs {:.0} % of a radius into each other, more than \
+                     overlap_warning",
+                    100.0 * overlap
+                ));
+            }
+            if material.precision == Precision::F32 {
+                let mean = 0.5 * self.base_pressure;
+                warnings.extend(monitor::unresolved(
+                    "the mean pressure of the highest pile",
+                    mean,
+                    p,
+                ));
+            }
+            if p.preparation.pressure > self.base_pressure && self.base_pressure > 0.0 {
+                warnings.push(format!(
+                    "packings are made at {}, more than the pressure at the base: the material \
+                     starts over-consolidated",
+                    quantity(p.preparation.pressure, "Pa")
+                ));
+            }
+        }
+        let crossing = self.peak_velocity * self.step / self.cell;
+        if crossing > CROSSING {
+            warnings.push(format!(
+                "points may cross {crossing:.2} cells in one step at {:.1} m/s; a shorter step keeps \
+                 it below {CROSSING}",
+                self.peak_velocity
+            ));
+        }
+        if let Some(i) = self.inertial_number.filter(|i| *i > COLLISIONAL) {
+            warnings.push(format!(
+                "the flow is collisional (inertial number about {i:.2}), where packings hardly touch"
+            ));
+        }
+        if let Some([left, right]) = self.reach {
+            let [from, to] = [0.0, scene.domain.size[0]];
+            let touches = |x: f64| {
+                scene.columns.iter().any(|c| {
+                    (c.place.corner[0] - x).abs() < self.spacing
+                        || (c.place.end()[0] - x).abs() < self.spacing
+                })
+            };
+            if right > to && !touches(to) {
+                warnings.push(format!("the front is expected to reach the right wall: {right:.1} m in a domain of {to} m"));
+            }
+            if left < from && !touches(from) {
+                warnings.push("the front is expected to reach the left wall".into());
+            }
+        }
+        if let Some(time) = self.collapse_time.filter(|time| *time > scene.duration) {
+            warnings.push(format!("the run ends before a collapse does ({time:.2} s)"));
+        }
+        warnings
+    }
+}
+
+impl RveNeeds {
+    fn of(
+        rve: &Rve,
+        scene: &Scene,
+        base_pressure: f64,
+        point_steps: f64,
+        disc_steps_per_second: f64,
+    ) -> Self {
+        let p = &rve.parameters;
+        let substeps = p.substeps(scene.step);
+        let inertia = p.mass_scale * p.disc_mass(p.radius_min);
+        let stiffness = p.normal_stiffness.max(p.tangential_stiffness);
+        Self {
+            discs: p.discs,
+            side: rve.side(),
+            packings: rve.packings,
+            substeps,
+            step: scene.step / substeps as f64,
+            step_limit: UNSTABLE_STEP * (inertia / stiffness).sqrt(),
+            stiffness_number: p.stiffness_number(base_pressure),
+            disc_steps: point_steps * substeps as f64 * p.discs as f64,
+            rate: disc_steps_per_second,
+        }
+    }
+}
+
+/// Upper bound of velocities: the energy of each column at its top (m/s).
+fn peak_velocity(scene: &Scene, gravity: f64) -> f64 {
+    let columns = scene.columns.iter().map(|column| {
+        let [u, v] = column.velocity;
+        (u * u + v * v + 2.0 * gravity * column.place.end()[1]).sqrt()
+    });
+    columns.fold(0.0, f64::max)
+}
+
+/// `rate d sqrt(rho_s / p)` with the scaled mass density; none without grains or without pressure.
+fn inertial_number(scene: &Scene, rate: f64, pressure: f64) -> Option<f64> {
+    let (diameter, density) = scene.material.grain();
+    let mass_scale = match &scene.material {
+        Material::Rve(rve) => rve.parameters.mass_scale,
+        _ => 1.0,
+    };
+    (diameter > 0.0 && pressure > 0.0)
+        .then(|| rate * diameter * (mass_scale * density / pressure).sqrt())
+}
+
+/// Expected extent of collapsed columns, from two-dimensional columns of discs: the runout over the
+/// width is `2.5 a` up to an aspect ratio `a` of 2 and `3.25 a^0.7` above (Staron and Hinch 2005).
+/// Ignores initial velocities, obstacles and other columns.
+fn reach(scene: &Scene) -> Option<[f64; 2]> {
+    if matches!(scene.material, Material::Elastic(_)) {
+        return None;
+    }
+    let tolerance = 0.5 * scene.domain.spacing();
+    let reaches = scene.columns.iter().filter_map(|column| {
+        let ([left, _], [right, top]) = (column.place.corner, column.place.end());
+        let at_left = left < tolerance;
+        let at_right = right > scene.domain.size[0] - tolerance;
+        if at_left && at_right {
+            return None;
+        }
+        let width = (right - left) * if at_left || at_right { 1.0 } else { 0.5 };
+        let aspect = top / width;
+        let runout = width * if aspect < 2.0 { 2.5 * aspect } else { 3.25 * aspect.powf(0.7) };
+        Some([
+            left - if at_left { 0.0 } else { runout },
+            right + if at_right { 0.0 } else { runout },
+        ])
+    });
+    reaches.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+}
+
+/// Bytes of one point in one frame before compression.
+fn bytes_per_point(optional: &[Field]) -> f64 {
+    let always = [Field::Position, Field::Velocity].map(|field| 8 * field.components().len());
+    let optional = optional.iter().map(|field| 4 * field.components().len());
+    always.into_iter().chain(optional).sum::<usize>() as f64
+}
+
+/// State of points, grid and packings (bytes): a disc, the pairs near it and their history take
+/// about 100 bytes in f32.
+fn memory(scene: &Scene, points: usize) -> f64 {
+    let cells = scene.domain.cells();
+    let mechanics = 300.0 * points as f64 + 100.0 * cells[0] as f64 * cells[1] as f64;
+    let per_point = match &scene.material {
+        Material::Rve(rve) => {
+            let per_disc = match rve.precision {
+                Precision::F32 => 100.0,
+                Precision::F64 => 200.0,
+            };
+            per_disc * rve.parameters.discs as f64
+        }
+        _ => 0.0,
+    };
+    mechanics + per_point * points as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn needs(text: &str) -> Needs {
+        Needs::of(&Scene::parse(text, "test.toml").unwrap(), 1.0e8)
+    }
+
+    const COLUMN: &str =
+        "duration = 3.0\n[domain]\nsize = [10.0, 10.0]\n[[column]]\nsize = [3.0, 3.0]\n";
+
+    #[test]
+    fn the_3_m_column_has_the_known_numbers() {
+        let needs = needs(COLUMN);
+        let rve = needs.rve.as_ref().unwrap();
+        assert_eq!((needs.points, rve.discs, rve.substeps, needs.steps), (2304, 400, 8, 30_000));
+        assert!((needs.density - 2226.0).abs() < 1.0);
+        assert!((needs.wave_speed - 80.0).abs() < 1.0);
+        assert!((needs.step_limit - 7.8e-4).abs() < 1.0e-5);
+        assert!((rve.step_limit - 3.4e-5).abs() < 1.0e-6);
+        assert!((needs.base_pressure - 65.5e3).abs() < 100.0);
+        assert!((rve.stiffness_number - 204.0).abs() < 1.0);
+        assert!((rve.disc_steps - 2.212e11).abs() < 1.0e9);
+        assert!((needs.seconds - 2212.0).abs() < 60.0);
+        // The column reaches the wall of the box, and nothing else is wrong with it.
+        let [warning] = &needs.warnings[..] else { panic!("{:?}", needs.warnings) };
+        assert!(warning.contains("right wall: 10.5 m"), "{warning}");
+    }
+
+    #[test]
+    fn scenes_outside_the_sound_region_are_warned_about() {
+        for (lines, expected) in [
+            ("[rve]\nthickness = 0.075", "discs are soft: kappa = 20"),
+            ("[rve]\noverlap_warning = 0.01", "impacts may press discs 4 % of a radius"),
+            ("[rve]\npreparation.pressure = 1e5", "over-consolidated"),
+            ("[rve]\nmass_scale = 1000", "collisional"),
+        ] {
+            let warnings = needs(&format!("{COLUMN}{lines}")).warnings;
+            assert!(warnings.iter().any(|w| w.contains(expected)), "{expected}: {warnings:?}");
+        }
+        let short = COLUMN.replace("duration = 3.0", "duration = 1.0");
+        assert!(
+            needs(&short).warnings.iter().any(|w| w.contains("before a collapse does (1.77 s)"))
+        );
+        let fast = format!(
+            "{}velocity = [0, -62.4]",
+            COLUMN.replace("= 3.0\n[", "= 3.0\nstep = 4e-4\nframe_interval = 0.04\n[")
+        );
+        assert!(needs(&fast).warnings.iter().any(|w| w.contains("0.20 cells in one step")));
+    }
+
+    #[test]
+    fn pressures_that_f32_does_not_resolve_are_expected() {
+        let said = |lines: &str| {
+            let warnings = needs(&format!("gravity = [0, -0.03]\n{COLUMN}{lines}")).warnings;
+            warnings.iter().any(|w| w.contains("100 Pa, but under 170 Pa"))
+        };
+        assert!(said("[material]\nkind = \"rve\"\nprecision = \"f32\""));
+        assert!(!said("[material]\nkind = \"rve\"\nprecision = \"f64\""));
+    }
+
+    #[test]
+    fn without_gravity_nothing_is_expected_to_collapse() {
+        let needs = needs(&format!("gravity = [0, 0]\n{COLUMN}"));
+        assert_eq!((needs.collapse_time, needs.reach, needs.inertial_number), (None, None, None));
+        assert!(!needs.to_string().contains("inf"), "{needs}");
+        assert_eq!(needs.warnings, Vec::<String>::new());
+    }
+
+    #[test]
+    fn the_values_of_the_table_end_in_one_column() {
+        let text = needs(COLUMN).to_string();
+        let end = |label: &str, value: &str| {
+            let line = text.lines().find(|line| line.trim_start().starts_with(label)).unwrap();
+            line.find(value).map(|start| line[..start].chars().count() + value.chars().count())
+        };
+        let column = end("material points", "2 304");
+        assert!(column.is_some());
+        for (label, value) in
+            [("macro step", "100 µs"), ("DEM step", "12.5 µs"), ("time  ", "37 min")]
+        {
+            assert_eq!(end(label, value), column, "{text}");
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! `dempm dataset`: runs many scenes into a data set.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use files::{INTERRUPTED, interrupt_flag};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use miette::{IntoDiagnostic, Report, bail};
+
+use super::device::report as report_device;
+use super::progress::SceneProgress;
+use crate::dataset::scheduler::{self, Done};
+use crate::dataset::{self, Case, DatasetError, Metadata, Selection, Split, report};
+use crate::device::Device;
+use crate::run::{self, Outcome, SessionError, checkpoint_interval};
+
+/// Scenes at a time on a GPU: measured in docs/notes/2026-11-22-rve-kernel.md.
+const JOBS_ON_A_GPU: usize = 4;
+
+/// Arguments of `dempm dataset`.
+#[derive(clap::Args)]
+pub struct DatasetArgs {
+    /// `paper` for the 39 scenes of Zhao, Chen & Zhao (2025), or a list of scenes (TOML).
+    scenes: PathBuf,
+    /// Folder of the data set.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Only this split or these scenes of it: test, test/col2x2, test/col* (may be repeated).
+    #[arg(long, value_name = "SPLIT[/NAME]")]
+    only: Vec<Selection>,
+    /// Device to run on: auto (every visible GPU, else the CPU), cpu, cuda (every GPU) or cuda:N.
+    #[arg(long, default_value = "auto")]
+    device: Device,
+    /// Scenes at a time on each device [default: 4 on a GPU, 1 on the CPU].
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+    /// Run scenes again whose trajectories exist.
+    #[arg(long)]
+    overwrite: bool,
+    /// Least time between checkpoints, which never take more than 2 % of the time; 0: every frame.
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    checkpoint_interval: f64,
+}
+
+/// Makes a data set: complete trajectories stay, interrupted runs continue.
+///
+/// # Errors
+/// If the list or a scene is wrong, a device cannot be used, or scenes failed (after all others are
+/// finished).
+pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
+    let all = dataset::cases(&args.scenes)?;
+    dataset::check_intervals(&all, &args.scenes)?;
+    let selected = dataset::select(&all, &args.only, &args.scenes)?;
+    let selection = args.device.select_all().into_diagnostic()?;
+    report_device(&selection, verbose);
+    let usual = if selection.gpus.is_empty() { 1 } else { JOBS_ON_A_GPU };
+    let options = scheduler::Options {
+        jobs: args.jobs.map_or(usual, usize::from),
+        devices: selection.gpus,
+        overwrite: args.overwrite,
+        checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
+    };
+    let interrupted = interrupt_flag()?;
+    let progress = Progress::default();
+    let done = scheduler::run(&selected, &args.output, &options, &progress, &interrupted)?;
+
+    let rows = report::rows(&all, &args.output);
+    print!("{}", report::table(&rows));
+    report::write_csv(&rows, &args.output.join("scenes.csv"))?;
+    let trained = |row: &report::Row| row.split != Split::Train || row.is_finished();
+    if rows.iter().all(trained) && rows.iter().any(|row| row.split == Split::Train) {
+        let finished = dataset::finished(&all, &rows, &args.output);
+        Metadata::of(&finished)?.write(&args.output)?;
+        println!("{}", args.output.join("metadata.json").display());
+    } else {
+        println!("no metadata.json yet: the training set is not complete");
+    }
+    let mut failed = match done {
+        Done::Interrupted => {
+            let how = if args.overwrite { " without --overwrite" } else { "" };
+            eprintln!("interrupted; the same command{how} continues");
+            return Ok(ExitCode::from(INTERRUPTED));
+        }
+        Done::All => Vec::new(),
+        Done::Failed(names) => names,
+    };
+    // Some damage shows only when every frame is read.
+    let damaged = rows.iter().filter(|row| row.damaged).map(|row| row.split.case(&row.name));
+    failed.extend(damaged.filter(|name| !failed.contains(name)).collect::<Vec<_>>());
+    if failed.is_empty() { Ok(ExitCode::SUCCESS) } else { bail!("failed: {}", failed.join(", ")) }
+}
+
+/// Progress bars of the scenes being run, and one of all together.
+struct Progress {
+    bars: MultiProgress,
+    total: ProgressBar,
+}
+
+impl Default for Progress {
+    fn default() -> Self {
+        Self { bars: MultiProgress::new(), total: ProgressBar::hidden() }
+    }
+}
+
+impl Progress {
+    fn print(&self, line: &str) {
+        self.bars.suspend(|| eprintln!("{line}"));
+    }
+}
+
+impl scheduler::Observer for Progress {
+    fn begin(&self, open: &[&Case], all: usize, damaged: usize) {
+        let complete = all - open.len() - damaged;
+        if complete > 0 {
+            eprintln!("{complete} of {all} scenes are complete");
+        }
+        let style = "{prefix:<20} {bar:24} {percent:>3} %  {eta} left";
+        self.total.set_style(ProgressStyle::with_template(style).expect("the template is valid"));
+        self.total.set_length(open.iter().map(|case| case.work()).sum());
+        self.total.set_prefix(format!("{} scenes", open.len()));
+        self.bars.add(self.total.clone());
+    }
+
+    fn session(&self) -> Box<dyn run::Observer> {
+        Box::new(SceneProgress::new(self.bars.clone(), Some(self.total.clone())))
+    }
+
+    fn damaged(&self, error: DatasetError) {
+        eprintln!("{:?}", Report::new(error));
+    }
+
+    fn ended(&self, case: &Case, outcome: Result<Outcome, SessionError>) {
+        let name = case.full_name();
+        match outcome {
+            Ok(Outcome::Finished { .. }) => self.print(&format!("{name} done")),
+            Ok(Outcome::Interrupted { step, steps }) => {
+                self.print(&format!("{name} interrupted at step {step} of {steps}"));
+            }
+            Err(error) => self.print(&format!("{name} failed: {:?}", Report::new(error))),
+        }
+    }
+
+    fn finish(&self) {
+        self.total.finish_and_clear();
+    }
+}

@@ -1,0 +1,15 @@
+//! The commands: arguments, terminal output and exit codes. All else is in the other modules, which
+//! know nothing of the terminal.
+
+pub mod bench;
+pub mod check;
+pub mod dataset;
+mod device;
+pub mod element;
+pub mod export;
+pub mod info;
+mod outputs;
+pub mod plot;
+mod progress;
+pub mod run;
+mod summary;

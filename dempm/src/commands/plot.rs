@@ -1,0 +1,80 @@
+//! `dempm plot`: draws or animates a trajectory.
+
+use std::path::PathBuf;
+
+use files::refuse_input;
+use miette::{Report, WrapErr};
+
+use crate::figures::{FigureError, Options, Quantity, Selection, animate, draw};
+use crate::trajectory::Trajectory;
+
+/// The arguments of `dempm plot`.
+#[derive(clap::Args, Clone, Debug)]
+pub struct PlotArgs {
+    /// The trajectory file
+    pub file: PathBuf,
+    /// The figure to write (PNG) [default: FILE with suffix .png]
+    #[arg(short, long, value_name = "PNG")]
+    pub output: Option<PathBuf>,
+    /// Frames to show, such as 0,50,last [default: four over the whole run; all when animated]
+    #[arg(long, value_delimiter = ',', conflicts_with = "times")]
+    pub frames: Vec<String>,
+    /// Times to show, in seconds; each picks the nearest frame
+    #[arg(long, value_delimiter = ',', value_name = "SECONDS")]
+    pub times: Vec<f64>,
+    /// The quantity that the colours show
+    #[arg(long, value_enum, default_value_t = Quantity::Speed)]
+    pub field: Quantity,
+    /// Logarithmic colours
+    #[arg(long)]
+    pub log: bool,
+    /// Write an animation: GIF, or MP4 where ffmpeg is installed
+    #[arg(long, value_name = "GIF|MP4")]
+    pub animate: Option<PathBuf>,
+    /// Width in pixels [default: 1600; 960 when animated]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(320..=8000))]
+    pub width: Option<u32>,
+    /// Frames a second of the animation
+    #[arg(long, default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..=50))]
+    pub fps: u32,
+}
+
+impl PlotArgs {
+    fn options(&self) -> Options {
+        let frames = match (self.times.is_empty(), self.frames.is_empty()) {
+            (false, _) => Selection::Times(self.times.clone()),
+            (true, false) => Selection::Frames(self.frames.clone()),
+            (true, true) => Selection::Default,
+        };
+        Options { quantity: self.field, log: self.log, frames, width: self.width }
+    }
+}
+
+/// Draws or animates a trajectory and prints the names of the files.
+///
+/// # Errors
+/// If the trajectory cannot be read, has no such frames or fields, or a file cannot be written.
+pub fn plot(args: &PlotArgs) -> miette::Result<()> {
+    let trajectory = Trajectory::open(&args.file)?;
+    if trajectory.frames() == 0 {
+        return Err(FigureError::Empty { path: args.file.clone() }.into());
+    }
+    let options = args.options();
+    if let Some(output) = &args.animate {
+        refuse_input(output, [&args.file])?;
+        animate(&trajectory, &options, args.fps, output)
+            .map_err(Report::new)
+            .wrap_err_with(|| format!("cannot write {}", output.display()))?;
+        println!("{}", output.display());
+    }
+    // Without an explicit -o, an animation comes without a figure.
+    if args.animate.is_none() || args.output.is_some() {
+        let output = args.output.clone().unwrap_or_else(|| args.file.with_extension("png"));
+        refuse_input(&output, [&args.file])?;
+        draw(&trajectory, &options, &output)
+            .map_err(Report::new)
+            .wrap_err_with(|| format!("cannot write {}", output.display()))?;
+        println!("{}", output.display());
+    }
+    Ok(())
+}

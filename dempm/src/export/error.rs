@@ -1,0 +1,48 @@
+//! What can go wrong with an export.
+
+use std::path::{Path, PathBuf};
+
+use files::WriteError;
+
+use crate::dataset::DatasetError;
+use crate::trajectory::{TrajectoryError, system_error};
+
+/// An export that failed.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum ExportError {
+    /// The trajectory cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    /// A file cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Write(#[from] WriteError),
+    /// The data set cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Dataset(#[from] DatasetError),
+    /// HDF5 cannot write the file.
+    #[error("{}: HDF5 cannot write it", path.display())]
+    Hdf5 {
+        /// The file.
+        path: PathBuf,
+        /// The library's reason.
+        source: hdf5::Error,
+    },
+}
+
+impl ExportError {
+    /// Adds the file to an error of the system.
+    pub(super) fn at(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
+        move |source| Self::Write(WriteError::at(path, "write it")(source))
+    }
+
+    /// Adds the file to an error of the HDF5 library.
+    pub(super) fn hdf5(path: &Path) -> impl Fn(hdf5::Error) -> Self + '_ {
+        move |source| match system_error(&source) {
+            Some(source) => Self::at(path)(source),
+            None => Self::Hdf5 { path: path.to_owned(), source },
+        }
+    }
+}

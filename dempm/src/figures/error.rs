@@ -1,0 +1,85 @@
+//! What can go wrong with a figure.
+
+use std::path::PathBuf;
+use std::process::ExitStatus;
+
+use files::WriteError;
+use plot::PlotError;
+
+use crate::trajectory::TrajectoryError;
+
+/// A figure or animation that could not be drawn.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum FigureError {
+    /// The trajectory cannot be read.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Trajectory(#[from] TrajectoryError),
+    /// The file cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Write(#[from] WriteError),
+    /// Drawing or encoding failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Plot(#[from] PlotError),
+    /// The image cannot be written as PNG.
+    #[error("cannot write the PNG")]
+    Encode(#[from] image::ImageError),
+    /// The trajectory is empty.
+    #[error("{}: no frames yet, so there is nothing to draw", path.display())]
+    Empty {
+        /// The trajectory file.
+        path: PathBuf,
+    },
+    /// The trajectory lacks the field that the quantity is computed from.
+    #[error("{}: the file has no {field}, which {quantity} is computed from", path.display())]
+    #[diagnostic(help("[output] fields in the scene file chooses the recorded fields"))]
+    NoField {
+        /// The trajectory file.
+        path: PathBuf,
+        /// Name of the field.
+        field: &'static str,
+        /// The quantity to draw.
+        quantity: &'static str,
+    },
+    /// A frame beyond the last one.
+    #[error("there is no frame {frame}: the file has {frames}, from 0 to {}", frames - 1)]
+    NoSuchFrame {
+        /// The frame asked for.
+        frame: usize,
+        /// The number of frames in the file.
+        frames: usize,
+    },
+    /// A word that does not name a frame.
+    #[error("`{0}` is not a frame: give a number, `first` or `last`")]
+    NotAFrame(String),
+    /// A time that is not finite.
+    #[error("{0} s is not a time")]
+    NotATime(f64),
+    /// More panels than fit into a figure.
+    #[error("{0} frames are too many for one figure: at most 64")]
+    TooManyPanels(usize),
+    /// A figure with another suffix than `.png`.
+    #[error("{}: figures are .png files; --animate writes .gif and .mp4", path.display())]
+    FigureFormat {
+        /// The output file.
+        path: PathBuf,
+    },
+    /// An animation with another suffix than `.gif` or `.mp4`.
+    #[error("{}: an animation is a .gif or an .mp4 file", path.display())]
+    AnimationFormat {
+        /// The output file.
+        path: PathBuf,
+    },
+    /// The program ffmpeg does not start.
+    #[error("MP4 needs the program ffmpeg, which does not start")]
+    #[diagnostic(help("install ffmpeg, or write a .gif file"))]
+    NoFfmpeg(#[source] std::io::Error),
+    /// ffmpeg stopped while frames were written to it.
+    #[error("ffmpeg stopped early")]
+    FfmpegStopped(#[source] std::io::Error),
+    /// ffmpeg failed at the end.
+    #[error("ffmpeg failed ({0})")]
+    FfmpegFailed(ExitStatus),
+}

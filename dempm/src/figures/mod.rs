@@ -1,0 +1,17 @@
+//! Figures and animations of a trajectory: every material point as a disc, coloured by a
+//! [`Quantity`].
+
+mod animation;
+mod error;
+mod figure;
+mod options;
+mod panels;
+mod quantity;
+mod select;
+mod view;
+
+pub use animation::animate;
+pub use error::FigureError;
+pub use options::{Options, Selection};
+pub use panels::draw;
+pub use quantity::Quantity;

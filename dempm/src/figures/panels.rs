@@ -1,0 +1,53 @@
+//! Figures of several frames.
+
+use std::path::Path;
+
+use files::write_atomically;
+
+use super::error::FigureError;
+use super::figure::{Figure, Panel};
+use super::options::Options;
+use super::quantity::{Evaluator, Quantity};
+use super::select;
+use crate::trajectory::Trajectory;
+
+/// Panels of a figure by default.
+const PANELS: usize = 4;
+/// Most panels of a figure.
+const MOST_PANELS: usize = 64;
+
+/// Writes a PNG of the selected frames, by default four over the whole run.
+///
+/// # Errors
+/// If a frame or its field is missing or the file cannot be written.
+pub fn draw(trajectory: &Trajectory, options: &Options, output: &Path) -> Result<(), FigureError> {
+    if output.extension().is_some_and(|suffix| !suffix.eq_ignore_ascii_case("png")) {
+        return Err(FigureError::FigureFormat { path: output.to_owned() });
+    }
+    if trajectory.frames() == 0 {
+        return Err(FigureError::Empty { path: trajectory.path().to_owned() });
+    }
+    let chosen = select::frames(trajectory, &options.frames)?
+        .unwrap_or_else(|| select::evenly(trajectory.frames(), PANELS));
+    if chosen.len() > MOST_PANELS {
+        return Err(FigureError::TooManyPanels(chosen.len()));
+    }
+    let panels = panels(trajectory, options.quantity, &chosen)?;
+    let width = options.width.unwrap_or(1600);
+    let figure = Figure::new(trajectory.header(), options, &panels, width);
+    let image = figure.draw(&panels)?;
+    // The temporary name has no suffix that tells the format.
+    write_atomically(output, |temporary| {
+        Ok(image.save_with_format(temporary, image::ImageFormat::Png)?)
+    })
+}
+
+/// Reads frames and evaluates the quantity in them.
+pub(super) fn panels(
+    trajectory: &Trajectory,
+    quantity: Quantity,
+    chosen: &[usize],
+) -> Result<Vec<Panel>, FigureError> {
+    let evaluator = Evaluator::new(trajectory, quantity)?;
+    chosen.iter().map(|&index| Ok(Panel::new(trajectory.frame(index)?, &evaluator))).collect()
+}

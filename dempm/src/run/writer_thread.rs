@@ -1,0 +1,254 @@
+//! The thread that writes trajectory and checkpoints: compressing frames and flushing files takes
+//! longer than a GPU needs for a frame.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::checkpoint;
+use super::error::WriterError;
+use crate::simulation::State;
+use crate::trajectory::{Frame, TrajectoryWriter};
+
+/// Frames that may wait for the thread before the simulation waits.
+const WAITING: usize = 8;
+
+/// The simulation's end of the thread that writes trajectory and checkpoints.
+pub(super) struct WriterThread {
+    jobs: SyncSender<Job>,
+    reports: Receiver<Report>,
+    thread: JoinHandle<Result<(), WriterError>>,
+    /// Frames handed over or written before.
+    frames: usize,
+    saving: bool,
+}
+
+/// Jobs of the thread, done in order.
+enum Job {
+    Frame(Frame),
+    /// Frames first, then the checkpoint: a checkpoint never knows more frames than the file.
+    Save(Box<State>),
+    Finish {
+        status: String,
+        wall_time: BTreeMap<String, f64>,
+    },
+}
+
+/// Reports of the thread.
+pub(super) enum Report {
+    /// A checkpoint and all frames before it are on the disk; with the time that took. On failure
+    /// the files are those of the checkpoint before.
+    Saved(Result<Duration, WriterError>),
+    /// Frames could not be written ahead of the next checkpoint.
+    Failed(WriterError),
+}
+
+impl WriterThread {
+    /// Starts the thread: frames go to `writer`, checkpoints of `scene` (its text) to `checkpoint`.
+    pub fn new(writer: TrajectoryWriter, checkpoint: PathBuf, scene: String) -> Self {
+        let (jobs, queue) = sync_channel(WAITING);
+        let (sender, reports) = channel();
+        let frames = writer.frames();
+        let files = Files { writer, checkpoint, scene };
+        let thread = std::thread::spawn(move || files.work(&queue, &sender));
+        Self { jobs, reports, thread, frames, saving: false }
+    }
+
+    /// Frames handed over or written before.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
+    /// Hands a frame over; waits only if too many are queued.
+    pub fn push(&mut self, frame: Frame) {
+        self.hand_over(Job::Frame(frame));
+        self.frames += 1;
+    }
+
+    /// Has all frames and a checkpoint written. [`Report::Saved`] follows.
+    pub fn save(&mut self, state: State) {
+        self.hand_over(Job::Save(Box::new(state)));
+        self.saving = true;
+    }
+
+    /// Whether the last checkpoint is still being written.
+    pub fn is_saving(&self) -> bool {
+        self.saving
+    }
+
+    /// The next report of the thread, if any. With `wait`, and while a checkpoint is being written,
+    /// waits for one.
+    pub fn report(&mut self, wait: bool) -> Option<Report> {
+        let wait = wait && self.saving;
+        let report = if wait { self.reports.recv().ok() } else { self.reports.try_recv().ok() };
+        self.saving &= !matches!(report, Some(Report::Saved(_)));
+        report
+    }
+
+    /// Writes the last frames and the final status of the run.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn finish(
+        self,
+        status: String,
+        wall_time: BTreeMap<String, f64>,
+    ) -> Result<(), WriterError> {
+        self.hand_over(Job::Finish { status, wall_time });
+        self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    }
+
+    fn hand_over(&self, job: Job) {
+        self.jobs.send(job).expect("the thread takes jobs until the last one");
+    }
+}
+
+/// The files that the thread writes.
+struct Files {
+    writer: TrajectoryWriter,
+    checkpoint: PathBuf,
+    scene: String,
+}
+
+impl Files {
+    /// Does jobs until the last one, or until the other end is dropped.
+    fn work(mut self, queue: &Receiver<Job>, reports: &Sender<Report>) -> Result<(), WriterError> {
+        // Frames are written ahead of the next checkpoint only while that succeeds.
+        let mut ahead = false;
+        for job in queue {
+            let report = match job {
+                Job::Frame(frame) => {
+                    // Frames of one simulation agree in their fields by construction.
+                    self.writer.push(frame).expect("frames agree");
+                    let drafted = if ahead { self.writer.draft() } else { Ok(()) };
+                    drafted.err().map(|error| {
+                        ahead = false;
+                        Report::Failed(error.into())
+                    })
+                }
+                Job::Save(state) => {
+                    let start = Instant::now();
+                    let saved = self.save(&state);
+                    ahead = saved.is_ok();
+                    Some(Report::Saved(saved.map(|()| start.elapsed())))
+                }
+                Job::Finish { status, wall_time } => {
+                    self.set_wall_time(&wall_time);
+                    return Ok(self.writer.finish(&status)?);
+                }
+            };
+            if let Some(report) = report {
+                // The other end may be gone.
+                let _ = reports.send(report);
+            }
+        }
+        Ok(())
+    }
+
+    fn save(&mut self, state: &State) -> Result<(), WriterError> {
+        self.set_wall_time(&state.wall_time);
+        self.writer.commit()?;
+        Ok(checkpoint::write(&self.checkpoint, &self.scene, state)?)
+    }
+
+    fn set_wall_time(&mut self, wall_time: &BTreeMap<String, f64>) {
+        for (phase, seconds) in wall_time {
+            self.writer.set_wall_time(phase, *seconds);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::Scene;
+    use crate::simulation::Simulation;
+    use crate::trajectory::Trajectory;
+
+    const SCENE: &str = "duration = 0.02\nframe_interval = 0.001\n[domain]\nsize = [2.0, 1.0]\n\
+                         [[column]]\nsize = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n";
+
+    /// A run with its first frame.
+    fn start(directory: &Path) -> (Simulation, WriterThread) {
+        let simulation = Simulation::new(Scene::parse(SCENE, "scene.toml").unwrap()).unwrap();
+        let (header, points) = (simulation.header(String::new()), simulation.static_points());
+        let writer = TrajectoryWriter::create(&directory.join("run.h5"), &header, &points).unwrap();
+        let mut output = WriterThread::new(writer, directory.join("run.ckpt"), SCENE.to_owned());
+        output.push(simulation.frame());
+        (simulation, output)
+    }
+
+    /// Advances to the next frame and hands it over.
+    fn next_frame(simulation: &mut Simulation, output: &mut WriterThread) {
+        (0..simulation.scene.steps_per_frame()).for_each(|_| simulation.advance().unwrap());
+        output.push(simulation.frame());
+    }
+
+    /// The outcome of the checkpoint that is being written.
+    fn saved(output: &mut WriterThread) -> Result<Duration, WriterError> {
+        while let Some(report) = output.report(true) {
+            if let Report::Saved(saved) = report {
+                return saved;
+            }
+        }
+        panic!("no checkpoint was being written")
+    }
+
+    #[test]
+    fn a_checkpoint_never_knows_more_frames_than_the_file() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("run.h5");
+        let (mut simulation, mut output) = start(directory.path());
+        for _ in 0..5 {
+            next_frame(&mut simulation, &mut output);
+            output.save(simulation.state.clone());
+            // The run goes on while the files are written.
+            next_frame(&mut simulation, &mut output);
+            saved(&mut output).unwrap();
+            let state = checkpoint::read(&directory.path().join("run.ckpt"), SCENE).unwrap();
+            let file = Trajectory::open(&path).unwrap();
+            let shown = file.frame(file.frames() - 1).unwrap();
+            assert_eq!(shown.time, state.step as f64 * simulation.scene.step);
+            let there = state.points.position.iter().map(|&x| <[f64; 2]>::from(x));
+            assert!(shown.position.iter().copied().eq(there));
+        }
+        assert_eq!(output.frames(), 11);
+        output.finish("finished".to_owned(), BTreeMap::from([("mpm".into(), 2.0)])).unwrap();
+        let file = Trajectory::open(&path).unwrap();
+        assert_eq!((file.frames(), file.status(), file.wall_time()["mpm"]), (11, "finished", 2.0));
+    }
+
+    #[test]
+    fn a_failure_is_reported_at_once_and_the_next_checkpoint_has_all_frames() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("run.h5");
+        let (mut simulation, mut output) = start(directory.path());
+        output.save(simulation.state.clone());
+        saved(&mut output).unwrap();
+
+        // The file to add to is away for a while.
+        let aside = directory.path().join("aside.h5");
+        std::fs::rename(&path, &aside).unwrap();
+        next_frame(&mut simulation, &mut output);
+        let Report::Failed(error) = output.reports.recv().unwrap() else { panic!("no failure") };
+        assert!(error.to_string().contains("run.h5"), "{error}");
+        output.save(simulation.state.clone());
+        let error = saved(&mut output).unwrap_err();
+        assert!(error.to_string().contains("run.h5"), "{error}");
+
+        std::fs::rename(&aside, &path).unwrap();
+        assert_eq!(Trajectory::open(&path).unwrap().frames(), 1);
+        next_frame(&mut simulation, &mut output);
+        output.save(simulation.state.clone());
+        saved(&mut output).unwrap();
+        assert_eq!(Trajectory::open(&path).unwrap().frames(), 3);
+
+        std::fs::rename(&path, &aside).unwrap();
+        let end = output.finish("finished".to_owned(), BTreeMap::new());
+        assert!(end.unwrap_err().to_string().contains("run.h5"));
+    }
+}

@@ -1,0 +1,176 @@
+//! Macro steps on a GPU, replayed as CUDA graphs.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
+use cudarc::driver::{CudaEvent, CudaGraph};
+use dem::cuda::Room;
+use gpu::Device;
+use gpu::ranks::Ranks;
+use mpm::Solver;
+use mpm::cuda::{CudaError, CudaSolver};
+
+use super::material::DeviceMaterial;
+use super::timer::{elapsed, timer};
+use crate::scene::{Material, Scene};
+use crate::simulation::error::SimulationError;
+use crate::simulation::state::{SceneMaterial, State};
+
+/// Macro steps in the longer of the two graphs.
+const STEPS_PER_GRAPH: usize = 25;
+
+/// The points and the material of a simulation on a GPU.
+pub(crate) struct CudaSimulation {
+    device: Arc<Device>,
+    solver: CudaSolver,
+    material: DeviceMaterial,
+    /// One step and [`STEPS_PER_GRAPH`] steps.
+    graphs: Option<[CudaGraph; 2]>,
+    /// Since when steps are queued beyond those that the CPU knows of.
+    ahead: Option<Instant>,
+    /// The step of which the CPU has the material, too.
+    recorded: usize,
+    /// Before and after the last step queued outside of a graph.
+    events: [CudaEvent; 2],
+}
+
+impl CudaSimulation {
+    /// Copies the simulation of a scene to a GPU.
+    ///
+    /// # Errors
+    /// When it does not fit or the kernels cannot be compiled.
+    pub fn new(
+        device: &Arc<Device>,
+        solver: &Solver,
+        state: &State,
+        scene: &Scene,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<Self, SimulationError> {
+        let dt = scene.step;
+        let room = match &scene.material {
+            Material::Rve(rve) => rve.neighbours,
+            Material::MuI(_) | Material::Elastic(_) => Room::default(),
+        };
+        Ok(Self {
+            solver: CudaSolver::new(device, solver, &state.points, dt, state.step)
+                .map_err(|error| SimulationError::on_gpu(error, dt))?,
+            material: DeviceMaterial::new(device, &state.material, room, ranks)?,
+            graphs: None,
+            ahead: None,
+            recorded: state.step,
+            events: timer(device)?,
+            device: device.clone(),
+        })
+    }
+
+    /// Makes `steps` macro steps and copies back what frames are made of; begins with the `next`
+    /// steps, which are those of the next call. Returns the time taken.
+    ///
+    /// # Errors
+    /// When a point leaves the grid or its material fails, as on the CPU.
+    pub fn advance(
+        &mut self,
+        steps: usize,
+        next: usize,
+        state: &mut State,
+        solver: &mut Solver,
+    ) -> Result<Duration, CudaError> {
+        let start = match self.ahead.take() {
+            Some(start) => start,
+            None => {
+                let start = Instant::now();
+                self.queue(steps)?;
+                start
+            }
+        };
+        self.solver.queue_fetch()?;
+        if let DeviceMaterial::Rve(twin) = &mut self.material {
+            twin.queue_fetch()?;
+        }
+        self.device.stream().synchronize().map_err(gpu::Error::from)?;
+        let end = Instant::now();
+        let step = self.time()?;
+        let packings = match &self.material {
+            DeviceMaterial::Rve(twin) => twin.time()?,
+            DeviceMaterial::MuI(_) | DeviceMaterial::Elastic(_) => Duration::ZERO,
+        };
+        if next > 0 {
+            self.queue(next)?;
+            self.ahead = Some(end);
+        }
+
+        self.solver.fetched(&mut state.points, solver, self.material.as_dyn())?;
+        state.step += steps;
+        let time = end - start;
+        if let (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) =
+            (&self.material, &mut state.material)
+        {
+            twin.fetched(rve, steps)?;
+            rve.time += time.mul_f64(packings.div_duration_f64(step));
+        }
+        Ok(time)
+    }
+
+    /// Copies back what only checkpoints need, the state of the material, unless the CPU has it.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    ///
+    /// # Panics
+    /// If steps beyond `state` are queued.
+    pub fn fetch_material(&mut self, state: &mut State) -> Result<(), CudaError> {
+        assert!(self.ahead.is_none(), "a checkpoint is of one moment");
+        if self.recorded == state.step {
+            return Ok(());
+        }
+        match (&self.material, &mut state.material) {
+            (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) => twin.fetch_packings(rve)?,
+            (DeviceMaterial::MuI(twin), SceneMaterial::MuI(law)) => twin.fetch(law)?,
+            _ => {}
+        }
+        self.recorded = state.step;
+        Ok(())
+    }
+
+    /// Queues macro steps, all but the last one as graphs: that one is timed.
+    fn queue(&mut self, steps: usize) -> Result<(), CudaError> {
+        let mut left = steps;
+        if left > 1 && self.graphs.is_none() {
+            // Outside of a capture once, so that all kernels are loaded.
+            self.solver.queue_step(self.material.as_dyn_mut())?;
+            left -= 1;
+            self.graphs = Some([self.capture(1)?, self.capture(STEPS_PER_GRAPH)?]);
+        }
+        if let Some([one, many]) = &self.graphs {
+            while left > STEPS_PER_GRAPH {
+                many.launch()?;
+                left -= STEPS_PER_GRAPH;
+            }
+            for _ in 1..left {
+                one.launch()?;
+            }
+        }
+        let stream = self.device.stream();
+        self.events[0].record(stream)?;
+        self.solver.queue_step(self.material.as_dyn_mut())?;
+        self.events[1].record(stream)?;
+        Ok(())
+    }
+
+    fn capture(&mut self, steps: usize) -> Result<CudaGraph, CudaError> {
+        let stream = self.device.stream();
+        stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
+        let queued =
+            (0..steps).try_for_each(|_| self.solver.queue_step(self.material.as_dyn_mut()));
+        // Ended whatever happened, or the stream is of no use any more.
+        let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
+        queued?;
+        graph.ok_or_else(|| gpu::Error::Driver("an empty graph".into()).into())
+    }
+
+    /// Of the last step.
+    fn time(&self) -> Result<Duration, gpu::Error> {
+        elapsed(&self.events)
+    }
+}

@@ -1,0 +1,49 @@
+//! What can stop a simulation.
+
+use gpu::ranks::RanksError;
+use mpm::MaterialError;
+
+/// A simulation that could not be set up or had to stop.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum SimulationError {
+    /// A packing could not be prepared.
+    #[error(transparent)]
+    Packing(#[from] dem::Error),
+    /// The material refuses its parameters or the initial stress.
+    #[error(transparent)]
+    Material(#[from] MaterialError),
+    /// A rank of a run on several GPUs is gone.
+    #[error(transparent)]
+    Ranks(#[from] RanksError),
+    /// The packings could not be moved to the GPU.
+    #[error(transparent)]
+    Rves(#[from] dem::cuda::CudaError),
+    /// The GPU failed.
+    #[error(transparent)]
+    Gpu(#[from] gpu::Error),
+    /// The solver refuses the domain, the numerics or an obstacle.
+    #[error("cannot set up the background grid")]
+    Setup(#[source] mpm::Error),
+    /// A macro step failed.
+    #[error("step {step} (t = {time:.4} s)")]
+    Step {
+        /// Number of the step, counted from 1.
+        step: usize,
+        /// Simulated time at its end (s).
+        time: f64,
+        /// The point or packing that failed, and why.
+        source: mpm::Error,
+    },
+}
+
+impl SimulationError {
+    /// The failure of a simulation with macro steps of `dt` (s) on a GPU.
+    pub(super) fn on_gpu(error: mpm::cuda::CudaError, dt: f64) -> Self {
+        match error {
+            mpm::cuda::CudaError::Gpu(error) => Self::Gpu(error),
+            mpm::cuda::CudaError::Step { step, source } => {
+                Self::Step { step, time: step as f64 * dt, source }
+            }
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! Kernels: CUDA C++ and typed wrappers.
+
+pub mod backward;
+pub mod constraints;
+pub mod edges_backward;
+pub mod features;
+pub mod forward;
+pub mod frame_input;
+mod geometry;
+pub mod gradient;
+pub mod graph;
+pub mod integrate;
+pub mod kernels;
+pub mod launcher;
+pub mod optimiser;
+mod profile;
+pub mod push_forward;
+pub mod segment;
+pub mod source;
+pub mod tile;
+pub mod weights;
