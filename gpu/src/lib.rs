@@ -15,9 +15,10 @@ mod compiler;
 mod device;
 mod error;
 mod launch;
+mod pointer;
 pub mod ranks;
 
-pub use abi::{ConstPointer, CudaDefinition, CudaName, CudaType, Pointer, define_struct};
+pub use abi::{CudaDefinition, CudaName, CudaType, define_struct};
 pub use cache::cache_directory;
 pub use compiler::{compile, nvrtc_is_present};
 #[doc(hidden)]
@@ -25,3 +26,4 @@ pub use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
 pub use device::{Device, Limits, for_tests, nvrtc_for_tests};
 pub use error::Error;
 pub use launch::{CHECK_PARAMETERS, Function, Kernel, Launch, check_parameters};
+pub use pointer::{ConstPointer, Pointer};

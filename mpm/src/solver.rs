@@ -245,12 +245,15 @@ impl Solver {
         self.time = time;
     }
 
-    /// What contacts have done since the start.
+    /// Impulses and work of contacts since the start.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger
     }
 
-    /// Sets what contacts have done, for a restart.
+    /// Sets impulses and work of contacts, for a restart.
+    ///
+    /// # Errors
+    /// The number of obstacles differs.
     pub fn set_ledger(&mut self, ledger: Ledger) -> Result<(), Error> {
         let (expected, found) = (self.obstacles.len(), ledger.obstacle_impulse.len());
         if found != expected {
@@ -281,6 +284,9 @@ impl Solver {
     }
 
     /// Bounds on the step in the present state.
+    ///
+    /// # Errors
+    /// A point is impossible.
     pub fn stable_step(
         &self,
         points: &Points,
@@ -289,7 +295,7 @@ impl Solver {
         stable_step::stable_step(&self.shape, &self.numerics, points, material)
     }
 
-    /// Mass, momentum and energy of the points, and what contacts have done.
+    /// Mass, momentum and energy of the points, and impulses and work of contacts.
     pub fn budget(&self, points: &Points) -> Budget {
         budget::budget(points, self.gravity, &self.ledger)
     }

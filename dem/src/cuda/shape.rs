@@ -99,7 +99,7 @@ impl Shape {
         let by_registers = REGISTERS_PER_MULTIPROCESSOR / (threads * registers);
         let wanted = by_registers.clamp(1, BLOCKS_PER_MULTIPROCESSOR);
 
-        // What lasts of a pair, and its reaction, which gives way to a search.
+        // Lasting data of a pair, and its reaction, whose memory a search takes.
         let listed = 3 * size_of::<R>() + size_of::<u32>() + 2 * size_of::<u16>();
         let reaction = 3 * size_of::<R>();
         let fixed = fixed_shared::<R>(threads);
