@@ -33,7 +33,7 @@ def structs(crate):
 
 
 def options(crate):
-    """The options of each command, by the name of its struct without `Args`."""
+    """The options of each command, by the name of its struct without `Args`; of the program itself by ""."""
     for name, body in structs(crate):
         fields = re.findall(r"#\[arg\((.*?)\)\]\s*(?:pub(?:\([^)]*\))? )?(\w+):", body, re.DOTALL)
         long = [field.replace("_", "-") for argument, field in fields if re.search(r"\blong\b", argument)]
@@ -58,11 +58,13 @@ def main():
     counted = 0
     for crate in ("dempm", "surrogate", "validation"):
         for command, long in options(crate):
-            table = re.search(rf"^\| `{crate} {command}` \| default.*?(?=\n\n|\Z)", commands, re.MULTILINE | re.DOTALL)
+            program = f"{crate} {command}".strip()
+            row = rf"^\| `{program}` \| default.*?(?=\n\n|\Z)"
+            table = re.search(row, commands, re.MULTILINE | re.DOTALL)
             for option in long:
                 counted += 1
                 if not table or f"`--{option}`" not in table.group():
-                    problems.append(f"docs/commands.md: no row for --{option} of `{crate} {command}`")
+                    problems.append(f"docs/commands.md: no row for --{option} of `{program}`")
     training = TRAINING.read_text()
     found = {name: fields(body) for name, body in structs("surrogate") if name in TABLES}
     for name, heading in TABLES.items():

@@ -1,4 +1,4 @@
-//! Numerical studies whose tables are in `docs/validation-column.md`.
+//! Numerical studies whose tables are in `docs/notes/2026-11-22-columns.md`.
 //!
 //!     cargo run --release -p dempm --example studies -- convergence scenes/column.toml
 //!     cargo run --release -p dempm --example studies -- choices scenes/column.toml
