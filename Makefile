@@ -1,7 +1,8 @@
 # make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
 # make learn   train a small network on direct runs, let it predict scenes/column.toml: out/learn
 # make test    the whole test suite
-# make lint    links, formatting, clippy and crate documentation, as the continuous integration does
+# make lint    links, formatting, clippy, licences and crate documentation, as the continuous
+#              integration does
 # make doc     documentation of the crates: target/doc
 # make docs    the documentation as a book: target/book/index.html
 # make build   all programs
@@ -45,6 +46,7 @@ lint:
 	python3 scripts/check_reference.py
 	cargo fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --release -- -D warnings
+	scripts/deny
 	$(MAKE) doc
 
 # Mathematics is rendered in the browser by KaTeX.

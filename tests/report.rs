@@ -142,6 +142,11 @@ fn a_report_has_a_page_tables_figures_and_numbers() {
     let first = &page[..page.find("<nav>").unwrap()];
     let lead = first.find("class=\"leads\"").unwrap();
     assert!(first[lead..].contains("#accuracy-stated-in-the-paper-s-text"), "{first}");
+    assert_eq!(first.matches("data:image/gif").count(), 1, "one animation");
+    // Sections are folded, each with a lead.
+    let sections = page.matches("<section id=").count();
+    assert_eq!(page.matches("<details><summary><h3>").count(), sections);
+    assert!(!page.contains("</h3><p></p>"));
     for curve in ["loss", "validation-error"] {
         let file = format!(
             "figures/fig-8-training-curves--{curve}-over-training-steps-the-paper-s-networks.svg"
@@ -296,20 +301,28 @@ fn a_section_that_there_is_not_is_refused() {
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0, "nothing is written");
 }
 
-/// Says in the page's own text what a browser finds wrong with it.
+/// Writes what a browser finds wrong with the page into the page itself, or into the page around it.
 const INSPECTION: &str = "<script>
 window.errors = [];
 window.addEventListener('error', e => window.errors.push(String(e.message)));
 window.addEventListener('load', () => {
+  document.querySelectorAll('details').forEach(details => details.open = true);
   const broken = [...document.images].filter(image => !image.naturalWidth).length;
   const wide = document.documentElement.scrollWidth - window.innerWidth;
   const fetched = performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:'));
   const flat = [...document.querySelectorAll('svg')].filter(s => s.getBoundingClientRect().height < 50);
-  document.documentElement.setAttribute('data-found', `images ${document.images.length}, ` +
-    `broken ${broken}, errors ${window.errors.length}, fetched ${fetched.length}, flat ${flat.length}, ` +
-    `too wide ${wide > 0}`);
+  const cut = [...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth + 1);
+  const found = `images ${document.images.length}, broken ${broken}, errors ${window.errors.length}, ` +
+    `fetched ${fetched.length}, flat ${flat.length}, cut ${cut.length}, too wide ${wide > 0}`;
+  document.documentElement.setAttribute('data-found', found);
+  parent.postMessage(found, '*');
 });
 </script>";
+
+/// A page as wide as a phone around the inspected one: a browser's window is wider.
+const PHONE: &str = "<!doctype html><script>
+addEventListener('message', e => document.documentElement.setAttribute('data-found', e.data));
+</script><iframe src=\"inspected.html\" width=\"390\" height=\"844\"></iframe>";
 
 #[test]
 fn a_browser_finds_nothing_wrong_with_the_page() {
@@ -325,14 +338,17 @@ fn a_browser_finds_nothing_wrong_with_the_page() {
     let page = read(&out.join("index.html")).replacen("<head>", &format!("<head>{INSPECTION}"), 1);
     let inspected = out.join("inspected.html");
     std::fs::write(&inspected, page).unwrap();
-    for width in [500, 1400] {
+    let phone = out.join("phone.html");
+    std::fs::write(&phone, PHONE).unwrap();
+    for (width, page) in [(390, &phone), (500, &inspected), (1280, &inspected)] {
         let profile = directory.path().join(format!("profile-{width}"));
         let output = Command::new(browser)
             .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])
             .args(["--disable-dev-shm-usage", "--host-resolver-rules=MAP * ~NOTFOUND"])
-            .arg(format!("--window-size={width},900"))
+            .args(["--disable-background-networking", "--virtual-time-budget=10000"])
+            .arg(format!("--window-size={},900", width.max(500)))
             .arg(format!("--user-data-dir={}", profile.display()))
-            .arg(format!("file://{}", inspected.display()))
+            .arg(format!("file://{}", page.display()))
             .output()
             .unwrap();
         let dom = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -340,7 +356,7 @@ fn a_browser_finds_nothing_wrong_with_the_page() {
             panic!("no inspection: {}", String::from_utf8_lossy(&output.stderr))
         });
         let found = found.split('"').next().unwrap();
-        let expected = "images 4, broken 0, errors 0, fetched 0, flat 0, too wide false";
+        let expected = "images 5, broken 0, errors 0, fetched 0, flat 0, cut 0, too wide false";
         assert_eq!(found, expected, "at {width} pixels");
     }
 }

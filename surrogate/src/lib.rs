@@ -7,9 +7,28 @@
 //! - [`train`] trains, [`simulator`] is a trained network, [`rollout`] advances it.
 //! - [`diagnostics`] tells how far a prediction can be trusted, [`evaluation`] measures its errors.
 //! - [`commands`] are the commands of `surrogate`. Nothing else prints.
+//!
+//! ```
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use dempm::scene::Scene;
+//! use surrogate::rollout::{InitialFrames, Rollout};
+//! use surrogate::simulator::Simulator;
+//!
+//! # let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+//! let simulator = Simulator::load(&root.join("models/tgnns-tiny.safetensors"))?;
+//! let scene = Scene::load(root.join("scenes/column-mu-i.toml"))?;
+//! let initial = InitialFrames::from_scene(scene, &simulator)?;
+//! let mut rollout = Rollout::new(&simulator, &initial);
+//! let positions = rollout.advance()?; // m
+//! assert_eq!(positions.len(), initial.points.mass.len());
+//! # Ok(())
+//! # }
+//! ```
 
-pub mod chart;
+#![warn(missing_docs)]
+
 pub mod commands;
+#[allow(missing_docs)]
 pub mod cuda;
 pub mod data;
 pub mod diagnostics;

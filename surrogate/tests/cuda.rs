@@ -264,13 +264,7 @@ fn far_from_kinks() {
 }
 
 #[rstest]
-fn three_dimensions_and_the_gns(#[values(Precision::F32, Precision::Bf16)] precision: Precision) {
-    for name in ["frame4-msg1", "frame4-msg1-hidden1-edgemsg", "gns"] {
-        let mut case = Case::new(name, &[60]);
-        case.config.dimensions = 3;
-        case.config.connection_radius = 0.4;
-        compare(&case, precision);
-    }
+fn the_gns(#[values(Precision::F32, Precision::Bf16)] precision: Precision) {
     compare(&Case::new("gns", &[50, 20]), precision);
 }
 

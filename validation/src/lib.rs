@@ -1,28 +1,25 @@
-//! The validation report: what the solver and the learned simulators do, measured, beside what
-//! theory, experiments and the paper say.
+//! The validation report: the solver and the learned simulators, measured and compared with theory,
+//! experiments, another code and the paper.
+//!
+//! [`studies`] measure, [`render`] turns measurements into tables, charts and sentences, and
+//! [`commands`] write the report. Runs are kept in a [`run_cache`], computed sections in a
+//! [`section_cache`].
 
-pub mod animation;
-pub mod block;
-pub mod command;
-pub mod compare;
-pub mod compare_files;
-pub mod computed;
+#![warn(missing_docs)]
+
+pub mod commands;
 pub mod context;
-pub mod figure;
-pub mod html;
+pub mod difference;
+pub mod folder;
 pub mod machine;
-pub mod map;
-pub mod model_cost;
-pub mod pareto;
-pub mod picture;
+pub mod models;
 pub mod progress;
-pub mod report;
-pub mod results;
-pub mod rollouts;
-pub mod scene;
-pub mod section;
-pub mod sections;
-pub mod sweep;
-pub mod table;
+pub mod render;
+pub mod run_cache;
+pub mod scene_text;
+pub mod section_cache;
+pub mod studies;
+pub mod suite;
+pub mod text;
+pub mod truth;
 pub mod wall_time;
-pub mod work;

@@ -1,8 +1,8 @@
-//! What the system says about the machine and its load.
+//! The processor, its load, and the time of processes, from the operating system.
 
 use std::fs;
 
-/// The processor's name as the system has it.
+/// Name of the processor; `cpu` if unknown.
 pub fn processor() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let line = text.lines().find(|line| line.starts_with("model name"));
@@ -10,9 +10,9 @@ pub fn processor() -> String {
     name.unwrap_or("cpu").to_owned()
 }
 
-/// Processor time of a process so far, s, from Linux's table of processes.
+/// Processor time of a process so far, s; `None` where `/proc` is missing.
 pub fn processor_time(process: u32) -> Option<f64> {
-    /// Ticks a second; fixed for what Linux shows to programs.
+    /// Ticks per second; fixed in the interface of Linux.
     const TICKS: f64 = 100.0;
     let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     // The name, in brackets, may contain spaces; user and system time are 12th and 13th after it.
@@ -21,7 +21,7 @@ pub fn processor_time(process: u32) -> Option<f64> {
     Some((ticks(11)? + ticks(12)?) / TICKS)
 }
 
-/// The load average over a minute per core; none where the system does not say.
+/// Load average over a minute per core; `None` where `/proc` is missing.
 pub fn load_per_core() -> Option<f64> {
     let text = fs::read_to_string("/proc/loadavg").ok()?;
     let load: f64 = text.split_whitespace().next()?.parse().ok()?;

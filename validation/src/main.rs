@@ -3,11 +3,12 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use validation::command::Suite;
-use validation::compare_files::{CompareArgs, compare};
-use validation::report::{ReportArgs, report};
+use validation::commands::compare::{CompareArgs, compare};
+use validation::commands::page::{PageArgs, page};
+use validation::commands::report::{ReportArgs, report};
+use validation::commands::suite::SuiteCommand;
 
-/// Measures the solver and the learned simulators, and reports what came out.
+/// Measures the solver and the learned simulators, and writes a report.
 #[derive(Parser)]
 #[command(version, propagate_version = true)]
 struct Arguments {
@@ -17,18 +18,21 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run what is missing and write the report.
+    /// Run what is missing and write the report
     Report(ReportArgs),
-    /// Say how far runs are from another one of the same scene.
+    /// Compare runs with a reference run of the same scene
     Compare(CompareArgs),
+    /// Write the page of a report again from its numbers and figures
+    Page(PageArgs),
     #[command(flatten)]
-    Suite(Suite),
+    Suite(SuiteCommand),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Report(args) => report(&args),
         Command::Compare(args) => compare(&args),
+        Command::Page(args) => page(&args),
         Command::Suite(command) => command.run(),
     };
     result.unwrap_or_else(|report| {

@@ -1,4 +1,4 @@
-//! How far the report is, and how long it will take.
+//! The progress bar.
 
 use std::time::{Duration, Instant};
 
@@ -8,14 +8,16 @@ use indicatif::{ProgressBar, ProgressStyle};
 pub struct Progress {
     bar: ProgressBar,
     began: Instant,
-    /// Estimated seconds of all, of what is done, and of what is running now.
+    /// Estimated time of everything, s.
     total: f64,
+    /// Estimated time of what is done, s.
     done: f64,
+    /// Estimated time of what is running, s.
     now: f64,
 }
 
 impl Progress {
-    /// Nothing done yet of `total` estimated seconds.
+    /// A bar for `total` estimated seconds.
     pub fn new(total: f64) -> Self {
         let bar = ProgressBar::new((total * 10.0).ceil().max(1.0) as u64);
         let style = ProgressStyle::with_template("{bar:24} {percent:>3} %  {prefix}  {msg}")
@@ -25,36 +27,37 @@ impl Progress {
         Self { bar, began: Instant::now(), total, done: 0.0, now: 0.0 }
     }
 
-    /// Shows nothing: nothing is planned yet.
+    /// No bar, for as long as nothing is planned.
     pub fn hidden() -> Self {
         let bar = ProgressBar::hidden();
         Self { bar, began: Instant::now(), total: 0.0, done: 0.0, now: 0.0 }
     }
 
-    /// Something of `seconds` begins.
+    /// Begins a task of `seconds` estimated seconds.
     pub fn begin(&mut self, what: &str, seconds: f64) {
         self.now = seconds;
         self.bar.set_message(what.to_owned());
         self.show(0.0);
     }
 
-    /// It has been running for `elapsed`.
+    /// The task has been running for `elapsed`.
     pub fn tick(&self, elapsed: Duration) {
         self.show(elapsed.as_secs_f64().min(self.now));
     }
 
-    /// It has ended.
+    /// The task has ended.
     pub fn end(&mut self) {
         self.done = (self.done + self.now).min(self.total);
         self.now = 0.0;
         self.show(0.0);
     }
 
-    /// Says something above the bar.
+    /// Prints a message above the bar.
     pub fn say(&self, text: &str) {
         self.bar.suspend(|| eprintln!("{text}"));
     }
 
+    /// Removes the bar.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
@@ -62,9 +65,9 @@ impl Progress {
     fn show(&self, part: f64) {
         let done = self.done + part;
         self.bar.set_position((done * 10.0) as u64);
-        // What is left, at the speed so far; the estimate is all there is to begin with.
+        // The remaining time at the pace so far; at first, the estimate.
         let pace = if done > 5.0 { self.began.elapsed().as_secs_f64() / done } else { 1.0 };
         let left = (self.total - done).max(0.0) * pace;
-        self.bar.set_prefix(format!("about {} left", crate::table::seconds(left)));
+        self.bar.set_prefix(format!("about {} left", crate::text::seconds(left)));
     }
 }

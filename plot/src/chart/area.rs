@@ -3,9 +3,9 @@
 use plotters::coord::Shift;
 use plotters::prelude::{DrawingArea, SVGBackend};
 
-/// Width of all charts, pixels.
+/// Usual width, pixels.
 pub(super) const WIDTH: u32 = 760;
-/// Height above the legend, pixels.
+/// Usual height above the legend, pixels.
 pub(super) const HEIGHT: u32 = 440;
 /// Height of texts, pixels.
 pub(super) const TEXT: u32 = 14;

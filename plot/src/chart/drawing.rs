@@ -8,6 +8,7 @@ use plotters::style::RGBColor;
 
 use super::area::{Drawn, HEIGHT, TEXT, WIDTH};
 use super::colours::{COLOURS, GRID, INK, dark_style};
+use super::labels::offsets;
 use super::legend::{self, Entry};
 use super::series::{Axis, Mark, Series};
 use crate::error::PlotError;
@@ -33,9 +34,18 @@ impl Chart {
     /// # Errors
     /// If plotters refuses, for example without its font.
     pub fn svg(&self) -> Result<String, PlotError> {
+        self.svg_of_size([WIDTH, HEIGHT])
+    }
+
+    /// The same with another width and height (without the legend), pixels. Texts keep their size: a
+    /// small chart stays readable on a phone.
+    ///
+    /// # Errors
+    /// As [`svg`](Self::svg).
+    pub fn svg_of_size(&self, size: [u32; 2]) -> Result<String, PlotError> {
         let mut text = String::new();
         register_font()?;
-        self.draw_into(&mut text).map_err(|error| PlotError::Draw {
+        self.draw_into(&mut text, size).map_err(|error| PlotError::Draw {
             what: format!("the chart of {}", self.y.label),
             reason: error.to_string(),
         })?;
@@ -45,12 +55,12 @@ impl Chart {
         Ok(text.replacen("<svg ", "<svg class=\"chart\" ", 1))
     }
 
-    fn draw_into<'a>(&self, text: &'a mut String) -> Drawn<'a> {
+    fn draw_into<'a>(&self, text: &'a mut String, [width, height]: [u32; 2]) -> Drawn<'a> {
         let entries = self.legend();
-        let lines = legend::lines(&entries);
+        let lines = legend::lines(&entries, width);
         let legend = legend::LINE * lines.len() as u32 + 6;
-        let area = SVGBackend::with_string(text, (WIDTH, HEIGHT + legend)).into_drawing_area();
-        let (upper, lower) = area.split_vertically(HEIGHT);
+        let area = SVGBackend::with_string(text, (width, height + legend)).into_drawing_area();
+        let (upper, lower) = area.split_vertically(height);
         let [x, y] = self.ranges();
         let mut builder = ChartBuilder::on(&upper);
         builder.margin(8).margin_right(24).x_label_area_size(46).y_label_area_size(72);
@@ -123,17 +133,46 @@ impl Chart {
                     }
                 }
             }
-            for (place, label) in places.into_iter().filter(|(_, label)| !label.is_empty()) {
-                let text = Text::new(label.to_owned(), (8, -15), style(TEXT - 1));
-                chart.draw_series([EmptyElement::at(place) + text])?;
-            }
         }
+        self.draw_labels(&mut chart)?;
         if let Some((floor, meaning)) = &self.floor
             && *floor > y.start
         {
             // At the left end, just below the edge of the shade.
             let text = Text::new(meaning.clone(), (6, 4), style(TEXT - 1));
             chart.draw_series([EmptyElement::at((x.start, floor.min(y.end))) + text])?;
+        }
+        Ok(())
+    }
+
+    fn draw_labels<'a, X, Y>(
+        &self,
+        chart: &mut ChartContext<'_, SVGBackend<'a>, Cartesian2d<X, Y>>,
+    ) -> Drawn<'a>
+    where
+        X: Ranged<ValueType = f64> + ValueFormatter<f64>,
+        Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
+    {
+        let pixel = |place: &(f64, f64)| <[i32; 2]>::from(chart.backend_coord(place));
+        let marked = self.series.iter().filter(|s| !matches!(s.mark, Mark::Line | Mark::Reference));
+        let points: Vec<((f64, f64), &str)> = marked.flat_map(|s| self.shown(s)).collect();
+        let marks: Vec<[i32; 2]> = points.iter().map(|(place, _)| pixel(place)).collect();
+        let lines = self.series.iter().filter(|s| matches!(s.mark, Mark::Line | Mark::Reference));
+        let labelled: Vec<((f64, f64), &str)> = points
+            .iter()
+            .copied()
+            .chain(lines.flat_map(|s| self.shown(s)))
+            .filter(|(_, label)| !label.is_empty())
+            .collect();
+        let labels: Vec<([i32; 2], &str)> =
+            labelled.iter().map(|(place, label)| (pixel(place), *label)).collect();
+        let (x, y) = chart.plotting_area().get_pixel_range();
+        let frame = [x.start, y.start, x.end, y.end];
+        let style = (FONT, TEXT - 1).into_font().color(&INK);
+        let offsets = offsets(&labels, &marks, frame, TEXT - 1);
+        for ((place, label), offset) in labelled.into_iter().zip(offsets) {
+            let text = Text::new(label.to_owned(), offset, style.clone());
+            chart.draw_series([EmptyElement::at(place) + text])?;
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::area::{Area, Drawn, TEXT, WIDTH};
+use super::area::{Area, Drawn, TEXT};
 use super::colours::INK;
 use super::series::Mark;
 use crate::font::FONT;
@@ -20,14 +20,14 @@ pub(super) struct Entry {
 /// Entries of one line with the places of their left ends, pixels.
 type Line<'e> = Vec<(i32, &'e Entry)>;
 
-/// The entries broken into lines.
-pub(super) fn lines(entries: &[Entry]) -> Vec<Line<'_>> {
+/// The entries broken into lines of a width (pixels).
+pub(super) fn lines(entries: &[Entry], line_width: u32) -> Vec<Line<'_>> {
     let mut lines: Vec<Line> = Vec::new();
     let mut x = i32::MAX;
     for entry in entries {
         // About the mean width of a character.
         let width = 40 + (entry.name.chars().count() as f64 * 0.58 * f64::from(TEXT)) as i32;
-        if x.saturating_add(width) > WIDTH as i32 {
+        if x.saturating_add(width) > line_width as i32 {
             lines.push(Vec::new());
             x = 72;
         }

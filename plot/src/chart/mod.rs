@@ -3,6 +3,7 @@
 mod area;
 mod colours;
 mod drawing;
+mod labels;
 mod legend;
 mod series;
 

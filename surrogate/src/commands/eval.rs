@@ -71,7 +71,8 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
     }
     write_text(&args.output.join("frames.csv"), &frames_table(&cases))?;
     write_text(&args.output.join("summary.csv"), &summary_table(&cases))?;
-    chart(&cases).write(&args.output.join("errors.svg"))?;
+    let svg = chart(&cases).svg()?;
+    write_text(&args.output.join("errors.svg"), &svg)?;
     print!("{}", report(&cases));
     println!("written: {}/{{summary.csv, frames.csv, errors.svg}}", args.output.display());
     if args.record { record_accuracy(simulator, &cases, args) } else { Ok(()) }

@@ -177,7 +177,7 @@ impl BatchBuilder {
         stream.wait(&self.read[now])?;
         self.grow(&host.points);
         let mut place = match self.places[now].take() {
-            Some(place) if place.builder.has_room_for(&host.points) => place,
+            Some(place) if place.builder.fits(&host.points) => place,
             _ => self.place()?,
         };
         loop {

@@ -110,9 +110,9 @@ impl FrameBuilder {
         self.graph.window()
     }
 
-    /// See [`GraphBuilder::has_room_for`].
-    pub fn has_room_for(&self, windows: &[usize]) -> bool {
-        self.graph.has_room_for(windows)
+    /// See [`GraphBuilder::fits`].
+    pub fn fits(&self, windows: &[usize]) -> bool {
+        self.graph.fits(windows)
     }
 
     /// See [`GraphBuilder::set_windows`].
@@ -180,7 +180,7 @@ impl FrameBuilder {
         Ok(())
     }
 
-    /// Room for a frame with at most `capacity` edges, the first of a window or a later one.
+    /// Allocates a frame with at most `capacity` edges, the first of a window or a later one.
     ///
     /// # Errors
     /// Too little memory.

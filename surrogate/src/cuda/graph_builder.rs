@@ -36,8 +36,7 @@ fn grid(dimensions: usize, radius: f32, points: usize, largest_window: usize) ->
 /// Builds the radius graphs of frames of the same points.
 ///
 /// Launches do not depend on the number of edges, and nothing is read back, so they can be captured
-/// in a CUDA graph. Whether all edges found room is asked for afterwards, with
-/// [`needed`](Self::needed).
+/// in a CUDA graph. [`needed`](Self::needed) tells afterwards whether all edges found room.
 pub struct GraphBuilder {
     device: Arc<Device>,
     kernels: GraphKernels,
@@ -126,24 +125,24 @@ impl GraphBuilder {
         Ok(builder)
     }
 
-    /// Whether there is room for windows with these numbers of points.
-    pub fn has_room_for(&self, windows: &[usize]) -> bool {
+    /// Whether there is memory for windows with these numbers of points.
+    pub fn fits(&self, windows: &[usize]) -> bool {
         windows.len() <= self.buffers.windows
             && windows.iter().sum::<usize>() <= self.buffers.points
     }
 
-    /// Takes other windows, for which there is [room](Self::has_room_for).
+    /// Takes other windows, which must [fit](Self::fits).
     ///
     /// # Errors
     /// The copy was refused.
     ///
     /// # Panics
-    /// If there is no room for them.
+    /// If they do not fit.
     pub fn set_windows(&mut self, windows: &[usize]) -> Result<(), Error> {
         if self.windows == windows {
             return Ok(());
         }
-        assert!(self.has_room_for(windows), "room for {windows:?}");
+        assert!(self.fits(windows), "room for {windows:?}");
         let numbered = windows.iter().enumerate();
         let window: Vec<u32> =
             numbered.flat_map(|(k, &n)| std::iter::repeat_n(k as u32, n)).collect();
@@ -165,7 +164,7 @@ impl GraphBuilder {
         &self.buffers.window
     }
 
-    /// Room for a graph of as many points as there is room for and at most `capacity` edges.
+    /// Allocates a graph of as many points as fit and at most `capacity` edges.
     ///
     /// # Errors
     /// Too little memory.

@@ -1,5 +1,5 @@
-//! Places of each MLP's weights in the list of all weights ([`weights`](crate::network::parameters::weights)), and of the
-//! packed weights that the kernels read.
+//! Places of each MLP's weights in the list of all [weights](crate::network::parameters::weights), and
+//! of the packed weights that the kernels read.
 
 use super::ops::tile::MATRIX_WORDS;
 use super::ops::weights::Pack;

@@ -1,4 +1,4 @@
-//! What can be wrong with training data.
+//! Errors in training data.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use dempm::trajectory::TrajectoryError;
 
 use crate::features::MissingField;
 
-/// An error that names the file.
+/// Training data that cannot be used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum DataError {
     /// The folder cannot be listed.
@@ -15,7 +15,7 @@ pub enum DataError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// Why.
+        /// The error of the file system.
         source: std::io::Error,
     },
     /// The folder has no trajectory in it.
@@ -29,33 +29,33 @@ pub enum DataError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Trajectory(#[from] TrajectoryError),
-    /// The scene in a trajectory is none.
+    /// The scene in a trajectory is invalid.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scene(#[from] SceneError),
-    /// A trajectory that has too few frames.
+    /// A trajectory with too few frames.
     #[error("{}: {found} frames, but a window with stride {stride} needs {needed}", path.display())]
     TooShort {
         /// The trajectory file.
         path: PathBuf,
         /// Its frames.
         found: usize,
-        /// Frames from one frame of a window to the next.
+        /// Frames of the file per frame of a window.
         stride: usize,
         /// Frames that a window and its target span.
         needed: usize,
     },
-    /// A position that is not a number.
+    /// A position is NaN or infinite.
     #[error("{}: frame {frame}: the position of point {point} is not finite", path.display())]
     NotFinite {
         /// The trajectory file.
         path: PathBuf,
         /// The frame.
         frame: usize,
-        /// The point.
+        /// Index of the point.
         point: usize,
     },
-    /// A trajectory without a field that the network is to know.
+    /// A trajectory lacks a field that a node feature needs.
     #[error("{}", path.display())]
     #[diagnostic(help("list it in `output.fields` of the scene, or not in `model.node_features`"))]
     Field {
@@ -64,11 +64,9 @@ pub enum DataError {
         /// The field.
         source: MissingField,
     },
-    /// A trajectory that cannot be mixed with the others.
+    /// A trajectory whose domain or frame interval differs from the others.
     #[error("{}: {what} is {found}, but {} has {expected}", path.display(), other.display())]
-    #[diagnostic(help(
-        "all trajectories of a training need the same domain and time between frames"
-    ))]
+    #[diagnostic(help("all trajectories of a training need the same domain and frame interval"))]
     Mixed {
         /// The trajectory file.
         path: PathBuf,

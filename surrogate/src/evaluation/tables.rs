@@ -3,11 +3,10 @@
 use std::fmt::Write as _;
 
 use files::csv_cell;
-use plotters::prelude::SeriesLabelPosition;
+use plot::{Axis, Chart, Mark, Series};
 
 use super::compare::Case;
 use super::metrics::{Errors, FrameError};
-use crate::chart::{Chart, Line};
 
 /// Each rollout, followed by its noise floor.
 fn all(cases: &[Case]) -> impl Iterator<Item = &Errors> {
@@ -152,21 +151,22 @@ pub fn report(cases: &[Case]) -> String {
     text
 }
 
-/// MSE over time of all rollouts, and of the noise floors in black.
+/// MSE over time of all rollouts, and of the noise floors as references.
 pub fn chart(cases: &[Case]) -> Chart {
-    let line = |errors: &Errors, reference| Line {
-        name: errors.case.clone(),
-        points: errors.errors.iter().map(|e| (e.time, e.mse)).collect(),
-        reference,
+    let line = |errors: &Errors, mark| {
+        let points = errors.errors.iter().map(|e| (e.time, e.mse)).collect();
+        Series::new(&*errors.case, mark, points)
     };
-    let rollouts = cases.iter().map(|case| line(&case.rollout, false));
-    let floors = cases.iter().filter_map(|case| case.floor.as_ref()).map(|floor| line(floor, true));
+    let rollouts = cases.iter().map(|case| line(&case.rollout, Mark::Line));
+    let floors = cases
+        .iter()
+        .filter_map(|case| case.floor.as_ref())
+        .map(|floor| line(floor, Mark::Reference));
     Chart {
-        title: "Error of the rollouts".to_owned(),
-        x: "time [s]".to_owned(),
-        y: "MSE [box²]".to_owned(),
-        lines: rollouts.chain(floors).collect(),
-        legend: SeriesLabelPosition::LowerRight,
+        x: Axis::linear("time [s]"),
+        y: Axis::log("MSE [box²]"),
+        series: rollouts.chain(floors).collect(),
+        floor: None,
     }
 }
 

@@ -1,9 +1,9 @@
-//! Neighbours of points: the radius graph of one frame.
+//! Radius graph of one frame.
 
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-/// Directed edges in compressed rows by receiver: the senders of receiver `v` are
-/// `sender[start[v]..start[v + 1]]`, ascending. All points within the radius, no cap, no self edges.
+/// Directed edges in compressed sparse rows: the senders of receiver `v` are
+/// `sender[start[v]..start[v + 1]]`, ascending. All points within the radius, without self edges.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RadiusGraph {
     /// First edge of each receiver, and the number of edges at the end (points + 1).
@@ -13,11 +13,12 @@ pub struct RadiusGraph {
 }
 
 impl RadiusGraph {
+    /// Number of directed edges.
     pub fn edges(&self) -> usize {
         self.sender.len()
     }
 
-    /// Edges as (receiver, sender), in order.
+    /// Edges as (receiver, sender), ascending.
     pub fn pairs(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.start.windows(2).enumerate().flat_map(move |(receiver, row)| {
             self.sender[row[0] as usize..row[1] as usize]
@@ -27,8 +28,17 @@ impl RadiusGraph {
     }
 }
 
-/// Graph of all pairs with |x_w - x_v| <= radius (in float32). `positions` is points x dimensions;
-/// a point with a coordinate that is not finite has no neighbours.
+/// Graph of all pairs with |x_w - x_v| <= radius (m, in float32). `positions` (m) are points x
+/// dimensions; points with a coordinate that is not finite have no neighbours.
+///
+/// ```
+/// use surrogate::features::radius_graph;
+///
+/// // Three points on a line, 1 m apart.
+/// let graph = radius_graph(&[0.0, 0.0, 1.0, 0.0, 2.0, 0.0], 2, 1.5);
+/// let edges: Vec<_> = graph.pairs().collect();
+/// assert_eq!(edges, [(0, 1), (1, 0), (1, 2), (2, 1)]);
+/// ```
 ///
 /// # Panics
 /// If `dimensions` is 0 or above 3, or `positions` is not a multiple of it.

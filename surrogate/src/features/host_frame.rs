@@ -1,4 +1,4 @@
-//! Graphs and features of the windows of a batch, side by side, on their way to a device.
+//! Graphs and features of the windows of a batch in host memory.
 
 use std::cmp::Ordering;
 
@@ -8,18 +8,18 @@ use burn::tensor::{Int, Tensor, TensorData};
 use super::graph::RadiusGraph;
 use super::input::{FrameInput, Persistence};
 
-/// A frame's features and edges before they go to a device.
+/// Features and edges of a frame, in host memory.
 #[derive(Clone, Debug)]
 pub struct HostFrame {
     /// Points of all windows together.
     pub points: usize,
-    /// Features of a node and of an edge.
+    /// Columns of a node and of an edge.
     pub columns: [usize; 2],
-    /// points x node features.
+    /// Node features, points x columns.
     pub nodes: Vec<f32>,
-    /// edges x edge features.
+    /// Edge features, edges x columns.
     pub edges: Vec<f32>,
-    /// (receiver, sender), ascending.
+    /// Edges as (receiver, sender), ascending.
     pub pairs: Vec<(i32, i32)>,
 }
 
@@ -64,7 +64,7 @@ impl HostFrame {
         }
     }
 
-    /// Merges two ascending lists of edges.
+    /// Matches the edges with those of the previous frame; both lists are ascending.
     fn persistence<B: Backend>(&self, before: &HostFrame, device: &B::Device) -> Persistence<B> {
         let (mut persistent, mut previous, mut new) = (Vec::new(), Vec::new(), Vec::new());
         let mut old = 0;

@@ -1,20 +1,16 @@
-//! Features of nodes beyond velocity and walls.
-//!
-//! A rollout knows positions only, so a feature of a frame has to follow from positions
-//! (overburden, acceleration), or it is what a point started with: stress and solid fraction of later frames
-//! would have to be predicted too.
+//! Values of the optional node features ([`NodeFeature`]).
 
 use dempm::trajectory::Frame;
 
 use super::normalisation::Normalisation;
 use crate::network::{NodeFeature, feature_columns};
 
-/// A trajectory that lacks what a feature needs.
+/// A field that a feature needs, but the trajectory lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no {0} in it")]
 pub struct MissingField(pub &'static str);
 
-/// The features that never change, of the first frame of a trajectory: point after point.
+/// Static features from the first frame of a trajectory, points x columns.
 ///
 /// # Errors
 /// If the frame lacks a field.
@@ -41,9 +37,9 @@ pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f3
     Ok((0..points).flat_map(|point| columns.iter().map(move |column| column[point])).collect())
 }
 
-/// The features of a frame that follow from positions, one after the other: points x columns each.
-/// `frames` are the positions in the frame and the ones before it, the newest last; a point has
-/// `dimensions` numbers. A feature that needs more frames than there are is empty.
+/// Features of a frame that depend on positions, points x columns each. `frames` are the positions
+/// (m, points x dimensions) in the frame and those before, the newest last. A feature that needs
+/// more frames is empty.
 pub fn moving_features(
     features: &[NodeFeature],
     frames: &[&[f32]],
@@ -62,8 +58,7 @@ pub fn moving_features(
         .collect()
 }
 
-/// All features of points, standardised: points x columns. `statics` are those that never change,
-/// `moving` the others as [`moving_features`] gives them.
+/// All features, standardised, points x columns: the static ones and those of [`moving_features`].
 pub fn standardised(
     features: &[NodeFeature],
     norm: &Normalisation,
@@ -95,8 +90,8 @@ pub fn standardised(
     values
 }
 
-/// For each point, how many are above it, and no farther than half a radius to any side.
-/// `positions` is points x dimensions; the second dimension points up.
+/// Number of points above each point, within half a radius to any side. `positions` (m) are points
+/// x dimensions; the second dimension points up.
 pub fn overburden(positions: &[f32], dimensions: usize, radius: f32) -> Vec<f32> {
     let points: Vec<&[f32]> = positions.chunks_exact(dimensions).collect();
     let mut order: Vec<usize> = (0..points.len()).collect();

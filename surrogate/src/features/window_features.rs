@@ -1,9 +1,9 @@
-//! Input features of the networks, computed on the host in float32.
+//! Input features of a window, computed on the host in float32.
 //!
-//! Standardisation, unit directions and the 0 in place of the distance to a far wall are the
-//! paper's; that distances to walls are divided by the connection radius is our choice. The GNS
-//! has the features of Sanchez-Gonzalez et al. (2020): displacement / radius in place of the
-//! direction, and distances to walls clipped to ±1 radius.
+//! Standardisation, unit directions and 0 for the distance to a far wall follow the paper; distances
+//! to walls are divided by the connection radius, which the paper does not state. The GNS has the
+//! features of Sanchez-Gonzalez et al. (2020): displacement / radius instead of the direction, and
+//! distances to walls clipped to ±1 radius.
 
 use burn::tensor::backend::Backend;
 use rayon::prelude::*;
@@ -16,16 +16,15 @@ use super::normalisation::Normalisation;
 use super::window::{Obstacle, Window};
 use crate::network::{ModelConfig, ModelKind, feature_columns};
 
-/// Part of the connection radius by which points may be inside an obstacle and still see its face.
+/// Depth, in connection radii, to which points inside an obstacle still see its face.
 pub const SKIN: f32 = 1e-3;
 
-/// Features and graphs of several windows as one batch. `bounds` are the lower and upper wall of
-/// each direction [m].
+/// Features and graphs of several windows as one batch. `bounds` are the lower and upper wall along
+/// each axis, m.
 ///
 /// # Panics
-/// If a window's positions are not `config.window()` x points x `config.dimensions`, its static
-/// features not those of `config.node_features`, or the normalisation or the bounds have other
-/// dimensions.
+/// If the shape of a window's positions or static features, of the normalisation or of the bounds
+/// does not fit the network.
 pub fn window_input<B: Backend>(
     windows: &[Window],
     config: &ModelConfig,
@@ -46,7 +45,7 @@ pub fn window_input<B: Backend>(
     WindowInput { frames, points }
 }
 
-/// As [`window_input`], but left in the host's memory.
+/// As [`window_input`], but in host memory.
 ///
 /// # Panics
 /// As [`window_input`].
@@ -76,7 +75,7 @@ pub fn host_frames(
         .collect()
 }
 
-/// What all frames have in common.
+/// What the features of all frames depend on.
 struct Features<'a> {
     config: &'a ModelConfig,
     norm: &'a Normalisation,
@@ -84,12 +83,12 @@ struct Features<'a> {
 }
 
 impl Features<'_> {
-    /// The network's first frame in a window; earlier ones are there for further features.
+    /// The network's first frame in a window; earlier ones serve optional features.
     fn oldest(&self) -> usize {
         self.config.window() - self.config.frames
     }
 
-    /// Features of a node and of an edge.
+    /// Columns of a node and of an edge.
     fn columns(&self, frame: usize) -> [usize; 2] {
         let config = self.config;
         match config.kind {
@@ -139,7 +138,7 @@ impl Features<'_> {
         }));
     }
 
-    /// Velocity of the sender less that of the receiver, / std.
+    /// Velocity of the sender relative to the receiver, / std.
     fn relative_velocity(
         &self,
         before: &[f32],
@@ -155,8 +154,8 @@ impl Features<'_> {
         }));
     }
 
-    /// Distances to the nearest wall below and above in each direction, in radii. Faces of obstacles
-    /// are walls for the points in front of them.
+    /// Distances to the nearest wall below and above along each axis, in radii. Faces of obstacles are
+    /// walls for the points in front of them.
     fn wall_distances(
         &self,
         now: &[f32],
@@ -191,7 +190,7 @@ impl Features<'_> {
         }
     }
 
-    /// Features beyond velocity and walls of all points.
+    /// Optional features of all points.
     fn further(&self, window: &Window, frame: usize) -> Vec<f32> {
         let ModelConfig { node_features: features, dimensions, connection_radius, .. } =
             self.config;
@@ -201,8 +200,8 @@ impl Features<'_> {
         standardised(features, self.norm, window.points, window.statics, &moving)
     }
 
-    /// From receiver to sender: direction (GNS: displacement / radius) and distance / radius.
-    /// Points at the same place have direction 0.
+    /// From receiver to sender: direction (GNS: displacement / radius) and distance / radius. Points
+    /// at the same position have direction 0.
     fn separation(&self, now: &[f32], receiver: usize, sender: usize, features: &mut Vec<f32>) {
         let d = self.config.dimensions;
         let radius = self.config.connection_radius as f32;

@@ -1,5 +1,5 @@
-//! Message passing, a block of edges at a time: no array of the size of all edges besides the states
-//! that the next layer needs.
+//! Message passing, block by block: the only array over all edges is the states that the next layer
+//! needs.
 
 use burn::tensor::backend::Backend;
 use multiversion::multiversion;
@@ -8,19 +8,20 @@ use rayon::prelude::*;
 use super::mlp::{Block, Mlp};
 use crate::network;
 
-/// Edges of a block, unless one node receives more.
+/// Edges of a block, unless a single node receives more.
 const EDGES: usize = 128;
 
-/// Edges in order of receiver.
+/// Edges in compressed sparse rows, by receiver.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Edges {
-    /// First edge of each receiver, and their number at the end.
+    /// First edge of each receiver, and the number of edges at the end.
     pub start: Vec<usize>,
+    /// Sender of each edge.
     pub sender: Vec<u32>,
 }
 
 impl Edges {
-    /// Receivers parted so that each part has about [`EDGES`] edges.
+    /// Ranges of receivers with about [`EDGES`] edges each.
     fn parts(&self) -> Vec<std::ops::Range<usize>> {
         let nodes = self.start.len() - 1;
         let mut parts = Vec::new();
@@ -35,7 +36,7 @@ impl Edges {
     }
 }
 
-/// m_wv = g([h_w, h_v, h_e]) along each edge w -> v, then h_v' = f([h_v, sum of m_wv over w]).
+/// Twin of [`network::MessageLayer`].
 pub(super) struct MessageLayer {
     message: Mlp,
     update: Mlp,
@@ -46,8 +47,8 @@ impl MessageLayer {
         Self { message: Mlp::new(&layer.message, slope), update: Mlp::new(&layer.update, slope) }
     }
 
-    /// Node states (nodes x width) and edge states (edges x width) -> new node states, and the
-    /// messages in place of the edge states if they are wanted.
+    /// New node states from node states (nodes x width) and edge states (edges x width), which the
+    /// messages replace if wanted.
     pub fn forward(&self, nodes: &[f32], mut states: EdgeStates, edges: &Edges) -> Vec<f32> {
         let width = self.message.width();
         let number = nodes.len() / width;
@@ -97,14 +98,14 @@ impl MessageLayer {
     }
 }
 
-/// Edge states (edges x width), to be kept or to be replaced by messages.
+/// Edge states (edges x width), kept or replaced by messages.
 pub(super) enum EdgeStates<'a> {
     Kept(&'a [f32]),
     Replaced(&'a mut [f32]),
 }
 
 impl<'a> EdgeStates<'a> {
-    /// Splits off the first numbers.
+    /// Splits off the first `numbers` values.
     fn take(&mut self, numbers: usize) -> EdgeStates<'a> {
         match self {
             Self::Kept(states) => {
@@ -128,7 +129,7 @@ impl<'a> EdgeStates<'a> {
     }
 }
 
-/// What the nodes at both ends add to each edge.
+/// Sums the contributions of both ends of each edge.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
 fn gather(
     values: &mut [f32],
@@ -149,7 +150,7 @@ fn gather(
     }
 }
 
-/// Sums of the messages of each receiver.
+/// Adds the messages to the sums of their receivers.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
 fn scatter(sums: &mut [f32], messages: &[f32], starts: &[usize]) {
     let width = sums.len() / (starts.len() - 1);

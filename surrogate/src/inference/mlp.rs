@@ -1,4 +1,4 @@
-//! Multilayer perceptrons on blocks of rows that stay in a processor's cache.
+//! Multilayer perceptrons on blocks of rows that stay in the CPU's cache.
 
 use burn::tensor::backend::Backend;
 use burn::tensor::{Tensor, TensorData};
@@ -10,16 +10,16 @@ use crate::network;
 
 /// Rows of a block.
 const ROWS: usize = 128;
-/// Burn's LayerNorm has it unless told otherwise, and the networks do not tell.
+/// Epsilon of LayerNorm, Burn's default.
 const EPSILON: f32 = 1e-5;
 
-/// A matrix, inputs x outputs, row by row, and a bias.
+/// A row-major matrix, inputs x outputs, and a bias.
 struct Linear {
     weight: Vec<f32>,
     bias: Vec<f32>,
 }
 
-/// Linear, [LeakyReLU, Linear] x hidden layers, and LayerNorm unless it is the decoder.
+/// Twin of [`network::Mlp`].
 pub(super) struct Mlp {
     linears: Vec<Linear>,
     /// Scale and shift of the LayerNorm.
@@ -30,7 +30,7 @@ pub(super) struct Mlp {
 /// Activations of a block of rows.
 #[derive(Default)]
 pub(super) struct Block {
-    /// rows x width; what the last function left.
+    /// Result of the last function, rows x width.
     pub values: Vec<f32>,
     other: Vec<f32>,
 }
@@ -61,7 +61,7 @@ impl Mlp {
         Self { linears, norm, slope: slope as f32 }
     }
 
-    /// Outputs of the first linear.
+    /// Outputs of the first linear layer.
     pub fn width(&self) -> usize {
         self.linears[0].bias.len()
     }
@@ -70,15 +70,15 @@ impl Mlp {
         &self.linears[0].bias
     }
 
-    /// Adds to `block` what the first linear makes of inputs from number `first` on: `rows` rows of
-    /// some of its columns.
+    /// Adds the product of the first linear layer with some input columns, from column `first` on, to
+    /// `block`; `input` has `rows` rows.
     pub fn add_first(&self, first: usize, input: &[f32], rows: usize, block: &mut [f32]) {
         let columns = input.len() / rows.max(1);
         let width = self.width();
         add_product(input, &self.linears[0].weight[first * width..], [rows, columns, width], block);
     }
 
-    /// What follows the first linear, in place of its output in `block`.
+    /// Replaces the output of the first linear layer in `block` by that of the whole MLP.
     pub fn after_first(&self, rows: usize, block: &mut Block) {
         for linear in &self.linears[1..] {
             leaky_relu(&mut block.values, self.slope);
@@ -92,8 +92,7 @@ impl Mlp {
         }
     }
 
-    /// Rows of the inputs, whose columns are those of `parts` one after the other -> rows of
-    /// outputs.
+    /// Outputs (rows x outputs) of inputs whose columns are those of `parts` side by side.
     pub fn forward(&self, parts: &[&[f32]], rows: usize) -> Vec<f32> {
         let outputs = self.linears[self.linears.len() - 1].bias.len();
         let mut out = vec![0.0; rows * outputs];
@@ -157,7 +156,7 @@ fn leaky_relu(values: &mut [f32], slope: f32) {
     }
 }
 
-/// Lanes of the sums, so that they fill vector registers.
+/// Lanes of a sum, which fill vector registers.
 const LANES: usize = 16;
 
 #[inline(always)]

@@ -1,5 +1,5 @@
-//! Fast inference on the processor: the same numbers as [`Model::forward`](crate::network::Model),
-//! without its passes over memory, and with encodings of frames kept from one window to the next.
+//! Fast inference on the CPU: the results of [`Model::forward`] up to rounding, without its passes
+//! over memory, and with encodings of frames reused from window to window.
 
 mod message;
 mod mlp;
@@ -15,14 +15,14 @@ use crate::network::{Model, ModelConfig, Tgnns};
 
 /// A network for inference.
 pub enum Inference {
-    /// Layers of our own.
+    /// Blocked layers.
     Tgnns(Box<Layers>),
-    /// Networks that have no implementation here.
+    /// Burn, for networks without blocked layers.
     Plain(Box<Model<Cpu>>),
 }
 
 impl Inference {
-    /// Remembers the encodings of `windows` windows that move on by turns.
+    /// Prepares the network for `windows` windows that advance in turn.
     pub fn new(model: &Model<Cpu>, config: &ModelConfig, windows: usize) -> Self {
         match model {
             Model::Tgnns(network) if network.edge_fusion.is_none() => {
@@ -32,7 +32,7 @@ impl Inference {
         }
     }
 
-    /// Normalised acceleration of the last frame, points x dimensions.
+    /// Normalised accelerations in the last frame, points x 2.
     pub fn forward(&mut self, input: &WindowInput<Cpu>) -> Vec<f32> {
         match self {
             Self::Tgnns(layers) => layers.forward(input),
@@ -41,9 +41,9 @@ impl Inference {
     }
 }
 
-/// A TGNNS.
+/// A TGNNS without `edgemsg`, in blocked layers.
 pub struct Layers {
-    /// Of the first frame of a window, and of later ones.
+    /// Encoders of the first frame of a window and of later ones.
     first: Encoder,
     later: Encoder,
     node_fusion: Mlp,
@@ -52,7 +52,7 @@ pub struct Layers {
     decoder: Mlp,
 }
 
-/// Encoders of nodes and edges, and the frames that they encoded last.
+/// Encoders of nodes and edges, with the last encoded frames.
 struct Encoder {
     nodes: Mlp,
     edges: Mlp,
@@ -69,7 +69,7 @@ struct Encoding {
 }
 
 impl Encoder {
-    /// The encoding of a frame: that of an earlier window if the frame is one of its frames.
+    /// The encoding of a frame, reused if an earlier window had the frame.
     fn encode(&mut self, frame: &FrameInput<Cpu>) -> &Encoding {
         let numbers =
             |tensor: &Tensor<Cpu, 2>| -> Vec<f32> { tensor.to_data().iter::<f32>().collect() };
@@ -80,7 +80,7 @@ impl Encoder {
         let encoding = match self.known.iter().position(same) {
             Some(place) => self.known.remove(place),
             None => {
-                // The one that was of no use for longest makes room.
+                // The least recently used one makes room.
                 if self.known.len() >= self.room {
                     self.known.remove(0);
                 }
@@ -121,7 +121,7 @@ impl Layers {
         }
     }
 
-    /// As [`Tgnns`] does it.
+    /// As [`Tgnns`] computes it.
     fn forward(&mut self, input: &WindowInput<Cpu>) -> Vec<f32> {
         let points = input.points;
         let (mut nodes, mut messages) = (Vec::new(), Vec::new());
@@ -133,7 +133,7 @@ impl Layers {
                 _ => self.node_fusion.forward(&[&nodes, &encoding.nodes], points),
             };
             edges = compress(frame, points);
-            // The last frame's messages are the edge states of the layers that follow.
+            // The last frame's messages are the edge states of the following layers.
             let last = k + 1 == input.frames.len() && !self.message_layers.is_empty();
             let states = if last {
                 messages.clone_from(&encoding.edges);
@@ -155,7 +155,7 @@ impl Layers {
     }
 }
 
-/// The edges of a frame in compressed rows.
+/// The edges of a frame in compressed sparse rows.
 fn compress(frame: &FrameInput<Cpu>, points: usize) -> Edges {
     let numbers = |tensor: &Tensor<Cpu, 1, Int>| -> Vec<u32> {
         tensor.to_data().iter::<i64>().map(|k| k as u32).collect()

@@ -1,16 +1,16 @@
-//! Row-wise functions of large matrices, a block of rows at a time.
+//! Row-wise functions of large matrices, block by block.
 
 use std::ops::Range;
 
 use burn::tensor::backend::Backend;
 use burn::tensor::{BasicOps, Tensor, TensorKind};
 
-/// Rows of a block: 4096 x 128 numbers stay in a processor's cache through all layers of an MLP,
-/// which makes inference on the CPU 1.8 times faster than a pass over memory for each layer.
+/// Rows of a block: 4096 x 128 numbers stay in the CPU's cache through all layers of an MLP, which
+/// makes inference 1.8 times faster than a pass over memory for each layer.
 const BLOCK: usize = 4096;
 
-/// The rows that `compute` gives for each block of `0..rows`, one below the other. One block when
-/// gradients are tracked, as each block would add a gradient of the whole matrix.
+/// Concatenates the rows that `compute` returns for each block of `0..rows`. With autodiff there is
+/// a single block, as each one would add a gradient of the whole matrix.
 pub(crate) fn in_blocks<B: Backend>(
     rows: usize,
     device: &B::Device,

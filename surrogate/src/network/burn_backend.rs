@@ -1,16 +1,16 @@
-//! Where networks are computed: the one place that names a backend.
+//! The Burn backend of the networks on the CPU.
 
 use burn::backend::{Autodiff, Flex};
 use burn::tensor::backend::BackendTypes;
 
-/// The processor, in single precision.
+/// The CPU, in single precision.
 pub type Cpu = Flex;
-/// The same with gradients.
+/// The same with automatic differentiation.
 pub type CpuAutodiff = Autodiff<Cpu>;
-/// A place of computation.
+/// Device of both backends.
 pub type Device = <Cpu as BackendTypes>::Device;
 
-/// The device of both.
+/// The CPU as the device of both backends.
 pub fn device() -> Device {
     Device::default()
 }

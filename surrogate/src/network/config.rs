@@ -1,5 +1,5 @@
-//! The architecture of a network: its kind, sizes and connection radius, and the ten networks of
-//! the paper (Zhao, Chen, Zhao, CMAME 433, 2025, 117536, Table 6).
+//! Architecture of a network: kind, sizes, connection radius; and the ten networks of the paper
+//! (Zhao, Chen, Zhao, CMAME 433, 2025, 117536, Table 6).
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::mlp::MlpShape;
 use super::node_feature::{NodeFeature, feature_columns};
 
-/// Names that [`ModelConfig::named`] knows from the paper's Table 6, in its order.
+/// Networks of the paper's Table 6, in its order, for [`ModelConfig::named`].
 pub const PAPER_NETWORKS: [&str; 10] = [
     "baseline",
     "hidden1",
@@ -23,7 +23,7 @@ pub const PAPER_NETWORKS: [&str; 10] = [
     "frame4-msg1-hidden1-edgemsg",
 ];
 
-/// Which network.
+/// Kind of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ModelKind {
@@ -37,8 +37,9 @@ pub enum ModelKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelConfig {
+    /// Kind of the network.
     pub kind: ModelKind,
-    /// Dimensions of space n_d, 2 or 3.
+    /// Dimensions of space n_d: 2.
     pub dimensions: usize,
     /// Width of all latent states.
     pub width: usize,
@@ -46,23 +47,23 @@ pub struct ModelConfig {
     pub hidden_layers: usize,
     /// Message-passing layers after the last frame's own (TGNNS).
     pub message_layers: usize,
-    /// Frames in a window, the newest of which is advanced.
+    /// Frames of a window; the newest is advanced.
     pub frames: usize,
-    /// Carry edge states from frame to frame along edges that persist (TGNNS, `edgemsg`).
+    /// Carry edge states from frame to frame along persistent edges (TGNNS, `edgemsg`).
     pub edge_message: bool,
-    /// Slope of LeakyReLU for negative arguments (TGNNS; the GNS has ReLU).
+    /// Slope of LeakyReLU for negative arguments (TGNNS; the GNS uses ReLU).
     pub leaky_slope: f64,
-    /// Points closer than this are neighbours [m].
+    /// Points closer than this are neighbours, m.
     pub connection_radius: f64,
     /// Message-passing layers (GNS).
     pub gns_layers: usize,
-    /// Features of every node beyond velocity and walls, in this order.
+    /// Node features besides velocity and walls, in this order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub node_features: Vec<NodeFeature>,
-    /// Faces of fixed obstacles count as walls.
+    /// Whether faces of fixed obstacles count as walls.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub obstacles: bool,
-    /// A wall farther than the radius is at one radius, as in the GNS, not at 0 (TGNNS).
+    /// Whether walls beyond the radius count as one radius away, as in the GNS, instead of 0 (TGNNS).
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub clamped_walls: bool,
 }
@@ -87,16 +88,19 @@ impl Default for ModelConfig {
     }
 }
 
-/// A value of a [`ModelConfig`] that no network can have.
+/// An invalid value in a [`ModelConfig`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("model: `{key}` is {value}, it must be {range}")]
+#[error("model: `{key}` is {value}, but must be {range}")]
 pub struct ConfigError {
+    /// The key.
     pub key: &'static str,
+    /// Its value.
     pub value: f64,
+    /// Valid values.
     pub range: &'static str,
 }
 
-/// What is not the same in two tables, each as "`width` is 128, not 32"; keys in tables within them as
+/// Differences of two tables, each as "`width` is 128, not 32". Keys of nested tables read
 /// `data.noise`.
 pub fn differences(mine: &Value, theirs: &Value) -> Vec<String> {
     let keys = |of: &Value| {
@@ -173,7 +177,10 @@ impl ModelConfig {
         }
     }
 
-    /// Rejects sizes that no network can have, so that building one cannot fail.
+    /// Validates all values, so that building the network cannot fail.
+    ///
+    /// # Errors
+    /// The first key out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let whole = |key, value: usize, low: usize, high: usize, range| {
             if (low..=high).contains(&value) {
@@ -182,7 +189,7 @@ impl ModelConfig {
                 Err(ConfigError { key, value: value as f64, range })
             }
         };
-        whole("dimensions", self.dimensions, 2, 3, "2 or 3")?;
+        whole("dimensions", self.dimensions, 2, 2, "2")?;
         whole("width", self.width, 2, 4096, "from 2 to 4096")?;
         whole("hidden_layers", self.hidden_layers, 1, 16, "from 1 to 16")?;
         whole("message_layers", self.message_layers, 0, 64, "from 0 to 64")?;
@@ -196,19 +203,19 @@ impl ModelConfig {
         real("connection_radius", radius, radius > 0.0 && radius.is_finite(), "positive (metres)")
     }
 
-    /// What is not the same in another network, each as "width is 128, not 32".
+    /// Differences to another architecture, each as "`width` is 128, not 32".
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let values = |config: &Self| serde_json::to_value(config).expect("plain data");
         differences(&values(self), &values(other))
     }
 
-    /// Frames of positions that a prediction needs: those of the network, and those before them that
-    /// node features follow from.
+    /// Frames of positions that a prediction needs: those of the network and earlier ones for node
+    /// features.
     pub fn window(&self) -> usize {
         self.frames + self.node_features.iter().map(|f| f.frames_before()).max().unwrap_or(0)
     }
 
-    /// Frames of a window that the network has a graph of: all of them, or (GNS) the newest.
+    /// Graphs of a window: one per frame, or one of the newest frame (GNS).
     pub fn graphs(&self) -> usize {
         match self.kind {
             ModelKind::Tgnns => self.frames,
@@ -216,42 +223,43 @@ impl ModelConfig {
         }
     }
 
-    /// Whether a wall farther than the radius is at one radius.
+    /// Whether walls beyond the radius count as one radius away.
     pub fn clamps_walls(&self) -> bool {
         self.clamped_walls || self.kind == ModelKind::Gns
     }
 
-    /// Numbers that [`node_features`](Self::node_features) add to a node.
+    /// Columns of the optional [`node_features`](Self::node_features).
     pub fn further_node_features(&self) -> usize {
         feature_columns(&self.node_features, self.dimensions)[0]
     }
 
-    /// Distances to the 2 n_d walls, and what else is asked for.
+    /// Columns of a node in the first frame: distances to the 2 n_d walls, optional features.
     pub fn first_node_features(&self) -> usize {
         2 * self.dimensions + self.further_node_features()
     }
 
-    /// Velocity and distances to the walls, and what else is asked for.
+    /// Columns of a node in later frames: velocity, distances to the walls, optional features.
     pub fn later_node_features(&self) -> usize {
         3 * self.dimensions + self.further_node_features()
     }
 
-    /// Direction and distance.
+    /// Columns of an edge in the first frame: direction and distance.
     pub fn first_edge_features(&self) -> usize {
         self.dimensions + 1
     }
 
-    /// Relative velocity, direction and distance.
+    /// Columns of an edge in later frames: relative velocity, direction and distance.
     pub fn later_edge_features(&self) -> usize {
         2 * self.dimensions + 1
     }
 
-    /// All velocities of the window and the distances to the walls, and what else is asked for.
+    /// Columns of a node of the GNS: all velocities of the window, distances to the walls, optional
+    /// features.
     pub fn gns_node_features(&self) -> usize {
         (self.frames + 1) * self.dimensions + self.further_node_features()
     }
 
-    /// An MLP of this network that ends in LayerNorm.
+    /// Shape of an MLP with LayerNorm.
     pub(crate) fn mlp(&self, input: usize, output: usize) -> MlpShape {
         let slope = match self.kind {
             ModelKind::Tgnns => self.leaky_slope,
@@ -267,7 +275,7 @@ impl ModelConfig {
         }
     }
 
-    /// The MLP from a node's state to its normalised acceleration; without LayerNorm.
+    /// Shape of the decoder, from node state to normalised acceleration; without LayerNorm.
     pub(crate) fn decoder(&self) -> MlpShape {
         MlpShape { norm: false, ..self.mlp(self.width, self.dimensions) }
     }

@@ -1,4 +1,4 @@
-//! The graph network simulator (GNS) of Sanchez-Gonzalez et al. (2020): the paper's comparison.
+//! The graph network simulator (GNS) of Sanchez-Gonzalez et al. (ICML 2020), the paper's baseline.
 
 use burn::module::Module;
 use burn::tensor::Tensor;
@@ -10,7 +10,7 @@ use super::message::MessageLayer;
 use super::mlp::Mlp;
 use crate::features::WindowInput;
 
-/// Message passing with residual connections on the graph of the last frame, whose nodes know all
+/// Message passing with residual connections on the graph of the last frame. Nodes have all
 /// velocities of the window.
 #[derive(Module, Debug)]
 pub struct Gns<B: Backend> {

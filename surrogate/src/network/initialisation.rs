@@ -1,4 +1,4 @@
-//! Weights to start a training from.
+//! Initial weights of a training.
 
 use std::path::PathBuf;
 
@@ -11,16 +11,16 @@ use super::message::MessageLayer;
 use super::mlp::Mlp;
 use super::model::Model;
 
-/// Where a training begins.
+/// Initial weights: `"random"`, `"identity"` or a weights file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Initialisation {
-    /// Random weights, as PyTorch draws them.
+    /// PyTorch's default random weights.
     #[default]
     Random,
-    /// Random weights, with which the layers of a TGNNS hand node states on.
+    /// Random weights close to layers that pass node states on (TGNNS).
     Identity,
-    /// The weights of a model that was trained before, a file.
+    /// The weights of a trained model.
     Weights(PathBuf),
 }
 
@@ -50,17 +50,17 @@ impl From<Initialisation> for String {
     }
 }
 
-/// What is left of random weights beside the identity.
+/// Scale of the random weights beside the identity.
 const RANDOM_PART: f64 = 0.4;
 
-/// LayerNorm's scale of messages: a node adds up some 44 of them.
+/// Scale of LayerNorm for messages, of which a node sums some 44.
 const MESSAGE_SCALE: f64 = 0.1;
 
 impl<B: Backend> Model<B> {
-    /// Makes node states pass through the layers of a TGNNS, which has no residual connections:
-    /// through some 40 random linears little of them is left at first. Multiples of the identity
-    /// are added to a part of the weights, so that S takes the mean of both its inputs, messages begin as
-    /// h_w - h_v + e, and updates as h_v and a part of the messages. The GNS stays as it is.
+    /// Makes node states pass through the layers of a TGNNS, which has no residual connections and
+    /// would lose most of them in some 40 random linear layers. Multiples of the identity are added
+    /// to the scaled weights, so that S averages its inputs, messages begin as h_w - h_v + e, and
+    /// updates as h_v plus a fraction of the messages. A GNS is returned unchanged.
     pub fn near_identity(mut self) -> Self {
         let Self::Tgnns(network) = &mut self else { return self };
         network.node_fusion.add_identity(&[0.7, 0.7]);
@@ -81,8 +81,8 @@ impl<B: Backend> Model<B> {
 }
 
 impl<B: Backend> Mlp<B> {
-    /// Adds the identity to a part of all square weights but the first, and so many times the
-    /// identity to each block of a part of the first, which reads states side by side.
+    /// Scales the weights and adds the identity to all square ones but the first; to each square
+    /// block of the first, which reads states side by side, a multiple of it.
     fn add_identity(&mut self, first: &[f64]) {
         for (layer, linear) in self.linears.iter_mut().enumerate() {
             let [inputs, outputs] = linear.weight.dims();
@@ -106,7 +106,7 @@ impl<B: Backend> Mlp<B> {
     }
 }
 
-/// Replaces the value of a parameter, which stays one.
+/// Replaces the value of a parameter.
 fn edit<B: Backend, const D: usize>(
     param: &mut Param<Tensor<B, D>>,
     change: impl FnOnce(Tensor<B, D>) -> Tensor<B, D>,

@@ -10,12 +10,13 @@ use super::config::ModelConfig;
 use super::mlp::Mlp;
 use crate::features::FrameInput;
 
-/// m_wv = g([h_w, h_v, h_e]) along each edge w -> v, then h_v' = f([h_v, sum of m_wv over w]).
+/// Messages m_wv = g([h_w, h_v, h_e]) along each edge w -> v, then node states
+/// h_v' = f([h_v, sum of m_wv over w]).
 #[derive(Module, Debug)]
 pub struct MessageLayer<B: Backend> {
-    /// g, of 3 x width inputs.
+    /// g, with 3 x width inputs.
     pub message: Mlp<B>,
-    /// f, of 2 x width inputs.
+    /// f, with 2 x width inputs.
     pub update: Mlp<B>,
 }
 
@@ -28,7 +29,7 @@ impl<B: Backend> MessageLayer<B> {
         }
     }
 
-    /// Node states (points x width) and edge states (edges x width) -> new node states, messages.
+    /// New node states (points x width) and messages (edges x width) from node and edge states.
     pub fn forward(
         &self,
         nodes: Tensor<B, 2>,
@@ -45,9 +46,9 @@ impl<B: Backend> MessageLayer<B> {
         (self.update.forward(Tensor::cat(vec![nodes, received], 1)), messages)
     }
 
-    /// g along every edge. Its first linear acts on [h_w, h_v, h_e] as the sum
-    /// W_w h_w + W_v h_v + W_e h_e, whose first two terms are products per node, gathered
-    /// afterwards: a graph has some 40 times more edges than nodes.
+    /// g along every edge. Its first linear layer acts on `[h_w, h_v, h_e]` as
+    /// W_w h_w + W_v h_v + W_e h_e. The first two terms are computed per node and gathered: a graph
+    /// has some 40 times more edges than nodes.
     fn messages(
         &self,
         nodes: Tensor<B, 2>,

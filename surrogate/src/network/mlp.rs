@@ -1,4 +1,4 @@
-//! Multilayer perceptrons of the networks.
+//! Multilayer perceptrons.
 
 use burn::module::{Module, Param};
 use burn::nn::{LayerNorm, LayerNormConfig, Linear};
@@ -13,12 +13,15 @@ use super::blocks::{block, in_blocks};
 /// Sizes of an [`Mlp`].
 #[derive(Clone, Debug)]
 pub struct MlpShape {
+    /// Columns of the input.
     pub input: usize,
+    /// Width of the hidden layers.
     pub width: usize,
-    /// At least 1.
+    /// Number of hidden layers, at least 1.
     pub hidden_layers: usize,
+    /// Columns of the output.
     pub output: usize,
-    /// LayerNorm of the output.
+    /// Whether LayerNorm follows.
     pub norm: bool,
     /// Slope of LeakyReLU for negative arguments; 0 is ReLU.
     pub slope: f64,
@@ -34,13 +37,14 @@ impl MlpShape {
         })
     }
 
+    /// Number of trainable parameters.
     pub fn parameter_count(&self) -> usize {
         let linears: usize = self.linears().map(|(input, output)| (input + 1) * output).sum();
         linears + if self.norm { 2 * self.output } else { 0 }
     }
 
-    /// Weights and biases uniform in ±1/sqrt(inputs), as PyTorch's default; LayerNorm is the
-    /// identity. The numbers are drawn on the host, so they are the same on every device.
+    /// Weights and biases uniform in ±1/sqrt(inputs), PyTorch's default; LayerNorm as the identity.
+    /// They are drawn on the host, so they are the same on every device.
     pub(crate) fn init<B: Backend>(&self, rng: &mut ChaCha8Rng, device: &B::Device) -> Mlp<B> {
         let linears = self
             .linears()
@@ -62,23 +66,25 @@ impl MlpShape {
     }
 }
 
-/// Linear, [LeakyReLU, Linear] x hidden layers, and LayerNorm unless it is the decoder.
+/// Linear, then LeakyReLU and Linear for each hidden layer, then LayerNorm except in the decoder.
 #[derive(Module, Debug)]
 pub struct Mlp<B: Backend> {
+    /// Linear layers, from input to output.
     pub linears: Vec<Linear<B>>,
+    /// LayerNorm of the output.
     pub norm: Option<LayerNorm<B>>,
     slope: f64,
 }
 
 impl<B: Backend> Mlp<B> {
-    /// rows x inputs -> rows x outputs.
+    /// Outputs (rows x outputs) of inputs (rows x inputs).
     pub fn forward(&self, input: Tensor<B, 2>) -> Tensor<B, 2> {
         in_blocks(input.dims()[0], &input.device(), |rows| {
             self.after_first(self.linears[0].forward(block(&input, &rows)))
         })
     }
 
-    /// What follows the first linear.
+    /// Everything after the first linear layer.
     pub(crate) fn after_first(&self, mut x: Tensor<B, 2>) -> Tensor<B, 2> {
         for linear in &self.linears[1..] {
             x = linear.forward(leaky_relu(x, self.slope));

@@ -35,7 +35,7 @@ impl<B: Backend> Model<B> {
         }
     }
 
-    /// Normalised acceleration of the last frame, points x dimensions.
+    /// Normalised accelerations in the last frame, points x 2.
     pub fn forward(&self, input: &WindowInput<B>) -> Tensor<B, 2> {
         match self {
             Self::Tgnns(network) => network.forward(input),

@@ -6,25 +6,25 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A further feature of every node.
+/// An optional feature of every node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NodeFeature {
-    /// Points above this one in a strip one connection radius wide: the weight that it carries,
-    /// were stress hydrostatic. Follows every frame.
+    /// Points above this one in a strip one connection radius wide: the load it would carry if
+    /// stress were hydrostatic. Changes from frame to frame.
     Overburden,
-    /// Second difference of positions of the frame and the two before it, m/frame². Velocities hold
-    /// it too, but as a difference of a hundredth of their size.
+    /// Second difference of the positions in the frame and the two before, m/frame². Velocities
+    /// contain it too, but as a difference of a hundredth of their size.
     Acceleration,
-    /// Pressure and shear stress, Pa, in the first frame of the trajectory. Both are invariants,
-    /// the same in a mirror.
+    /// Pressure and shear stress (Pa) in the first frame of the trajectory: invariants, the same in a
+    /// mirror.
     InitialStress,
     /// Solid fraction in the first frame of the trajectory.
     InitialSolidFraction,
 }
 
 impl NodeFeature {
-    /// Numbers that it adds to a node.
+    /// Columns that it adds to a node.
     pub fn columns(self, dimensions: usize) -> usize {
         match self {
             Self::Overburden | Self::InitialSolidFraction => 1,
@@ -33,18 +33,18 @@ impl NodeFeature {
         }
     }
 
-    /// Whether it never changes for a point.
+    /// Whether it is static: constant for a point.
     pub fn is_static(self) -> bool {
         !matches!(self, Self::Overburden | Self::Acceleration)
     }
 
-    /// Frames before its own that it follows from.
+    /// Earlier frames that it depends on.
     pub fn frames_before(self) -> usize {
         if self == Self::Acceleration { 2 } else { 0 }
     }
 }
 
-/// Columns of all features, and of those that never change.
+/// Columns of all features, and of the static ones.
 pub fn feature_columns(features: &[NodeFeature], dimensions: usize) -> [usize; 2] {
     let sum = |all: bool| {
         let counted = features.iter().filter(|f| all || f.is_static());

@@ -1,4 +1,4 @@
-//! All weights of a network, or their gradients, as one list of numbers.
+//! All weights of a network, or their gradients, as one flat list.
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::backend::{AutodiffBackend, Backend};
@@ -6,19 +6,19 @@ use burn::tensor::{Tensor, TensorData};
 
 use super::model::Model;
 
-/// The weights in the order of the network's fields.
+/// All weights, in the order of the network's fields.
 pub fn weights<B: Backend>(model: &Model<B>) -> Vec<f32> {
     let mut read = Read(Vec::new());
     model.visit(&mut read);
     read.0
 }
 
-/// The same network with other weights, as many as [`weights`] gives.
+/// The network with other weights, in the order of [`weights`].
 pub fn with_weights<B: Backend>(model: Model<B>, weights: &[f32]) -> Model<B> {
     model.map(&mut Write(weights))
 }
 
-/// The gradients in the order of [`weights`]; zero where the loss does not depend on a weight.
+/// Gradients in the order of [`weights`]; zero for weights that the loss does not depend on.
 pub fn gradients<B: AutodiffBackend>(model: &Model<B>, gradients: &B::Gradients) -> Vec<f32> {
     let mut read = ReadGradients::<B> { gradients, values: Vec::new() };
     model.visit(&mut read);

@@ -10,8 +10,9 @@ use super::message::MessageLayer;
 use super::mlp::Mlp;
 use crate::features::{FrameInput, WindowInput};
 
-/// One message-passing layer for each frame of the window on that frame's own graph, joined by the
-/// node states, then further layers on the last graph, and the decoder. No residual connections.
+/// One message-passing layer for each frame of the window, on that frame's graph; node states pass
+/// from frame to frame. Further layers on the last graph and the decoder follow. There are no
+/// residual connections.
 #[derive(Module, Debug)]
 pub struct Tgnns<B: Backend> {
     /// F_n0: distances to walls, of the first frame.
@@ -22,14 +23,14 @@ pub struct Tgnns<B: Backend> {
     pub edge_encoder_first: Mlp<B>,
     /// F_e1: relative velocity, direction and distance, in later frames.
     pub edge_encoder_later: Mlp<B>,
-    /// S: the node state of the previous frame with the encoding of the next.
+    /// S: fuses the node state of the previous frame with the encoding of the next.
     pub node_fusion: Mlp<B>,
-    /// `edgemsg`: the previous frame's message along an edge with the edge's new features, for
-    /// edges that both graphs have; other edges are encoded by `edge_encoder_later`.
+    /// `edgemsg`: fuses the previous frame's message along a persistent edge with its new features;
+    /// new edges are encoded by `edge_encoder_later`.
     pub edge_fusion: Option<Mlp<B>>,
     /// g_k and f_k for each frame.
     pub frame_layers: Vec<MessageLayer<B>>,
-    /// g_k and f_k of the layers after the last frame's; their edge state is the last message.
+    /// g_k and f_k of the layers on the last graph; their edge states are the last messages.
     pub message_layers: Vec<MessageLayer<B>>,
     /// F_a: normalised acceleration.
     pub decoder: Mlp<B>,
@@ -78,7 +79,7 @@ impl<B: Backend> Tgnns<B> {
         self.decoder.forward(nodes)
     }
 
-    /// Edge states of a later frame, given the previous frame's messages.
+    /// Edge states of a later frame from the previous frame's messages.
     fn later_edges(&self, messages: Tensor<B, 2>, graph: &FrameInput<B>) -> Tensor<B, 2> {
         let (Some(fusion), Some(edges)) = (&self.edge_fusion, &graph.persistence) else {
             return self.edge_encoder_later.forward(graph.edges.clone());

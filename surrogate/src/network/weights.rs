@@ -1,5 +1,5 @@
-//! Weights files: safetensors with the architecture in the metadata. Names, shapes and order of
-//! indices are PyTorch's, see docs/weights.md.
+//! Weights files: safetensors with the architecture in the metadata. Names, shapes and the order of
+//! indices are PyTorch's; see docs/weights.md.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use super::config::{ConfigError, ModelConfig};
 use super::model::Model;
 use crate::features::Normalisation;
 
-/// Key of the metadata, whose value is JSON: one key, so that files are the same to the byte.
+/// Key of the metadata, whose value is JSON. A single key, so that equal files have equal bytes.
 const METADATA_KEY: &str = "surrogate";
 /// Version of the format.
 const FORMAT: u32 = 1;
@@ -23,32 +23,85 @@ const FORMAT: u32 = 1;
 /// Why a weights file could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsError {
+    /// The file cannot be read or written.
     #[error("{path}: cannot read or write it")]
-    Io { path: PathBuf, source: std::io::Error },
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The error of the file system.
+        source: std::io::Error,
+    },
+    /// Not a safetensors file.
     #[error("{path}: not a safetensors file")]
-    Format { path: PathBuf, source: SafeTensorError },
-    #[error("{path}: not a weights file of this program: {reason}")]
-    Metadata { path: PathBuf, reason: String },
-    #[error("{path}: not a network of this program")]
-    Config { path: PathBuf, source: ConfigError },
-    #[error("{path}: {parameters} numbers in tensors, but the network it names has {expected}")]
-    Size { path: PathBuf, parameters: usize, expected: usize },
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// The error of the format.
+        source: SafeTensorError,
+    },
+    /// The metadata are missing, damaged or of another version.
+    #[error("{path}: not a weights file of surrogate: {reason}")]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The architecture is invalid.
+    #[error("{path}: not a network of surrogate")]
+    Config {
+        /// The file.
+        path: PathBuf,
+        /// The key and its valid values.
+        source: ConfigError,
+    },
+    /// The tensors have another number of parameters than the architecture.
+    #[error("{path}: the tensors have {parameters} parameters, but the network has {expected}")]
+    Size {
+        /// The file.
+        path: PathBuf,
+        /// Parameters in the tensors.
+        parameters: usize,
+        /// Parameters of the network.
+        expected: usize,
+    },
+    /// A tensor is missing.
     #[error("{path}: tensor `{name}` is missing")]
-    Missing { path: PathBuf, name: String },
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// The tensor.
+        name: String,
+    },
+    /// A tensor of another type or shape.
     #[error("{path}: tensor `{name}` is {dtype:?} {shape:?}, not {expected_dtype:?} {expected:?}")]
     Shape {
+        /// The file.
         path: PathBuf,
+        /// The tensor.
         name: String,
+        /// Its type.
         dtype: Dtype,
+        /// Its shape.
         shape: Vec<usize>,
+        /// The type it should have.
         expected_dtype: Dtype,
+        /// The shape it should have.
         expected: Vec<usize>,
     },
+    /// A normalisation that is not finite or not positive.
     #[error("{path}: tensor `{name}`: {reason}")]
-    Value { path: PathBuf, name: String, reason: &'static str },
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// The tensor.
+        name: String,
+        /// What is wrong.
+        reason: &'static str,
+    },
 }
 
-/// What the metadata holds.
+/// The metadata.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Metadata {
@@ -58,7 +111,10 @@ struct Metadata {
 }
 
 /// Writes a weights file, in place: to survive a crash, write to a temporary name and rename.
-/// `extra` is the caller's own information.
+/// `extra` is further metadata of the caller.
+///
+/// # Errors
+/// If the file cannot be written.
 pub fn save<B: Backend>(
     path: &Path,
     model: &Model<B>,
@@ -90,7 +146,10 @@ pub fn save<B: Backend>(
     std::fs::write(path, bytes).map_err(|source| WeightsError::Io { path: path.into(), source })
 }
 
-/// Network, architecture, normalisation and the caller's information from a file of [`save`].
+/// Reads network, architecture, normalisation and further metadata from a file of [`save`].
+///
+/// # Errors
+/// If the file cannot be read, or is damaged or of another program.
 #[allow(clippy::type_complexity)]
 pub fn load<B: Backend>(
     path: &Path,
@@ -120,7 +179,7 @@ pub fn load<B: Backend>(
     }
 }
 
-/// The normalisation is stored as tensors: float64 survives a file to the bit, unlike in JSON.
+/// The normalisation as tensors: unlike JSON, they keep every bit of float64.
 fn normalisation_tensors(n: &Normalisation) -> [(String, &[f64]); 6] {
     [
         ("normalisation.velocity_mean".into(), &n.velocity_mean),
@@ -132,7 +191,7 @@ fn normalisation_tensors(n: &Normalisation) -> [(String, &[f64]); 6] {
     ]
 }
 
-/// A tensor as it stands in the file.
+/// A tensor of the file.
 struct Stored {
     name: String,
     dtype: Dtype,
@@ -140,15 +199,15 @@ struct Stored {
     bytes: Vec<u8>,
 }
 
-/// Name of the parameter that a walk through the modules is at.
+/// Name of the current parameter in a walk through the modules.
 #[derive(Default)]
 struct Names(Vec<String>);
 
 impl Names {
     fn enter(&mut self, name: &str, container: &str) {
-        // The enum's variant is the kind of network, which the architecture tells.
+        // The variant is the kind of network, which the architecture states.
         let name = if container.starts_with("Enum:") { "" } else { name };
-        // PyTorch calls LayerNorm's scale and shift so.
+        // PyTorch's names of LayerNorm's scale and shift.
         let name = match name {
             "gamma" => "weight",
             "beta" => "bias",
@@ -168,7 +227,7 @@ impl Names {
     }
 }
 
-/// Gathers all parameters of a network.
+/// Collects all parameters of a network.
 #[derive(Default)]
 struct Collect {
     names: Names,
@@ -192,7 +251,7 @@ impl<B: Backend> ModuleVisitor<B> for Collect {
     }
 }
 
-/// Puts the file's values into a network.
+/// Fills a network with the values of a file.
 struct Fill<'a> {
     names: Names,
     file: &'a File<'a>,
@@ -226,8 +285,8 @@ impl<B: Backend> ModuleMapper<B> for Fill<'_> {
     }
 }
 
-/// Matrices are outputs x inputs in the file, as in PyTorch, and inputs x outputs here; it is its
-/// own inverse.
+/// Matrices are outputs x inputs in the file, as in PyTorch, and inputs x outputs in Burn. Its own
+/// inverse.
 fn to_file_order<B: Backend, const D: usize>(tensor: Tensor<B, D>) -> Tensor<B, D> {
     if D == 2 { tensor.transpose() } else { tensor }
 }
@@ -243,7 +302,7 @@ impl<'a> File<'a> {
         WeightsError::Metadata { path: self.path.into(), reason }
     }
 
-    /// Before anything of the network's size is made.
+    /// Checks the number of parameters before anything of the network's size is allocated.
     fn check_size(&self, config: &ModelConfig) -> Result<(), WeightsError> {
         let f32s = self.tensors.iter().filter(|(_, t)| t.dtype() == Dtype::F32);
         let parameters = f32s.map(|(_, t)| t.data().len() / 4).sum();
@@ -255,7 +314,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Bytes of a tensor of this type and shape.
+    /// Bytes of a tensor, whose type and shape are checked.
     fn values(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<&[u8], WeightsError> {
         let missing = |_| WeightsError::Missing { path: self.path.into(), name: name.into() };
         let tensor = self.tensors.tensor(name).map_err(missing)?;

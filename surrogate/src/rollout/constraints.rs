@@ -1,20 +1,19 @@
 //! Walls and rigid boxes as hard constraints: predicted positions never enter them.
 //!
-//! A network learns walls from its training data, so the walls of the domain only stop points, and
-//! without friction: the network knows theirs. Boxes are new to it and act with the friction of
-//! their faces that the scene gives.
+//! A network learns the walls of the domain with their friction, so they only stop points here.
+//! Boxes are new to it and act with the friction of their faces in the scene.
 
 use dempm::scene::{Rectangle, Scene};
 use mpm::{Friction, Walls};
 
 use crate::features::Obstacle;
 
-/// A point may touch one box after another, as in a corner between box and floor.
+/// Largest number of passes over all boxes: a point may touch several, as in a corner.
 const PASSES: usize = 4;
-/// Part of a box's size that counts as its surface.
+/// Thickness of a box's surface, as a fraction of its size.
 const SKIN: f64 = 1e-9;
 
-/// What confines the points of a scene.
+/// Walls and boxes that confine the points of a scene.
 pub struct Constraints {
     domain: [f64; 2],
     pub(crate) boxes: Vec<RigidBox>,
@@ -22,7 +21,7 @@ pub struct Constraints {
 
 /// An obstacle or the plate.
 pub(crate) struct RigidBox {
-    /// Place until `start`.
+    /// Position until `start`.
     pub place: Rectangle,
     pub velocity: [f64; 2],
     pub start: f64,
@@ -70,18 +69,18 @@ impl Constraints {
         self.domain
     }
 
-    /// The boxes that never move, as networks see them.
+    /// The fixed boxes, as networks see them.
     pub fn obstacles(&self) -> Vec<Obstacle> {
         let fixed = self.boxes.iter().filter(|rigid| rigid.velocity == [0.0; 2]);
         fixed.map(|rigid| rigid.at(0.0).map(|corner| corner.map(|x| x as f32))).collect()
     }
 
-    /// The boxes at `time` as a trajectory holds them: x min, y min, x max, y max.
+    /// The boxes at `time` (s) as in a trajectory: x min, y min, x max, y max (m).
     pub fn boxes(&self, time: f64) -> Vec<[f64; 4]> {
         self.boxes.iter().map(|b| b.at(time)).map(|[[a, b], [c, d]]| [a, b, c, d]).collect()
     }
 
-    /// Moves a point that went from `old` to `new` between two times out of what it entered.
+    /// Moves a point (m) that went from `old` to `new` between two `times` (s) out of walls and boxes.
     pub fn confine(&self, old: [f64; 2], new: [f64; 2], times: [f64; 2]) -> [f64; 2] {
         let mut point = self.inside(new);
         for _ in 0..PASSES {
@@ -103,10 +102,10 @@ impl Constraints {
 }
 
 /// Stops the path from `old` to `new` at the first face of the box that it crosses, and lets the
-/// point slide along that face as far as friction allows.
+/// point slide along the face as far as friction allows.
 fn push_out(rigid: &RigidBox, old: [f64; 2], new: [f64; 2], times: [f64; 2]) -> [f64; 2] {
     let [before, after] = times.map(|time| rigid.at(time));
-    // As seen from the box: where the point would have started had the box not moved.
+    // In the frame of the box: where the point would have started had the box not moved.
     let shift = [0, 1].map(|k| after[0][k] - before[0][k]);
     let start = [0, 1].map(|k| old[k] + shift[k]);
     let path = [0, 1].map(|k| new[k] - start[k]);
@@ -125,13 +124,13 @@ fn push_out(rigid: &RigidBox, old: [f64; 2], new: [f64; 2], times: [f64; 2]) -> 
     point
 }
 
-/// The face through which a path enters a box: its axis, and whether it is the upper of the two.
-/// `None` if the path stays outside.
+/// The face through which a path enters a box: its axis, and whether it is the upper one. `None` if
+/// the path stays outside.
 fn entry([low, high]: [[f64; 2]; 2], start: [f64; 2], end: [f64; 2]) -> Option<(usize, bool)> {
     let skin = [0, 1].map(|k| SKIN * (high[k] - low[k]));
     let within = |x: [f64; 2]| (0..2).all(|k| x[k] > low[k] + skin[k] && x[k] < high[k] - skin[k]);
     if within(start) {
-        // It should not have been there: out through the nearest face.
+        // The point was inside already: out through the nearest face.
         let faces = [(0, false), (0, true), (1, false), (1, true)];
         let distance = |&(axis, upper): &(usize, bool)| {
             if upper { high[axis] - end[axis] } else { end[axis] - low[axis] }
@@ -140,7 +139,7 @@ fn entry([low, high]: [[f64; 2]; 2], start: [f64; 2], end: [f64; 2]) -> Option<(
             .then_some(())
             .and_then(|()| faces.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))));
     }
-    // Parts of the path between the two faces of each axis.
+    // Sections of the path between the two faces of each axis.
     let (mut enters, mut leaves, mut face) = (0.0, 1.0, None);
     for axis in 0..2 {
         let step = end[axis] - start[axis];

@@ -216,7 +216,7 @@ mod tests {
         }
     }
 
-    /// Windows of 40 and some more points that the network is to move on.
+    /// Windows of 40 and `points` points, which the network unrolls by `unroll` steps.
     fn examples(unroll: usize, points: usize) -> Examples {
         let mut examples = Examples { windows: Vec::new(), future: Vec::new(), unroll };
         for (points, gravity) in [(40, [0.0, -1e-4]), (points, [5e-5, -1e-4])] {
@@ -239,7 +239,7 @@ mod tests {
         examples
     }
 
-    /// Moves windows on the processor, with what an backend says.
+    /// Unrolls windows on the CPU, with the predictions of a backend.
     fn pushed(backend: &mut Backend, recipe: &Recipe, examples: Examples) -> Examples {
         let prepare = backend.prepare(&spec());
         let said = |examples: &Examples| {
@@ -250,10 +250,10 @@ mod tests {
         examples.push_forward(said).unwrap()
     }
 
-    /// Both backends start from the same weights, so they say the same of a batch; and what they
-    /// say is what they are judged by in the next step.
+    /// Both backends start from the same weights, so their predictions agree; and the loss of the next
+    /// step is that of the prediction.
     #[test]
-    fn engines_predict_alike_and_are_judged_by_it() {
+    fn backends_agree_and_the_loss_is_that_of_the_prediction() {
         let (spec, recipe) = (spec(), recipe());
         let config = TrainConfig { seed: 3, loss_floor: 0.7, ..TrainConfig::default() };
         let batch = recipe.batch(&examples(0, 25));
@@ -289,9 +289,9 @@ mod tests {
         }
     }
 
-    /// Batches of changing size, windows moved on or not: a GPU that repeats its queued steps and
-    /// moves windows by itself learns the same bits as one that does each step anew, on windows that
-    /// the processor has moved.
+    /// Batches of changing size, unrolled or not: a GPU that replays its recorded steps and unrolls
+    /// windows by itself learns the same bits as one that starts afresh for each step, on windows
+    /// unrolled by the CPU.
     #[test]
     fn a_gpu_repeats_steps_on_batches_of_any_size() {
         let Some(device) = gpu::for_tests() else { return };

@@ -327,15 +327,11 @@ impl TrainConfig {
             ("schedule.decay_steps", decay_steps, 1.0, 1e12),
             ("pushforward.steps", self.pushforward.steps as f64, 0.0, 16.0),
             ("validation.every", self.validation.every as f64, 1.0, 1e12),
-            ("model.dimensions", model.dimensions as f64, 2.0, 2.0),
         ];
         for (key, value, low, high) in limits {
             if !(low..=high).contains(&value) {
-                let range = match low == high {
-                    true => format!("{low}"),
-                    false => format!("from {low} to {high}"),
-                };
                 let (file, value) = (file.to_owned(), value.to_string());
+                let range = format!("from {low} to {high}");
                 return Err(ConfigError::Range { file, key, value, range });
             }
         }
@@ -399,7 +395,7 @@ mod tests {
             ("network = \"huge\"", "network"),
             ("network = \"msg0\"\n[model]\nwidth = 8", "network"),
             ("[model]\nwidth = 0", "width"),
-            ("[model]\ndimensions = 3", "model.dimensions"),
+            ("[model]\ndimensions = 3", "`dimensions`"),
             ("[data]\nnoise = -1.0", "data.noise"),
             ("[schedule]\nfinal_rate = 1.0", "schedule.final_rate"),
             ("[schedule]\nkind = \"linear\"", "linear"),

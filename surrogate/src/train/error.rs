@@ -6,7 +6,7 @@ use files::LockError;
 use gpu::ranks::{EnvironmentError, RanksError};
 
 use super::checkpoint::CheckpointError;
-use crate::chart::ChartError;
+use super::log::LogError;
 use crate::cuda::CudaError;
 use crate::data::DataError;
 use crate::rollout::InitialFramesError;
@@ -34,7 +34,7 @@ pub enum TrainError {
     /// The log cannot be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
-    Log(#[from] ChartError),
+    Log(#[from] LogError),
     /// No GPU, or one that failed.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),

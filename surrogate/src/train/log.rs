@@ -3,11 +3,21 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use files::write_text;
-use plotters::prelude::SeriesLabelPosition;
+use files::{WriteError, write_text};
+use plot::{Axis, Chart, Mark, PlotError, Series};
 use serde::{Deserialize, Serialize};
 
-use crate::chart::{Chart, ChartError, Line};
+/// A log that cannot be written.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum LogError {
+    /// The chart cannot be drawn.
+    #[error(transparent)]
+    Draw(#[from] PlotError),
+    /// A file cannot be written.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Write(#[from] WriteError),
+}
 
 /// Losses and validations up to a step. Part of a checkpoint, so a resumed training has one log.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -56,7 +66,7 @@ impl Log {
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), ChartError> {
+    pub fn write(&self, folder: &Path) -> Result<(), LogError> {
         let mut losses = "step,loss,rate\n".to_owned();
         for Row { step, loss, rate } in &self.rows {
             // Writing to a string cannot fail.
@@ -69,23 +79,21 @@ impl Log {
         for (name, text) in [("log.csv", losses), ("validation.csv", validations)] {
             write_text(&folder.join(name), &text)?;
         }
-        self.chart().write(&folder.join("loss.svg"))
+        write_text(&folder.join("loss.svg"), &self.chart().svg()?)?;
+        Ok(())
     }
 
     fn chart(&self) -> Chart {
-        let line =
-            |name: &str, points, reference| Line { name: name.to_owned(), points, reference };
         let losses = self.rows.iter().map(|row| (row.step as f64, row.loss)).collect();
         let validations = self.validations.iter().map(|&(step, mse)| (step as f64, mse)).collect();
         Chart {
-            title: "Training".to_owned(),
-            x: "step".to_owned(),
-            y: "loss, MSE".to_owned(),
-            lines: vec![
-                line("loss", losses, false),
-                line("MSE of validation rollouts [box²]", validations, true),
+            x: Axis::linear("step"),
+            y: Axis::log("loss, MSE"),
+            series: vec![
+                Series::new("loss", Mark::Line, losses),
+                Series::new("MSE of validation rollouts [box²]", Mark::Reference, validations),
             ],
-            legend: SeriesLabelPosition::UpperRight,
+            floor: None,
         }
     }
 }

@@ -26,6 +26,7 @@ pub use checkpoint::CheckpointError;
 pub use config::{ConfigError, Data, LossOver, Pushforward, TrainConfig, Validation};
 pub use error::TrainError;
 pub use folder::check_new;
+pub use log::LogError;
 pub use observer::TrainObserver;
 pub use schedule::{Decay, Schedule};
 pub use session::{Session, SessionOptions, Summary};

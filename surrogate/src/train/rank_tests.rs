@@ -1,4 +1,4 @@
-//! Ranks hold equal weights, and learn what one process with all windows would, or from the mean of
+//! Ranks hold equal weights and learn what one process with all windows would, or from the mean of
 //! their losses.
 
 use std::net::TcpListener;
@@ -113,8 +113,8 @@ fn two_ranks<T: Send>(train: impl Fn(Environment, Range<u64>) -> T + Sync) -> [T
     })
 }
 
-/// What two ranks learnt is the same, and what one has learnt from all windows but for rounding:
-/// sums are in another order, and Adam's first steps divide small gradients by their own size.
+/// Two ranks hold the same weights, equal to those of one process with all windows up to rounding:
+/// sums have another order, and Adam's first steps divide small gradients by their own size.
 fn compare([first, second]: [(State, Vec<f64>); 2], (one, losses): (State, Vec<f64>)) {
     assert_eq!(first, second);
     let start = CpuBackend::new(&spec().config, &config()).state().clone();
@@ -161,7 +161,7 @@ fn ranks_hold_equal_weights_and_learn_like_one() {
     compare_means([first_mean, second_mean], alone);
 }
 
-/// One process has the same loss either way, but for rounding.
+/// One process has the same loss either way, up to rounding.
 #[test]
 fn a_loss_of_its_own_changes_nothing_for_one() {
     let own = TrainConfig { loss_over: LossOver::Process, ..config() };
@@ -169,12 +169,12 @@ fn a_loss_of_its_own_changes_nothing_for_one() {
         (train(&own, 0..4, &mut SingleProcess), train(&config(), 0..4, &mut SingleProcess));
     compare([once.clone(), once], whole);
     let Some(device) = gpu::for_tests() else { return };
-    // With itself: Adam makes more of the rounding between a GPU and a processor.
+    // Compared with itself: Adam amplifies the rounding between a GPU and a CPU.
     let [once, whole] = [&own, &config()].map(|config| train_on(&device, config, 0..4, None));
     compare([once.clone(), once], whole);
 }
 
-/// The way through NCCL changes nothing for one rank, which needs no second GPU.
+/// NCCL changes nothing for a single rank, which needs no second GPU.
 #[test]
 fn one_rank_on_a_gpu_is_alone() {
     let Some(device) = gpu::for_tests() else { return };

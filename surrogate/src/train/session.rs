@@ -1,6 +1,6 @@
 //! A training under way: set up from data, configuration and checkpoint.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use dempm::device::Device;
@@ -99,11 +99,7 @@ struct OpenedData {
 }
 
 impl OpenedData {
-    fn open(
-        config: &TrainConfig,
-        model: &ModelConfig,
-        folder: &PathBuf,
-    ) -> Result<Self, TrainError> {
+    fn open(config: &TrainConfig, model: &ModelConfig, folder: &Path) -> Result<Self, TrainError> {
         let files = DataFolder::open(folder)?;
         let frames = model.window() + config.pushforward.steps;
         let (stride, before) = (config.data.stride, config.data.before_start);

@@ -5,11 +5,11 @@ use rstest::rstest;
 use surrogate::features::{Normalisation, Window, window_input};
 use surrogate::network::{ModelConfig, ModelKind, NodeFeature};
 
-use super::{Cpu, close, cloud, input, model, normalisation, small, unit_box, values};
+use super::{Cpu, UNIT_BOX, close, cloud, input, model, normalisation, small, values};
 
 #[test]
 fn features_of_two_points_by_hand() {
-    let config = ModelConfig { frames: 2, ..small("baseline", 2) };
+    let config = ModelConfig { frames: 2, ..small("baseline") };
     // Point 0 moves by (0.01, 0) and point 1 by (0, 0.02); r = 0.25.
     let positions = [0.5, 0.5, 0.5, 0.6, 0.51, 0.5, 0.5, 0.62];
     let input = input::<Cpu>(&config, &[(&positions, 2)]);
@@ -33,7 +33,7 @@ fn walls_in_reach_and_the_gns_features() {
     // 0.1 from the lower x wall, 0.05 from the upper y wall; moves by (0.01, 0).
     let positions = [0.09, 0.95, 0.10, 0.95];
     let features = |kind| {
-        let config = ModelConfig { kind, frames: 2, ..small("baseline", 2) };
+        let config = ModelConfig { kind, frames: 2, ..small("baseline") };
         let input = input::<Cpu>(&config, &[(&positions, 1)]);
         values(input.frames[input.frames.len() - 1].nodes.clone())
     };
@@ -43,8 +43,8 @@ fn walls_in_reach_and_the_gns_features() {
 
 #[test]
 fn persistent_edges_are_matched() {
-    let config = small("frame4-msg1-hidden1-edgemsg", 2);
-    let (a, b) = (cloud(60, 2, 3, 11), cloud(30, 2, 3, 12));
+    let config = small("frame4-msg1-hidden1-edgemsg");
+    let (a, b) = (cloud(60, 3, 11), cloud(30, 3, 12));
     let input = input::<Cpu>(&config, &[(&a, 60), (&b, 30)]);
     assert!(input.frames[0].persistence.is_none());
     let pairs = |k: usize| -> Vec<(i64, i64)> {
@@ -74,18 +74,18 @@ fn persistent_edges_are_matched() {
 /// The two frames before those of the network are there for the accelerations.
 #[rstest]
 fn accelerations_follow_from_three_frames(#[values("baseline", "gns")] name: &str) {
-    let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name, 2) };
+    let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name) };
     let config = ModelConfig { node_features: vec![NodeFeature::Acceleration], ..plain.clone() };
     assert_eq!([plain.window(), config.window()], [2, 4]);
     let norm = Normalisation {
         features_mean: vec![0.0; 2],
         features_std: vec![0.5, 0.25],
-        ..normalisation(2)
+        ..normalisation()
     };
     // Falls from the second frame on, and moves to the right in the last one.
     let positions = [0.5, 0.75, 0.5, 0.75, 0.5, 0.625, 0.625, 0.375];
     let window = [Window { positions: &positions, points: 1, statics: &[], obstacles: &[] }];
-    let whole = window_input::<Cpu>(&window, &config, &norm, &unit_box(2), &Default::default());
+    let whole = window_input::<Cpu>(&window, &config, &norm, &UNIT_BOX, &Default::default());
     let bare = input::<Cpu>(&plain, &[(&positions[4..], 1)]);
     let accelerations = [[0.0, -0.5], [0.25, -0.5]];
     assert_eq!(whole.frames.len(), plain.graphs());
@@ -101,7 +101,7 @@ fn accelerations_follow_from_three_frames(#[values("baseline", "gns")] name: &st
 
 #[rstest]
 fn further_features_follow_the_others(#[values("baseline", "gns")] name: &str) {
-    let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name, 2) };
+    let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name) };
     let features = vec![
         NodeFeature::InitialSolidFraction,
         NodeFeature::Overburden,
@@ -111,13 +111,13 @@ fn further_features_follow_the_others(#[values("baseline", "gns")] name: &str) {
     let norm = Normalisation {
         features_mean: vec![0.8, 1.0, 100.0, 0.0],
         features_std: vec![0.1, 2.0, 10.0, 5.0],
-        ..normalisation(2)
+        ..normalisation()
     };
     // Point 1 is above point 0, and beside it in the second frame.
     let positions = [0.5, 0.5, 0.5, 0.6, 0.5, 0.5, 0.7, 0.6];
     let statics = [0.9, 120.0, 10.0, 0.7, 100.0, 0.0];
     let window = [Window { positions: &positions, points: 2, statics: &statics, obstacles: &[] }];
-    let whole = window_input::<Cpu>(&window, &config, &norm, &unit_box(2), &Default::default());
+    let whole = window_input::<Cpu>(&window, &config, &norm, &UNIT_BOX, &Default::default());
     let bare = input::<Cpu>(&plain, &[(&positions, 2)]);
     let loads: &[[f64; 2]] = if name == "gns" { &[[0.0, 0.0]] } else { &[[1.0, 0.0], [0.0, 0.0]] };
     for ((with, without), load) in whole.frames.iter().zip(&bare.frames).zip(loads) {
@@ -142,7 +142,7 @@ fn further_features_follow_the_others(#[values("baseline", "gns")] name: &str) {
 /// Faces of obstacles are walls for the points in front of them, and for no others.
 #[rstest]
 fn faces_of_obstacles_are_walls(#[values("baseline", "gns")] name: &str) {
-    let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name, 2) };
+    let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name) };
     let seeing = ModelConfig { obstacles: true, ..plain.clone() };
     let obstacle = [[0.4, 0.1], [0.6, 0.5]];
     let far = if name == "gns" { 1.0 } else { 0.0 };
@@ -162,9 +162,8 @@ fn faces_of_obstacles_are_walls(#[values("baseline", "gns")] name: &str) {
         for (config, seen) in [(&seeing, &[obstacle][..]), (&seeing, &[]), (&plain, &[obstacle])] {
             let window =
                 [Window { positions: &positions, points: 1, statics: &[], obstacles: seen }];
-            let norm = normalisation(2);
-            let whole =
-                window_input::<Cpu>(&window, config, &norm, &unit_box(2), &Default::default());
+            let norm = normalisation();
+            let whole = window_input::<Cpu>(&window, config, &norm, &UNIT_BOX, &Default::default());
             let newest = values(whole.frames[whole.frames.len() - 1].nodes.clone());
             let floor: f64 = if place[1] < 0.2 { f64::from(place[1]) / 0.2 } else { far };
             let expected = match config.obstacles && !seen.is_empty() {
@@ -179,12 +178,8 @@ fn faces_of_obstacles_are_walls(#[values("baseline", "gns")] name: &str) {
 /// A wall out of reach is at one radius instead of none.
 #[test]
 fn walls_can_be_clamped() {
-    let config = ModelConfig {
-        frames: 2,
-        connection_radius: 0.2,
-        clamped_walls: true,
-        ..small("baseline", 2)
-    };
+    let config =
+        ModelConfig { frames: 2, connection_radius: 0.2, clamped_walls: true, ..small("baseline") };
     let found = input::<Cpu>(&config, &[(&[0.1, 0.5, 0.1, 0.5], 1)]);
     close(&values(found.frames[0].nodes.clone()), &[0.5, 1.0, 1.0, 1.0], 1e-5);
 }

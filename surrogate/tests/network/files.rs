@@ -40,19 +40,18 @@ fn bits<B: Backend>(model: &Model<B>) -> Vec<u32> {
 #[rstest]
 fn weights_survive_a_file_to_the_bit(
     #[values("baseline", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
-    #[values(2, 3)] dimensions: usize,
 ) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.safetensors");
-    let config = ModelConfig { connection_radius: 0.1 + 0.2, ..small(name, dimensions) };
+    let config = ModelConfig { connection_radius: 0.1 + 0.2, ..small(name) };
     let model = saved(&path, &config);
     let (loaded, loaded_config, norm, extra) =
         weights::load::<Train>(&path, &Default::default()).unwrap();
     assert_eq!(bits(&loaded), bits(&model));
-    assert_eq!((loaded_config, norm), (config.clone(), normalisation(dimensions)));
+    assert_eq!((loaded_config, norm), (config.clone(), normalisation()));
     assert_eq!(extra["step"], "12");
     // A loaded network learns.
-    let positions = cloud(30, dimensions, 3, 2);
+    let positions = cloud(30, 3, 2);
     let output = loaded.forward(&input(&config, &[(&positions, 30)]));
     let gradients = weighted_sum(output).backward();
     let mut visitor = NonZero { gradients: &gradients, tensors: 0, share: 1.0 };
@@ -69,11 +68,11 @@ fn further_features_survive_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.safetensors");
     let features = vec![NodeFeature::Overburden, NodeFeature::InitialStress];
-    let config = ModelConfig { node_features: features, ..small("baseline", 2) };
+    let config = ModelConfig { node_features: features, ..small("baseline") };
     let norm = Normalisation {
         features_mean: vec![0.1, 0.2, 0.3],
         features_std: vec![1.0, 2.0, 3.0],
-        ..normalisation(2)
+        ..normalisation()
     };
     weights::save(&path, &model::<Cpu>(&config), &config, &norm, BTreeMap::new()).unwrap();
     let (_, loaded, found, _) = weights::load::<Cpu>(&path, &Default::default()).unwrap();
@@ -84,9 +83,9 @@ fn further_features_survive_a_file() {
 fn a_normalisation_that_divides_by_zero_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.safetensors");
-    let config = small("baseline", 2);
+    let config = small("baseline");
     for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let norm = Normalisation { velocity_std: vec![0.1, wrong], ..normalisation(2) };
+        let norm = Normalisation { velocity_std: vec![0.1, wrong], ..normalisation() };
         weights::save(&path, &model::<Cpu>(&config), &config, &norm, BTreeMap::new()).unwrap();
         assert!(matches!(load(&path), Err(WeightsError::Value { .. })), "{wrong}");
     }
@@ -97,7 +96,7 @@ fn damaged_files_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.safetensors");
     assert!(matches!(load(&path), Err(WeightsError::Io { .. })));
-    saved(&path, &small("baseline", 2));
+    saved(&path, &small("baseline"));
     let whole = std::fs::read(&path).unwrap();
     let check = |bytes: &[u8]| {
         std::fs::write(&path, bytes).unwrap();
@@ -153,7 +152,7 @@ fn wrong_tensors_are_errors_that_name_them() {
     let kept = |name: &str, shape| Some((name.to_string(), Dtype::F64, shape));
     let check = |metadata: &dyn Fn(&str) -> Option<String>,
                  tensor: &dyn Fn(&str, Vec<usize>) -> Option<Header>| {
-        saved(&path, &small("baseline", 2));
+        saved(&path, &small("baseline"));
         rewrite(&path, metadata, tensor);
         load(&path).map(drop)
     };

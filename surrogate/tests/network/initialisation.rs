@@ -8,7 +8,7 @@ use surrogate::network::parameters::weights as list;
 
 /// Differences between the outputs of points, relative to the outputs.
 fn contrast(model: &Model<Cpu>, config: &ModelConfig) -> f64 {
-    let positions = cloud(60, 2, config.frames, 3);
+    let positions = cloud(60, config.frames, 3);
     let output = values(model.forward(&input(config, &[(&positions, 60)])));
     let mean = |k: usize| output.iter().skip(k).step_by(2).sum::<f64>() / 60.0;
     let means = [mean(0), mean(1)];
@@ -20,7 +20,7 @@ fn contrast(model: &Model<Cpu>, config: &ModelConfig) -> f64 {
 /// them arrives at the end.
 #[test]
 fn near_the_identity_points_keep_their_differences() {
-    let config = ModelConfig { width: 64, frames: 6, ..small("baseline", 2) };
+    let config = ModelConfig { width: 64, frames: 6, ..small("baseline") };
     let random = Model::<Cpu>::new(&config, 7, &Default::default());
     let near = random.clone().near_identity();
     let [random, near] = [random, near].map(|model| contrast(&model, &config));
@@ -31,7 +31,7 @@ fn near_the_identity_points_keep_their_differences() {
 #[test]
 fn the_start_changes_weights_and_nothing_else() {
     for name in ["baseline", "frame4-msg1-hidden1-edgemsg", "gns"] {
-        let config = small(name, 2);
+        let config = small(name);
         let random = Model::<Train>::new(&config, 7, &Default::default());
         let near = random.clone().near_identity();
         let (before, after) = (list(&random), list(&near));
@@ -40,7 +40,7 @@ fn the_start_changes_weights_and_nothing_else() {
         if before == after {
             continue;
         }
-        let positions = cloud(20, 2, config.frames, 4);
+        let positions = cloud(20, config.frames, 4);
         let output = near.forward(&input(&config, &[(&positions, 20)]));
         let gradients = output.powi_scalar(2).sum().backward();
         let learnt = surrogate::network::parameters::gradients(&near, &gradients);

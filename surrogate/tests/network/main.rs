@@ -27,9 +27,9 @@ type Train = Autodiff<Flex>;
 
 /// Positions of a random cloud that shears and shrinks, so that some edges come and others go.
 /// Multiples of 2^-14 in the unit box, so that shifts by whole numbers are exact.
-fn cloud(points: usize, dimensions: usize, frames: usize, seed: u64) -> Vec<f32> {
+fn cloud(points: usize, frames: usize, seed: u64) -> Vec<f32> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let start: Vec<f32> = (0..points * dimensions).map(|_| rng.random_range(0.02..0.98)).collect();
+    let start: Vec<f32> = (0..2 * points).map(|_| rng.random_range(0.02..0.98)).collect();
     let drift: Vec<f32> = start.iter().map(|_| rng.random_range(-0.01..0.01)).collect();
     let mut positions = Vec::new();
     for frame in 0..frames {
@@ -41,24 +41,22 @@ fn cloud(points: usize, dimensions: usize, frames: usize, seed: u64) -> Vec<f32>
     positions
 }
 
-fn unit_box(dimensions: usize) -> Vec<[f64; 2]> {
-    vec![[0.0, 1.0]; dimensions]
-}
+const UNIT_BOX: [[f64; 2]; 2] = [[0.0, 1.0]; 2];
 
-fn normalisation(dimensions: usize) -> Normalisation {
+fn normalisation() -> Normalisation {
     Normalisation {
-        velocity_mean: (0..dimensions).map(|k| 0.001 * k as f64).collect(),
-        velocity_std: vec![0.01; dimensions],
-        acceleration_mean: vec![1.0 / 3.0; dimensions],
-        acceleration_std: vec![0.1; dimensions],
+        velocity_mean: vec![0.0, 0.001],
+        velocity_std: vec![0.01; 2],
+        acceleration_mean: vec![1.0 / 3.0; 2],
+        acceleration_std: vec![0.1; 2],
         ..Normalisation::default()
     }
 }
 
 /// A small relative of a named network.
-fn small(name: &str, dimensions: usize) -> ModelConfig {
+fn small(name: &str) -> ModelConfig {
     let config = ModelConfig::named(name).unwrap();
-    ModelConfig { dimensions, width: 8, gns_layers: 2, frames: 3, ..config }
+    ModelConfig { width: 8, gns_layers: 2, frames: 3, ..config }
 }
 
 fn input<B: Backend>(config: &ModelConfig, windows: &[(&[f32], usize)]) -> WindowInput<B> {
@@ -66,8 +64,7 @@ fn input<B: Backend>(config: &ModelConfig, windows: &[(&[f32], usize)]) -> Windo
         .iter()
         .map(|&(positions, points)| Window { positions, points, statics: &[], obstacles: &[] })
         .collect();
-    let d = config.dimensions;
-    window_input(&windows, config, &normalisation(d), &unit_box(d), &Default::default())
+    window_input(&windows, config, &normalisation(), &UNIT_BOX, &Default::default())
 }
 
 fn model<B: Backend>(config: &ModelConfig) -> Model<B> {
@@ -113,7 +110,7 @@ impl ModuleVisitor<Train> for NonZero<'_> {
 fn saved(path: &Path, config: &ModelConfig) -> Model<Cpu> {
     let model = model::<Cpu>(config);
     let extra = BTreeMap::from([("step".to_string(), "12".to_string())]);
-    let norm = normalisation(config.dimensions);
+    let norm = normalisation();
     weights::save(path, &model, config, &norm, extra).unwrap();
     model
 }

@@ -8,8 +8,8 @@ use super::{Cpu, Train, close, cloud, input, model, normalisation, small, values
 
 #[test]
 fn edge_states_change_in_every_layer() {
-    let config = small("baseline", 2);
-    let positions = cloud(40, 2, 3, 4);
+    let config = small("baseline");
+    let positions = cloud(40, 3, 4);
     let input = input::<Cpu>(&config, &[(&positions, 40)]);
     let Model::Tgnns(network) = model::<Cpu>(&config) else { panic!("not a TGNNS") };
     let graph = &input.frames[2];
@@ -27,17 +27,16 @@ fn edge_states_change_in_every_layer() {
 #[rstest]
 fn order_of_points_does_not_matter(
     #[values("baseline", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
-    #[values(2, 3)] dimensions: usize,
 ) {
-    let config = small(name, dimensions);
+    let config = small(name);
     let points = 50;
-    let positions = cloud(points, dimensions, 3, 5);
+    let positions = cloud(points, 3, 5);
     let order: Vec<usize> = (0..points).map(|i| (i * 17 + 5) % points).collect();
     let permute = |frame: &[f64]| -> Vec<f64> {
-        order.iter().flat_map(|&i| frame[i * dimensions..(i + 1) * dimensions].to_vec()).collect()
+        order.iter().flat_map(|&i| frame[2 * i..2 * i + 2].to_vec()).collect()
     };
     let permuted: Vec<f32> = positions
-        .chunks(points * dimensions)
+        .chunks(2 * points)
         .flat_map(|frame| {
             let frame: Vec<f64> = frame.iter().map(|&x| f64::from(x)).collect();
             permute(&frame)
@@ -51,19 +50,16 @@ fn order_of_points_does_not_matter(
 }
 
 #[rstest]
-fn place_does_not_matter(
-    #[values("baseline", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
-    #[values(2, 3)] dimensions: usize,
-) {
-    let config = small(name, dimensions);
+fn place_does_not_matter(#[values("baseline", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str) {
+    let config = small(name);
     let points = 40;
-    let here = cloud(points, dimensions, 3, 6);
+    let here = cloud(points, 3, 6);
     let there: Vec<f32> = here.iter().map(|x| x + 2.0).collect();
     let model = model::<Cpu>(&config);
     let run = |positions: &[f32], bounds: [f64; 2]| {
         let window = [Window { positions, points, statics: &[], obstacles: &[] }];
-        let norm = normalisation(dimensions);
-        let bounds = vec![bounds; dimensions];
+        let norm = normalisation();
+        let bounds = [bounds; 2];
         let input = window_input(&window, &config, &norm, &bounds, &Default::default());
         values(model.forward(&input))
     };
@@ -78,8 +74,8 @@ fn place_does_not_matter(
 fn windows_of_a_batch_do_not_meet(
     #[values("baseline", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
 ) {
-    let config = small(name, 2);
-    let (a, b, one) = (cloud(30, 2, 3, 8), cloud(45, 2, 3, 9), cloud(1, 2, 3, 10));
+    let config = small(name);
+    let (a, b, one) = (cloud(30, 3, 8), cloud(45, 3, 9), cloud(1, 3, 10));
     let model = model::<Cpu>(&config);
     let run = |windows: &[(&[f32], usize)]| values(model.forward(&input(&config, windows)));
     let apart = [run(&[(&a, 30)]), run(&[(&one, 1)]), run(&[(&b, 45)])].concat();
@@ -90,9 +86,9 @@ fn windows_of_a_batch_do_not_meet(
 fn large_graphs_are_computed_in_blocks_without_a_trace(
     #[values("baseline", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
 ) {
-    let config = ModelConfig { connection_radius: 0.5, ..small(name, 2) };
+    let config = ModelConfig { connection_radius: 0.5, ..small(name) };
     let points = 200;
-    let positions = cloud(points, 2, 3, 14);
+    let positions = cloud(points, 3, 14);
     // Blocks are for inference only: training does without.
     let inference = input::<Cpu>(&config, &[(&positions, points)]);
     assert!(inference.frames[0].sender.dims()[0] > 2 * 4096);
@@ -105,16 +101,15 @@ fn large_graphs_are_computed_in_blocks_without_a_trace(
 #[rstest]
 fn points_without_neighbours_have_accelerations_and_gradients(
     #[values("baseline", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
-    #[values(2, 3)] dimensions: usize,
 ) {
-    let config = small(name, dimensions);
+    let config = small(name);
     for points in [1, 2] {
         // Far from one another, or alone.
-        let frame: Vec<f32> = (0..points * dimensions).map(|i| 0.1 + 0.4 * i as f32).collect();
+        let frame: Vec<f32> = (0..2 * points).map(|i| 0.1 + 0.4 * i as f32).collect();
         let positions = frame.repeat(3);
         let model = model::<Train>(&config);
         let output = model.forward(&input(&config, &[(&positions, points)]));
-        assert_eq!(output.dims(), [points, dimensions]);
+        assert_eq!(output.dims(), [points, 2]);
         assert!(values(output.clone()).iter().all(|a| a.is_finite()));
         weighted_sum(output).backward();
     }

@@ -21,9 +21,9 @@ fn numpy_gets_the_same_accelerations(
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.safetensors");
-    let config = small(name, 2);
+    let config = small(name);
     let model = saved(&path, &config);
-    let positions = cloud(50, 2, 3, 13);
+    let positions = cloud(50, 3, 13);
     let input = input::<Cpu>(&config, &[(&positions, 50)]);
     let mut tensors: Vec<(String, Vec<usize>, Vec<u8>)> = Vec::new();
     let mut push = |name: String, shape: &[usize], values: Vec<f64>| {

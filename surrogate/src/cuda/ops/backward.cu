@@ -71,7 +71,7 @@ __device__ void normalise_backward(Tile& z, const Backward& a, const Place& at, 
     }
 }
 
-// The derivative of LeakyReLU, whose values tell the sign of its arguments.
+// The derivative of LeakyReLU; the sign of its value is that of its argument.
 __device__ void leaky_backward(Tile& z, const Stored* hidden, const Place& at, float slope) {
     u32 own[2];
     at.rows(own);

@@ -1,25 +1,25 @@
-// MLPs of edges, backward, in bf16 on Hopper: gradients of the weights and of what was read. With X, what a
-// linear reads,
+// MLPs of edges, backward, in bf16 on Hopper: gradients of the weights and of the inputs. With X the input of
+// a linear,
 //
 //     dW += X^T dZ,   dX = dZ W^T,   dZ of the linear before = dX where X > 0, else slope dX.
 //
 // A block takes its share of the rows, 64 at a time, through the linears in passes from the last to the
-// first: two linears with hidden states in a pass, so that the dZ between them stays on the chip, and in
-// a last one the states that the MLP itself reads. Two warp groups add up the dW of a linear each, in
-// registers. Two others, the walkers, take every other tile: they fetch it and compute LayerNorm's
-// derivative and dX.
+// first. A pass has two linears with hidden states, so that the dZ between them stays on the chip; the last
+// pass has the states that the MLP itself reads. Two warp groups add up dW of one linear each, in registers.
+// Two others, the walkers, take tiles in turn: they fetch them and compute LayerNorm's derivative and dX.
+// `Backward` is defined in backward.rs; the kernel is compiled for PARTS == 1 and sm_90a only
+// (edges_backward.rs).
 
 constexpr int GROUP_THREADS = 128;
 constexpr int WALKERS = 2;
 constexpr int EDGE_THREADS = (2 + WALKERS) * GROUP_THREADS;
 constexpr int ROWS = 64;
-// Registers of a thread that adds up, and of one that walks: 128 on average.
+// Registers of a thread that adds up and of a walker: 128 on average.
 constexpr int SUM_REGISTERS = 160, WALKER_REGISTERS = 96;
 // Rows of a tile of which a thread copies eight columns, and how many of them it works on at a time.
 constexpr int SHARE = ROWS * 16 / GROUP_THREADS;
 constexpr int TOGETHER = SHARE / 2;
-// Features of an edge and 1: there are at most two differences of places and a distance, in three
-// dimensions.
+// Features of an edge, at most 7 in three dimensions (difference of velocities, direction, distance), and 1.
 constexpr int EDGE_FEATURES = 8;
 
 // A part of shared memory for a tile.
@@ -37,7 +37,7 @@ struct Stage {
     float features[ROWS * EDGE_FEATURES];
 };
 
-// The same in the pass of what the MLP reads.
+// The same in the pass of the states that the MLP reads.
 struct SmallStage {
     static constexpr bool WHOLE = false;
     Matrix<ROWS> dz, x[1];
@@ -45,7 +45,7 @@ struct SmallStage {
 };
 
 struct Shared {
-    // W of both linears, whose rows are in the order in which the tensor cores shall get them.
+    // W of both linears, with rows in the order of `place_of`.
     Matrix<WIDTH> weights[2];
     // Those of a walker: every other one.
     union {
@@ -65,7 +65,7 @@ struct Pass {
     // Products for the gradients of the weights: of one or two linears, and of one that reads features
     // and has the dZ that the pass ends with.
     const Product *product[2], *features;
-    // Where what the pass ends with goes, if it is needed; X are hidden states.
+    // Destination of the gradient that the pass ends with, or null; whether X are hidden states.
     Stored* to;
     const uint4* weights;
     bool hidden;
@@ -73,16 +73,15 @@ struct Pass {
     float* sums;
 };
 
-// Where groups of threads meet, a place for each walker: it has made the dZ of the first linear, of the
-// second or of the one that reads features; the first dZ has been read, the tile is done with; the
-// walker's own threads.
+// Named barriers, one for each walker: dZ of the first linear, of the second or of the one that reads
+// features is ready; the first dZ has been read; the tile is done; the walker's own threads.
 enum Meeting { BLOCK, FIRST, FIRST_DONE = 3, SECOND = 5, FEATURES = 7, TILE_DONE = 9, WALKER = 11 };
 
 __device__ __forceinline__ void meet(int where, int threads = 2 * GROUP_THREADS) {
     asm volatile("bar.sync %0, %1;" : : "r"(where), "r"(threads) : "memory");
 }
 
-// As `meet`, but goes on.
+// Arrives at a barrier without waiting.
 __device__ __forceinline__ void announce(int where, int threads = 2 * GROUP_THREADS) {
     asm volatile("bar.arrive %0, %1;" : : "r"(where), "r"(threads) : "memory");
 }
@@ -219,8 +218,8 @@ __device__ __forceinline__ void normalise_backward(Stage& stage, const Backward&
     }
 }
 
-// What becomes of dX: it is multiplied by the derivative of LeakyReLU, whose values are X (`hidden`), or
-// added to what is there (`accumulate`), and goes to shared memory and memory, if not null.
+// Destination of dX, which is multiplied by the derivative of LeakyReLU at X (`hidden`) or added to what
+// is there (`accumulate`), then written to shared and to global memory, if not null.
 struct Destination {
     Matrix<ROWS>* tile;
     Stored* memory;
@@ -336,14 +335,14 @@ __device__ __forceinline__ void walk(Shared& shared, const Backward& a, const Pa
         fetch_rest(stage, tile + s * step);
         end_copies();
     }
-    // The weights are there.
+    // The weights have been copied.
     barrier();
     for (int current = walker; tile < tiles; tile += step, current = (current + WALKERS) % STAGES) {
         Kind& stage = stages[current];
         const u32 next = tile + step * (STAGES / WALKERS);
         wait_for_copies<STAGES / WALKERS - 1>();
         if constexpr (LAST) {
-            // What one thread has copied of the last, others need.
+            // A thread reads what other threads have copied.
             meet(WALKER + walker, GROUP_THREADS);
             normalise_backward(stage, a, shared, rows - tile * ROWS, norm_sums);
         }
@@ -370,7 +369,7 @@ __device__ __forceinline__ void walk(Shared& shared, const Backward& a, const Pa
                        {features_dz, pass.to, stage.x[two], pass.hidden, bool(a.accumulate & 1), a.slope},
                        tile, rows);
         if (features) announce(FEATURES + walker);
-        // Into what all have done with.
+        // The stage is free once all are done with it.
         if (late) meet(TILE_DONE + walker);
         else meet(WALKER + walker, GROUP_THREADS);
         if (!two) fetch_x(stage, next);
@@ -470,7 +469,7 @@ __device__ __forceinline__ void sum_runs(Shared& shared, const Backward& a, floa
 // features' too.
 template <int SUMMED, class Kind>
 __device__ __forceinline__ void add_up(Shared& shared, const Backward& a, const Pass& pass) {
-    // W for the walker.
+    // W, for the walkers.
     for (int k = 0; k < 2; k++)
         if (pass.product[k])
             for (int n = threadIdx.x; n < UNIT; n += 2 * GROUP_THREADS)
@@ -567,7 +566,7 @@ __device__ void write_norm_sums(Shared& shared, float* to, const float (&sums)[2
     }
 }
 
-// All passes; a walker if the role is not to add up.
+// All passes of a role: 0 and 1 add up, 2 walks.
 template <int ROLE>
 __device__ __forceinline__ void backward(Shared& shared, const Backward& a) {
     const Product* states = a.products + a.layers;
@@ -588,7 +587,7 @@ __device__ __forceinline__ void backward(Shared& shared, const Backward& a) {
         if constexpr (ROLE < 2) add_up<ROLE, Stage>(shared, a, pass);
         else if (n == 0) walk<true, Stage>(shared, a, pass, norm_sums);
         else walk<false, Stage>(shared, a, pass, norm_sums);
-        // What was written can be read.
+        // Makes what was written visible to all threads.
         barrier();
     }
     if (states) {

@@ -31,12 +31,12 @@ __device__ __forceinline__ void put8(Rows64& to, int row, int chunk, const float
         to.part[p].at(row, chunk) = make_uint4(word[0][p], word[1][p], word[2][p], word[3][p]);
 }
 
-// Of each warp, columns of the sums: 32 rows are those of four warps.
+// A warp has 32 rows and COLUMNS columns of the sums.
 constexpr int COLUMNS = 64 / PARTS;
 constexpr int GRADIENT_THREADS = 4 * 32 * (WIDTH / COLUMNS);
 // Chunks of eight numbers that each thread copies.
 constexpr int COPIES = ROWS * 16 / GRADIENT_THREADS;
-// Tiles in shared memory: bf16 is copied there as it is, ahead of time.
+// Tiles in shared memory: bf16 is copied there unchanged, ahead of time.
 #ifdef GROUPS_MULTIPLY
 constexpr int STAGES = 2;
 #else
@@ -69,8 +69,8 @@ __device__ __forceinline__ void fetch(const Product& a, Stage& to, u32 tile, u32
     }
 }
 #else
-// What a thread copies of a tile, on its way: it is split before it is stored. Rows that do not exist are
-// made zero only then: a choice right after a load would wait for it.
+// A thread's loads of a tile under way: values are split before they are stored. Rows that do not exist
+// become zero only then, since a choice right after a load would wait for it.
 struct Ahead {
     uint4 dz[COPIES][2], x[COPIES][2];
     bool dz_there[COPIES], x_there[COPIES];
@@ -144,12 +144,12 @@ __device__ __forceinline__ void add_rows_product(float (&z)[8][4], unsigned long
 }
 #undef FOUR
 
-// Of a warp group 64 x 64 of the sums.
+// A warp group's 64 x 64 of the sums.
 struct Sums {
     float sum[8][4] = {};
     int half_x = threadIdx.x / 256, half_dz = threadIdx.x / 128 % 2;
 
-    // Begins; until `wait_for_products` the stage has to stay.
+    // Begins to multiply; the stage must not change until `wait_for_products`.
     __device__ __forceinline__ void add(const Stage& stage) {
         begin_products();
 #pragma unroll
@@ -176,7 +176,7 @@ struct Sums {
     }
 };
 #else
-// Of a warp 32 x COLUMNS of the sums.
+// A warp's 32 x COLUMNS of the sums.
 struct Sums {
     float sum[2][COLUMNS / 8][4] = {};
     int row0 = 32 * (threadIdx.x / 32 % 4), column0 = COLUMNS * (threadIdx.x / 128);
@@ -268,7 +268,7 @@ extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
         if (!a.x) put_features(a, stages[stage].x, tile, rows);
         wait_for_copies<STAGES - 2>();
         __syncthreads();
-        // Into the stage that all have done with.
+        // Into the stage that all threads are done with.
         const u32 next = tile + (STAGES - 1) * a.blocks;
         if (next < tiles) fetch(a, stages[(stage + STAGES - 1) % STAGES], next, rows);
         end_copies();
@@ -278,7 +278,7 @@ extern "C" __global__ void __launch_bounds__(GRADIENT_THREADS, 3 - PARTS)
     }
 #else
     Ahead ahead;
-    // Stores the tile that is on its way, and lets the next one come.
+    // Stores the tile that was loaded, and begins to load the next one.
     auto put = [&](Stage& to, u32 tile) {
         if (tile >= tiles) return;
         ahead.put(a, to);

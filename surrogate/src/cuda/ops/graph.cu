@@ -12,7 +12,7 @@
 
 constexpr int LANES = 32;
 constexpr unsigned ALL = 0xffffffffu;
-// Bucket of a point that is nowhere.
+// Bucket of a point whose position is not finite.
 constexpr unsigned NOWHERE = 0xffffffffu;
 // A cell and those around it.
 constexpr int AROUND = DIMENSIONS == 2 ? 9 : 27;
@@ -248,7 +248,7 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) fill_edges(
     }
     const unsigned* unordered = cells.kept + (size_t)receiver * KEPT;
     if (number > KEPT) {
-        // Once more, into what will hold the reverse edges.
+        // Searches again, into the memory for the reverse edges.
         find_neighbours(grid, position, window, cells, receiver, graph.reverse + start, number);
         __syncwarp();
         unordered = graph.reverse + start;
@@ -264,7 +264,7 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) fill_edges(
     }
 }
 
-// The edge back, found in the sender's row.
+// The reverse of an edge, found by bisection in the sender's row.
 extern "C" __global__ void reverse_edges(const __grid_constant__ Frames frames) {
     const Graph& graph = frames.of[blockIdx.y].graph;
     const unsigned edge = blockIdx.x * blockDim.x + threadIdx.x;

@@ -1,4 +1,4 @@
-//! Times of kernels on the device.
+//! Execution times of kernels.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -10,7 +10,7 @@ use crate::cuda::error::CudaError;
 /// A launch with the events before and after it.
 type Span = (&'static str, CudaEvent, CudaEvent);
 
-/// Times launches between `begin` and `end`; costs nothing otherwise.
+/// Times the launches between `begin` and `end`; free otherwise.
 #[derive(Debug, Default)]
 pub struct Profile(Mutex<Option<Vec<Span>>>);
 

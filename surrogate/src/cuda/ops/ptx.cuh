@@ -56,8 +56,8 @@ __device__ __forceinline__ void load_transposed(u32 (&d)[4], const void* row) { 
 // Waits for all threads of the block, which may be at different places of the program.
 __device__ __forceinline__ void barrier() { asm volatile("bar.sync 0;" ::: "memory"); }
 
-// Waits for the kernel before, if this one was launched to begin while that one ends, and lets the one
-// after it begin.
+// As `await_turn`, but neither instruction moves past a memory access: with `await_turn` edges_backward gets
+// other registers.
 __device__ __forceinline__ void wait_for_kernel_before() {
 #if __CUDA_ARCH__ >= 900
     asm volatile("griddepcontrol.wait;\n"

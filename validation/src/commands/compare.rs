@@ -1,0 +1,98 @@
+//! `validation compare`: how far runs are from a reference run.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Args;
+use dempm::trajectory::Trajectory;
+use miette::{Context, IntoDiagnostic, bail};
+
+use crate::difference::{common_times, difference};
+use crate::text::number;
+
+/// Fractions of the common time at which the table has a row.
+const FRACTIONS: [f64; 5] = [0.1, 0.25, 0.5, 0.75, 1.0];
+
+/// Runs of one scene on two devices, with two seeds or settings, or a run and a rollout.
+#[derive(Args)]
+pub struct CompareArgs {
+    /// Reference trajectory
+    reference: PathBuf,
+    /// Trajectories to compare with it: the same material, in points of any size
+    #[arg(required = true)]
+    runs: Vec<PathBuf>,
+}
+
+/// Prints the differences as a table in Markdown.
+///
+/// # Errors
+/// If a file cannot be read, starts with other material or has no time in common with the reference.
+pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
+    for path in args.runs.iter().chain([&args.reference]) {
+        let file = Trajectory::open(path)?;
+        if file.status() != "finished" {
+            eprintln!(
+                "{}: not finished ({}), {} frames",
+                path.display(),
+                file.status(),
+                file.frames()
+            );
+        }
+    }
+    let rows = args.runs.iter().map(|run| rows(run, &args.reference));
+    let rows: Vec<Vec<String>> = rows.collect::<miette::Result<Vec<_>>>()?.concat();
+    println!("Differences from {}:\n", args.reference.display());
+    let columns = [
+        "run",
+        "time [s]",
+        "mean square distance of points [box²]",
+        "front [m]",
+        "height profile [m]",
+        "centre of mass [m]",
+        "kinetic energy",
+    ];
+    println!("| {} |", columns.join(" | "));
+    println!("|{}", "---|".repeat(columns.len()));
+    for row in rows {
+        println!("| {} |", row.join(" | "));
+    }
+    println!(
+        "\nThe unit \"box\" is the width of the domain. Front: position of the foremost point. Height\n\
+         profile: root mean square difference. Kinetic energy: difference as a fraction of the\n\
+         reference's largest."
+    );
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The cells of a run's rows.
+fn rows(run: &Path, reference: &Path) -> miette::Result<Vec<Vec<String>>> {
+    let found = difference(run, reference)?;
+    if found.errors.is_empty() {
+        let why = found.failure.as_deref().unwrap_or("they have no time in common");
+        bail!("cannot compare {} with {}: {why}", run.display(), reference.display());
+    }
+    let energy = energies(run, reference).wrap_err_with(|| format!("reading {}", run.display()))?;
+    let row = |fraction: f64| {
+        let k = ((fraction * found.errors.len() as f64).round() as usize).saturating_sub(1);
+        let error = &found.errors[k];
+        let numbers = [error.time, error.mse, error.front, error.height, error.centre].map(number);
+        let energy = energy.get(k).map_or(String::new(), |&difference| number(difference));
+        let name = run.display().to_string();
+        std::iter::once(name).chain(numbers).chain([energy]).collect()
+    };
+    Ok(FRACTIONS.map(row).to_vec())
+}
+
+/// Differences of the kinetic energies at the common times, over the reference's largest; none if one
+/// of the files does not record them.
+fn energies(run: &Path, reference: &Path) -> miette::Result<Vec<f64>> {
+    let open = |path| Trajectory::open(path).into_diagnostic();
+    let [run, reference] = [open(run)?, open(reference)?];
+    let [Some(a), Some(b)] = [&run, &reference].map(|file| file.budget().get("kinetic_energy"))
+    else {
+        return Ok(Vec::new());
+    };
+    let largest = b.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let pairs = common_times(run.time(), reference.time());
+    Ok(pairs.into_iter().map(|(i, j)| (a[i] - b[j]) / largest).collect())
+}

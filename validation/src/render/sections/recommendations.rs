@@ -1,0 +1,118 @@
+//! The cheapest setting within a tolerance, scene by scene.
+
+use crate::context::Context;
+use crate::render::block::Block;
+use crate::render::section::Section;
+use crate::render::table::Table;
+use crate::studies::recommendations::{Choice, GOALS, Recommendation, TOLERANCES, cost, recommend};
+use crate::studies::sweep::{Case, Sweep};
+use crate::text::{number, percent, seconds};
+
+/// What a scene needs.
+pub struct Recommendations;
+
+impl Section for Recommendations {
+    fn title(&self) -> &'static str {
+        "What a scene needs"
+    }
+
+    fn lead(&self) -> &'static str {
+        "The cheapest setting of the solver, and the cheapest network, for each scene and tolerance."
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let mut sweeps = Vec::new();
+        let mut absent = Vec::new();
+        for case in Case::of(context.suite) {
+            if case.missing(context).is_empty() {
+                sweeps.push((case.name, case.measure(context)?));
+            } else {
+                absent.push(case.name);
+            }
+        }
+        let mut blocks = blocks(&sweeps);
+        if !absent.is_empty() {
+            blocks.push(Block::missing(
+                absent.join(", "),
+                "not all settings have been measured.",
+                "`--only` with the scene's name measures them.",
+            ));
+        }
+        Ok(blocks)
+    }
+}
+
+fn blocks(sweeps: &[(&str, Sweep)]) -> Vec<Block> {
+    let columns =
+        ["scene", "goal", "tolerance", "setting", "error", "cost [s]", "reference cost [s]"];
+    let mut table = Table::new("Recommendations", columns).note(
+        "Settings of the solver. Errors are relative to the runout. Cost is processor time where all \
+         ran on processors, else wall time: of four equal runs at once on two cores, the wall time was \
+         3.6 times that of one alone, the processor time 1.2 times. `dempm check` quotes this table as \
+         it was when the program was built.",
+    );
+    let mut networks = Table::new("Networks that are cheaper", columns)
+        .note("Where the cheapest of all is a network. Table 6 has its training data.");
+    let (mut unmet, mut enough) = (Vec::new(), Vec::new());
+    for (scene, sweep) in sweeps {
+        let reference = cost(sweep)(&sweep.measured[0]);
+        for found in recommend(sweep) {
+            let row = |choice: Choice| {
+                let [error, tolerance] = [choice.error, found.tolerance].map(percent);
+                let words = [scene, found.goal.name].map(str::to_owned).into_iter();
+                let costs = [choice.cost, reference].map(number);
+                words.chain([tolerance, choice.setting.name.clone(), error]).chain(costs)
+            };
+            match found.solver {
+                Some(choice) => table.row(row(choice)),
+                None => unmet.push(beyond(scene, &found, sweep)),
+            }
+            if let Some(choice) = found.network {
+                networks.row(row(choice));
+            }
+            if found.tolerance == TOLERANCES[1] && found.goal.name == GOALS[0].name {
+                enough.push(short(scene, &found, reference));
+            }
+        }
+    }
+    let mut blocks = Vec::new();
+    if !enough.is_empty() {
+        blocks.push(Block::headline(format!(
+            "The cheapest settings with front and height within {} of the runout and the height. {}.",
+            percent(TOLERANCES[1]),
+            enough.join("; ")
+        )));
+    }
+    blocks.extend([
+        Block::text(
+            "The cheapest of all measured settings within a tolerance of the reference. Shape: the \
+             larger of the errors of the front, relative to the runout, and of the height profile, \
+             relative to the column's height, at the end. Every point: root mean square distance of \
+             points over all frames, relative to the runout.",
+        ),
+        Block::Table(table),
+        Block::List(unmet),
+    ]);
+    if !networks.rows.is_empty() {
+        blocks.push(Block::Table(networks));
+    }
+    blocks
+}
+
+/// A goal that no setting of the solver meets.
+fn beyond(scene: &str, found: &Recommendation, sweep: &Sweep) -> String {
+    format!(
+        "{scene}, {} within {}: no setting is so close; two seeds of the reference differ by {}.",
+        found.goal.name,
+        percent(found.tolerance),
+        percent((found.goal.relative)(&sweep.floor, sweep))
+    )
+}
+
+/// The choices for one goal, instead of the reference's cost (s).
+fn short(scene: &str, found: &Recommendation, reference: f64) -> String {
+    let words = |choice: Choice| format!("{} ({})", choice.setting.name, seconds(choice.cost));
+    let solver = found.solver.map_or("no setting of the solver".to_owned(), words);
+    let network = found.network.map_or(String::new(), |choice| format!(", or {}", words(choice)));
+    format!("{scene}: {solver} instead of {}{network}", seconds(reference))
+}

@@ -1,0 +1,222 @@
+//! A rollout beside the direct solver, and its outcome.
+
+use std::path::Path;
+
+use dempm::device::Device;
+use dempm::scene::Scene;
+use dempm::simulation::{Simulation, SimulationError};
+use dempm::trajectory::{Frame, Header, Points};
+use files::utc_now;
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
+use surrogate::diagnostics::{Monitor, start_checks};
+use surrogate::evaluation::mean_square_distance;
+use surrogate::rollout::{InitialFrames, Rollout, static_features_of};
+use surrogate::simulator::Simulator;
+
+use crate::studies::stability::outcome::Outcome;
+use crate::studies::stability::scene_messages;
+use crate::studies::stability::study::{Picture, StudyError};
+
+/// Error, relative to the motion, above which a prediction is a failure.
+pub const WRONG: f64 = 0.5;
+
+pub type Frames = Vec<Vec<[f64; 2]>>;
+
+/// A model to be tested, on a device.
+///
+/// # Errors
+/// If the file cannot be read or the device cannot be used.
+pub fn load(path: &Path, device: Device) -> Result<Simulator, StudyError> {
+    let error = |reason| StudyError::Scene { name: path.display().to_string(), reason };
+    let mut simulator = Simulator::load(path).map_err(|e| error(e.to_string()))?;
+    simulator.select_device(device).map_err(|e| error(e.to_string()))?;
+    Ok(simulator)
+}
+
+/// A scene of the continuum law, which costs seconds: `body` are its columns and the like.
+pub fn text(size: [f64; 2], body: &str) -> String {
+    format!(
+        "duration = 10.0\nframe_interval = 0.02\nstep = 4.0e-4\n[domain]\nsize = {size:?}\n\
+         cell = 0.125\n[material]\nkind = \"mu-i\"\n{body}"
+    )
+}
+
+/// A column at a corner (m), of a size (m) and a velocity (m/s).
+pub fn column(corner: [f64; 2], size: [f64; 2], velocity: [f64; 2]) -> String {
+    format!("[[column]]\ncorner = {corner:?}\nsize = {size:?}\nvelocity = {velocity:?}\n")
+}
+
+/// A run of the direct solver at the frame interval of a model.
+pub struct Direct {
+    scene: Scene,
+    interval: f64,
+    pub positions: Frames,
+    velocities: Frames,
+    header: Header,
+    points: Points,
+    /// With the fields that a network may see.
+    first: Frame,
+}
+
+impl Direct {
+    /// So many frames, `interval` (s) apart, on one thread: a small scene gains nothing from more.
+    pub fn run(name: &str, text: &str, interval: f64, frames: usize) -> Result<Self, StudyError> {
+        let error = |reason: String| StudyError::Scene { name: name.into(), reason };
+        let mut scene = scene_messages::parse(name, text)?;
+        // The longest step that fits into the model's frames.
+        scene.step = interval / (interval / scene.step).ceil();
+        scene.frame_interval = interval;
+        let one = ThreadPoolBuilder::new().num_threads(1).build();
+        let one = one.map_err(|e| error(e.to_string()))?;
+        one.install(|| Self::simulate(scene, interval, frames)).map_err(|e| error(e.to_string()))
+    }
+
+    fn simulate(scene: Scene, interval: f64, frames: usize) -> Result<Self, SimulationError> {
+        let steps = (interval / scene.step).round() as usize;
+        let mut simulation = Simulation::new(scene.clone())?;
+        let (header, points) = (simulation.header(utc_now()), simulation.static_points());
+        let first = simulation.frame();
+        let (mut positions, mut velocities) = (Frames::new(), Frames::new());
+        for frame in 0..frames {
+            for _ in 0..if frame == 0 { 0 } else { steps } {
+                simulation.advance()?;
+            }
+            let points = &simulation.state.points;
+            positions.push(points.position.iter().map(|&x| x.into()).collect());
+            velocities.push(points.velocity.iter().map(|&v| v.into()).collect());
+        }
+        Ok(Self { scene, interval, positions, velocities, header, points, first })
+    }
+
+    /// Its first frames, which a model starts from.
+    pub fn start(&self, simulator: &Simulator) -> Result<InitialFrames, StudyError> {
+        let name = &self.scene.name;
+        let statics = static_features_of(simulator, name, || Ok(self.first.clone()))
+            .map_err(|e| StudyError::Scene { name: name.clone(), reason: e.to_string() })?;
+        let given = simulator.first_frames().min(self.positions.len());
+        Ok(InitialFrames {
+            scene: self.scene.clone(),
+            header: self.header.clone(),
+            points: self.points.clone(),
+            positions: self.positions[..given].to_vec(),
+            velocities: self.velocities[..given].to_vec(),
+            time: 0.0,
+            statics,
+            frames: self.positions.len(),
+            simulated_in: 0.0,
+        })
+    }
+}
+
+/// A prediction with its messages, except those about mirror images, which take two more predictions.
+pub struct Rolled {
+    /// Frames from the first of the start on.
+    pub positions: Frames,
+    pub said: Vec<String>,
+    pub error: Option<String>,
+}
+
+/// Runs of the direct solver, in parallel.
+pub fn beside<T: Sync>(
+    of: &[T],
+    run: impl Fn(&T) -> Result<Direct, StudyError> + Sync,
+) -> Result<Vec<Direct>, StudyError> {
+    of.par_iter().map(&run).collect()
+}
+
+/// Predicts up to so many frames, those of the start included.
+pub fn roll(simulator: &Simulator, start: &InitialFrames, frames: usize) -> Rolled {
+    let mut rollout = Rollout::new(simulator, start);
+    let mut monitor = Monitor::new(start, simulator.training.frame_interval, frames);
+    let said = start_checks(simulator, start);
+    let mut rolled = Rolled { positions: start.positions.clone(), said, error: None };
+    while rolled.positions.len() < frames {
+        match rollout.advance() {
+            Ok(next) => rolled.positions.push(next.to_vec()),
+            Err(error) => {
+                rolled.error = Some(error.to_string());
+                break;
+            }
+        }
+        rolled.said.extend(monitor.observe(rollout.frame(), rollout.before(), rollout.last()));
+    }
+    rolled
+}
+
+impl Rolled {
+    /// All messages; `None` if there are none.
+    pub fn said(&self) -> Option<String> {
+        let all: Vec<&str> = self.said.iter().chain(&self.error).map(String::as_str).collect();
+        (!all.is_empty()).then(|| all.join("; "))
+    }
+
+    /// Error at a frame over the motion until then.
+    pub fn relative_error(&self, truth: &Frames, frame: usize) -> f64 {
+        let motion = difference(&truth[frame], &truth[0]);
+        difference(&self.positions[frame], &truth[frame]) / motion
+    }
+
+    /// The error at the end, relative to the motion, and the outcome.
+    pub fn judge(&self, truth: &Frames) -> (f64, Outcome) {
+        if self.error.is_some() {
+            return (f64::NAN, Outcome::of(Some("breaks down".into()), self.said()));
+        }
+        let error = self.relative_error(truth, self.positions.len() - 1);
+        let symptom = format!("wrong by {:.0} % of the motion", 100.0 * error);
+        (error, Outcome::of((error > WRONG).then_some(symptom), self.said()))
+    }
+
+    /// The last predicted frame over that of the direct solver.
+    pub fn picture(&self, title: String, truth: &Frames, direct: &Direct) -> Picture {
+        let last = self.positions.len() - 1;
+        let time = last as f64 * direct.interval;
+        let boxes = direct.scene.plate.iter().map(|plate| plate.at(time));
+        let away = |(x, t): (&[f64; 2], &[f64; 2])| (x[0] - t[0]).hypot(x[1] - t[1]);
+        Picture {
+            title,
+            colour: "distance from the direct solver, m".into(),
+            value: self.positions[last].iter().zip(&truth[last]).map(away).collect(),
+            position: self.positions[last].clone(),
+            radius: vec![0.5 * direct.scene.domain.spacing()],
+            window: window(direct.scene.domain.size, [&self.positions[last], &truth[last]]),
+            boxes: boxes.map(|b| [b.corner[0], b.corner[1], b.end()[0], b.end()[1]]).collect(),
+            reference: truth[last].clone(),
+        }
+    }
+}
+
+/// The part of the domain that holds the points, from its lower left corner.
+pub fn window(domain: [f64; 2], sets: [&[[f64; 2]]; 2]) -> [f64; 4] {
+    let margin = 0.25;
+    let end = |k: usize| {
+        let largest = sets.iter().flat_map(|set| set.iter()).map(|x| x[k]).fold(0.0, f64::max);
+        (largest + margin).min(domain[k])
+    };
+    [0.0, 0.0, end(0), end(1)]
+}
+
+/// Root mean square distance of points, m.
+pub fn difference(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+    mean_square_distance(a, b).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_parts_of_the_motion() {
+        let truth = vec![vec![[0.0, 0.0], [1.0, 0.0]], vec![[3.0, 4.0], [4.0, 4.0]]];
+        let mut rolled = Rolled { positions: truth.clone(), said: vec![], error: None };
+        assert_eq!(rolled.judge(&truth), (0.0, Outcome::Stable));
+        // Nothing moved: wrong by all of the motion, and nothing was said.
+        rolled.positions[1] = truth[0].clone();
+        let (error, outcome) = rolled.judge(&truth);
+        assert!((error - 1.0).abs() < 1e-12 && matches!(outcome, Outcome::Silent { .. }));
+        rolled.said.push("doubt".into());
+        assert!(matches!(rolled.judge(&truth).1, Outcome::Failed { .. }));
+        rolled.error = Some("not finite".into());
+        assert!(rolled.judge(&truth).1.text().contains("not finite"));
+    }
+}
