@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use files::{INTERRUPTED, interrupt_flag};
+use files::{INTERRUPTED, Interrupt};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Report, bail};
 
@@ -48,6 +48,7 @@ pub struct DatasetArgs {
 /// If the list or a scene is wrong, a device cannot be used, or scenes failed (after all others are
 /// finished).
 pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
+    let interrupt = Interrupt::install()?;
     let all = dataset::cases(&args.scenes)?;
     dataset::check_intervals(&all, &args.scenes)?;
     let selected = dataset::select(&all, &args.only, &args.scenes)?;
@@ -60,9 +61,10 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
         overwrite: args.overwrite,
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
     };
-    let interrupted = interrupt_flag()?;
     let progress = Progress::default();
-    let done = scheduler::run(&selected, &args.output, &options, &progress, &interrupted)?;
+    let done = scheduler::run(&selected, &args.output, &options, &progress, &interrupt)?;
+    // What is done by now is reported even after an interrupt.
+    let _guard = interrupt.guard();
 
     let rows = report::rows(&all, &args.output);
     print!("{}", report::table(&rows));

@@ -21,6 +21,9 @@ fn summary(trajectory: &Trajectory) -> Result<String> {
     text.line("file", trajectory.path().display());
     text.line("scene", format_args!("{} (seed {})", header.title, header.seed));
     text.line("status", trajectory.status());
+    for warning in trajectory.warnings().unwrap_or_default() {
+        text.line("warning", warning);
+    }
     text.line("created", &header.created);
     text.line("made by", pairs(&header.versions, |version| version.clone()));
     text.line("device", format_args!("{}, precision {}", header.device, header.precision));

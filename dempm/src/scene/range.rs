@@ -1,7 +1,7 @@
-//! Limits of numbers, and how they are told to people.
+//! Limits of numbers.
 
-/// The numbers a key may have. Limits are wide: they keep out what can only be a wrong unit or a
-/// slip of the finger, and numbers that would overflow.
+/// The numbers that a key may have. Limits are wide: they exclude wrong units, typing errors and numbers
+/// that would overflow.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     low: f64,
@@ -33,13 +33,13 @@ pub(super) const fn within(high: f64, unit: &'static str) -> Limits {
 }
 
 impl Limits {
-    /// What helps when a number is outside.
+    /// Adds a remedy for numbers outside.
     pub const fn with_hint(mut self, hint: &'static str) -> Self {
         self.hint = hint;
         self
     }
 
-    /// A sensible number, shown when one is missing.
+    /// Adds a sensible number, shown when one is missing.
     pub const fn with_example(mut self, example: f64) -> Self {
         self.example = example;
         self
@@ -53,13 +53,13 @@ impl Limits {
         self.example
     }
 
-    /// Says what numbers are allowed if `number` is not among them (NaN never is).
+    /// An error with the limits if `number` is outside them, as NaN always is.
     pub fn check(&self, number: f64) -> Result<(), String> {
         let above = if self.low_included { number >= self.low } else { number > self.low };
         if above && number <= self.high { Ok(()) } else { Err(self.to_string()) }
     }
 
-    /// As the type that a key has.
+    /// The type of a key.
     pub fn a_number(&self) -> String {
         if self.unit.is_empty() { "a number".into() } else { format!("a number ({})", self.unit) }
     }

@@ -12,16 +12,16 @@ use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, Points};
 use super::header::Header;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS,
+    BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS,
     frame_selection, unlocked,
 };
 
-/// Deflate makes data at most 1032 times smaller. A file that claims more is damaged, and asking
-/// for that much memory would end the program instead of giving an error.
+/// Deflate compresses at most 1032 times. A file that claims more is damaged, and allocating the claimed
+/// memory would abort the program.
 const MOST_COMPRESSION: u64 = 1100;
 
-/// A trajectory file, open for reading. Header, points and times are in memory; frames are read
-/// when asked for, and only those.
+/// A trajectory file open for reading. Header, points and times are in memory; frames are read on
+/// demand.
 #[derive(Debug)]
 pub struct Trajectory {
     path: PathBuf,
@@ -30,6 +30,7 @@ pub struct Trajectory {
     points: Points,
     time: Vec<f64>,
     status: String,
+    warnings: Option<String>,
     wall_time: BTreeMap<String, f64>,
     fields: Vec<(Field, Dataset)>,
     boxes: Option<Dataset>,
@@ -94,6 +95,12 @@ impl Trajectory {
             budget.insert(name, values);
         }
         let status = read_text(&file, "status").map_err(TrajectoryError::at(path, "status"))?;
+        let names = file.attr_names().map_err(TrajectoryError::at(path, WARNINGS))?;
+        let warnings = names
+            .iter()
+            .any(|name| name == WARNINGS)
+            .then(|| read_text(&file, WARNINGS).map_err(TrajectoryError::at(path, WARNINGS)))
+            .transpose()?;
         let wall_time = file.group(WALL_TIME).map_err(TrajectoryError::at(path, WALL_TIME))?;
         let wall_time = read_all(&wall_time, read_scalar).map_err(located)?;
         Ok(Self {
@@ -102,6 +109,7 @@ impl Trajectory {
             points,
             time,
             status,
+            warnings,
             wall_time,
             fields,
             boxes,
@@ -115,7 +123,7 @@ impl Trajectory {
         &self.path
     }
 
-    /// What the file says about its run.
+    /// The header.
     pub fn header(&self) -> &Header {
         &self.header
     }
@@ -135,9 +143,14 @@ impl Trajectory {
         &self.time
     }
 
-    /// How the run stands: `running` (or killed), `finished`, or what stopped it.
+    /// Status of the run: `running` (or killed), `finished`, or what stopped it.
     pub fn status(&self) -> &str {
         &self.status
+    }
+
+    /// Warnings that the run gave about itself; `None` if the program that made the file gives none.
+    pub fn warnings(&self) -> Option<Vec<&str>> {
+        Some(self.warnings.as_ref()?.lines().collect())
     }
 
     /// Wall time of the run per phase, s.
@@ -145,7 +158,7 @@ impl Trajectory {
         &self.wall_time
     }
 
-    /// The scalars of the whole scene: for each name one value a frame.
+    /// The scalars of the whole scene: one value per frame for each name.
     pub fn budget(&self) -> &BTreeMap<String, Vec<f64>> {
         &self.budget
     }
@@ -155,7 +168,7 @@ impl Trajectory {
         self.fields.iter().map(|(field, _)| *field)
     }
 
-    /// Bytes that a field takes in the file, after compression.
+    /// Compressed size of a field, bytes.
     pub fn stored_bytes(&self, field: Field) -> u64 {
         self.dataset(field).map_or(0, |dataset| dataset.storage_size())
     }
@@ -307,7 +320,7 @@ impl Trajectory {
     }
 }
 
-/// Refuses other HDF5 files and trajectories from the future.
+/// Refuses other HDF5 files and trajectories of later formats.
 fn check_format(path: &Path, file: &File) -> Result<()> {
     if read_text(file, "format").ok().as_deref() != Some(FORMAT) {
         return Err(TrajectoryError::NotATrajectory { path: path.to_owned() });
