@@ -9,6 +9,7 @@ use cudarc::driver::{
     ValidAsZeroBits,
 };
 use cudarc::nvrtc::Ptx;
+use files::note;
 
 use crate::compiler::{compile_cached, nvrtc_is_present, nvrtc_version};
 use crate::error::Error;
@@ -255,7 +256,7 @@ pub fn for_tests() -> Option<Arc<Device>> {
             panic!("DEMPM_REQUIRE_GPU=1, but {error}")
         }
         Err(error) => {
-            eprintln!("skipped: {error}");
+            note!("skipped: {error}");
             None
         }
     });
@@ -271,7 +272,7 @@ pub fn nvrtc_for_tests() -> bool {
     if !present {
         let required = std::env::var_os("DEMPM_REQUIRE_NVRTC").is_some();
         assert!(!required, "NVRTC was not found, but DEMPM_REQUIRE_NVRTC is set");
-        eprintln!("skipped: {}", Error::NvrtcMissing);
+        note!("skipped: {}", Error::NvrtcMissing);
     }
     present
 }

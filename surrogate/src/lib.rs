@@ -26,6 +26,7 @@
 //! ```
 
 #![warn(missing_docs)]
+#![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod commands;
 #[allow(missing_docs)]

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use files::refuse_input;
+use files::{announce, note, refuse_input};
 
 use crate::export::{self, write_data_set, write_npz, write_vtk};
 use crate::trajectory::Trajectory;
@@ -53,7 +53,7 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
         Format::Gns => data_set(&args.file, &output, export::Format::Gns)?,
         Format::Lagrangebench => data_set(&args.file, &output, export::Format::Lagrangebench)?,
     }
-    println!("{}", output.display());
+    announce!("{}", output.display());
     Ok(())
 }
 
@@ -61,7 +61,7 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
 fn data_set(source: &Path, folder: &Path, format: export::Format) -> miette::Result<()> {
     for (split, boxes) in write_data_set(source, folder, format)? {
         let have = if boxes == 1 { "trajectory has" } else { "trajectories have" };
-        eprintln!(
+        note!(
             "{}: {boxes} {have} obstacles or a plate, which this format cannot hold",
             split.name()
         );

@@ -1,5 +1,6 @@
 //! `dempm info`: prints a summary of a trajectory file.
 
+use files::print_result;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -10,7 +11,7 @@ use crate::trajectory::{Field, Result, Trajectory};
 /// # Errors
 /// If it cannot be read.
 pub fn info(path: &Path) -> miette::Result<()> {
-    print!("{}", summary(&Trajectory::open(path)?)?);
+    print_result(format_args!("{}", summary(&Trajectory::open(path)?)?))?;
     Ok(())
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use files::refuse_input;
+use files::{announce, refuse_input};
 use miette::{Report, WrapErr};
 
 use crate::figures::{FigureError, Options, Quantity, Selection, animate, draw};
@@ -65,7 +65,7 @@ pub fn plot(args: &PlotArgs) -> miette::Result<()> {
         animate(&trajectory, &options, args.fps, output)
             .map_err(Report::new)
             .wrap_err_with(|| format!("cannot write {}", output.display()))?;
-        println!("{}", output.display());
+        announce!("{}", output.display());
     }
     // Without an explicit -o, an animation comes without a figure.
     if args.animate.is_none() || args.output.is_some() {
@@ -74,7 +74,7 @@ pub fn plot(args: &PlotArgs) -> miette::Result<()> {
         draw(&trajectory, &options, &output)
             .map_err(Report::new)
             .wrap_err_with(|| format!("cannot write {}", output.display()))?;
-        println!("{}", output.display());
+        announce!("{}", output.display());
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use files::{INTERRUPTED, Interrupt, refuse_input};
+use files::{INTERRUPTED, Interrupt, note, print_result, refuse_input};
 use gpu::ranks::{Environment, Ranks};
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use miette::{IntoDiagnostic, bail};
@@ -49,7 +49,7 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
     let is_first = environment.rank == 0;
     let scene = Scene::load(&args.scene)?;
     if let Some(report) = scene.warning_report().filter(|_| is_first) {
-        eprintln!("{report:?}");
+        note!("{report:?}");
     }
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.scene, ".h5"));
     refuse_input(&output, [&args.scene])?;
@@ -69,13 +69,13 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
     match run_scene(scene, output.clone(), &options, &mut progress, &interrupt)? {
         Outcome::Finished { simulation, stable_step } => {
             if is_first {
-                print!("{}", summary(&simulation, stable_step, &output));
+                let _ = print_result(summary(&simulation, stable_step, &output));
             }
             Ok(ExitCode::SUCCESS)
         }
         Outcome::Interrupted { step, steps } => {
             if is_first {
-                eprintln!("interrupted at step {step} of {steps}; --resume continues");
+                note!("interrupted at step {step} of {steps}; --resume continues");
             }
             Ok(ExitCode::from(INTERRUPTED))
         }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use dempm::device::Device;
 use dempm::run::checkpoint_interval;
-use files::{INTERRUPTED, interrupt_flag};
+use files::{INTERRUPTED, announce, interrupt_flag, note};
 use indicatif::ProgressBar;
 
 use super::progress::training_bar;
@@ -71,14 +71,14 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
     match outcome {
         Outcome::Interrupted(step) => {
             if is_leader {
-                eprintln!("interrupted at step {step} of {steps}; --resume continues");
+                note!("interrupted at step {step} of {steps}; --resume continues");
             }
             Ok(ExitCode::from(INTERRUPTED))
         }
         Outcome::Finished(report) => {
             if is_leader {
                 print(&report, steps, &summary);
-                println!("written: {}", args.output.display());
+                announce!("written: {}", args.output.display());
             }
             Ok(ExitCode::SUCCESS)
         }
@@ -105,9 +105,9 @@ fn announce(summary: &Summary) {
     let Summary { ranks, parameters, windows, train_files, valid_files, .. } = summary;
     if let Some(gpu) = &summary.gpu {
         let count = if *ranks > 1 { format!("{ranks} x ") } else { String::new() };
-        eprintln!("training on {count}{gpu}");
+        note!("training on {count}{gpu}");
     }
-    eprintln!(
+    note!(
         "{parameters} parameters; {windows} windows in {train_files} training files, {valid_files} \
          validation files"
     );
@@ -115,18 +115,18 @@ fn announce(summary: &Summary) {
 
 fn print(report: &Report, steps: u64, summary: &Summary) {
     let Report { made, seconds, seconds_per_step, loss, best } = report;
-    println!("{steps} steps, {made} of them now in {seconds:.1} s");
+    announce!("{steps} steps, {made} of them now in {seconds:.1} s");
     if let Some(seconds) = seconds_per_step {
-        println!("{:.3} ms per step after the first {WARM_UP_STEPS}", 1e3 * seconds);
+        announce!("{:.3} ms per step after the first {WARM_UP_STEPS}", 1e3 * seconds);
     }
     if let Some(loss) = loss {
-        println!("loss {loss:.3e}");
+        announce!("loss {loss:.3e}");
     }
     match best {
-        Some(best) => println!("best validation MSE {best:.3e} [box²]: best.safetensors"),
+        Some(best) => announce!("best validation MSE {best:.3e} [box²]: best.safetensors"),
         None if summary.valid_files == 0 => {
-            println!("no valid/ in the data, so no best.safetensors: use last.safetensors");
+            announce!("no valid/ in the data, so no best.safetensors: use last.safetensors");
         }
-        None => println!("every validation rollout failed: use last.safetensors"),
+        None => announce!("every validation rollout failed: use last.safetensors"),
     }
 }
