@@ -29,7 +29,6 @@
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod commands;
-#[allow(missing_docs)]
 pub mod cuda;
 pub mod data;
 pub mod diagnostics;
