@@ -214,8 +214,10 @@ fn weights(attack: &mut Attack) -> Result<(), Finding> {
     if !ended.succeeded() {
         return Promise::NamedError.broken(ended.report(&how));
     }
-    if arrays("out.h5", &attack.folder)? == fs::read(fixtures().join("predicted.npz")).unwrap() {
-        return Ok(());
+    // There is no hash, and a weight may be any number; but what comes out of it has to be one.
+    let info = program("dempm info out.h5", &attack.folder).run();
+    if !info.succeeded() || info.stdout.contains("NaN") || info.stdout.contains("inf") {
+        return Promise::NothingLost.broken(info.report(&how));
     }
-    Promise::WholeWeights.broken(ended.report(&how))
+    Ok(())
 }

@@ -113,7 +113,6 @@ every = 10
 /// | `cut.h5`, `cut.h5.ckpt` | the same, killed |
 /// | `data/train/`, `data/valid/` | runs of `mu-i.toml` |
 /// | `whole/` | the training of `training.toml` |
-/// | `predicted.npz` | its prediction of `data/valid/middle.h5` |
 /// | `cut/` | the same, killed |
 pub fn fixtures() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
@@ -154,9 +153,7 @@ fn make(folder: &Path) {
     write("middle.toml", &MU_I.replace("corner = [0.0, 0.0]", "corner = [0.125, 0.0]"));
     do_it("dempm run middle.toml -o data/valid/middle.h5 --device cpu");
     do_it(&format!("{TRAIN} -o whole"));
-    do_it(PREDICT);
     do_it("dempm export whole.h5 --to npz -o whole.npz");
-    do_it("dempm export out.h5 --to npz -o predicted.npz");
     kill_at(folder, &format!("{TRAIN} -o cut --checkpoint-interval 0"), "cut/checkpoint.bin");
 }
 

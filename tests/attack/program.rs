@@ -175,6 +175,18 @@ pub fn signal(child: &Child, signal: i32) {
     unsafe { libc::killpg(group, signal) };
 }
 
+/// Whether a text does more to a terminal than to colour it.
+fn controls(text: &str) -> bool {
+    let is_control = |c: char| c.is_control() && c != '\n' && c != '\t';
+    let mut parts = text.split("\x1b[");
+    let plain = parts.next().unwrap_or_default();
+    let coloured = parts.map(|part| {
+        let rest = part.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';');
+        rest.strip_prefix('m').unwrap_or("\x1b")
+    });
+    std::iter::once(plain).chain(coloured).any(|part| part.contains(is_control))
+}
+
 impl Ended {
     /// Whether it did what it was asked.
     pub fn succeeded(&self) -> bool {
@@ -189,6 +201,9 @@ impl Ended {
         if !self.in_time {
             return Promise::NoHang.broken(self.report("took too long"));
         }
+        if self.stderr.contains("memory allocation of") {
+            return Promise::Memory.broken(self.report("ran out of memory"));
+        }
         let by_interrupt = self.interrupted && self.status.signal() == Some(INTERRUPT);
         let ordinary = matches!(self.status.code(), Some(0 | 1 | 2 | 130));
         if !ordinary && !by_interrupt || self.stderr.contains("panicked at") {
@@ -197,8 +212,7 @@ impl Ended {
         if self.status.code() == Some(1) && self.stderr.trim().is_empty() {
             return Promise::NamedError.broken(self.report("failed without a word"));
         }
-        let control = |c: char| c.is_control() && !matches!(c, '\n' | '\r' | '\t');
-        if self.stdout.chars().chain(self.stderr.chars()).any(control) {
+        if [&self.stdout, &self.stderr].into_iter().any(|text| controls(text)) {
             return Promise::CleanText.broken(self.report("printed a control character"));
         }
         Ok(())
