@@ -57,7 +57,7 @@ fn main() -> ExitCode {
         Command::Export(args) => export::export(&args).map(done),
     };
     result.unwrap_or_else(|report| {
-        eprintln!("{report:?}");
+        files::print_note(format_args!("{report:?}"));
         ExitCode::FAILURE
     })
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dem::element::{Element, Row, Stage, summary};
 use dem::{Packing, Real};
-use files::{check_writable, refuse_input, write_text};
+use files::{check_writable, note, refuse_input, refuse_same, write_text};
 use miette::{IntoDiagnostic, miette};
 
 use super::outputs::default_output;
@@ -37,17 +37,19 @@ pub struct ElementArgs {
 pub fn element(args: &ElementArgs) -> miette::Result<()> {
     let test = ElementTest::load(&args.test)?;
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.test, ".csv"));
+    let folder = args.test.parent().unwrap_or(Path::new(""));
     // Before the test, which may take minutes.
-    for path in [Some(&output), args.dump_packing.as_ref()].into_iter().flatten() {
-        refuse_input(path, [&args.test])?;
+    let inputs: Vec<PathBuf> =
+        std::iter::once(args.test.clone()).chain(test.packing_file(folder)).collect();
+    let outputs: Vec<&Path> =
+        std::iter::once(&output).chain(&args.dump_packing).map(PathBuf::as_path).collect();
+    refuse_same(&outputs)?;
+    for path in outputs {
+        refuse_input(path, &inputs)?;
         check_writable(path)?;
     }
-    let packing = test.prepare(args.test.parent().unwrap_or(Path::new("")))?;
-    eprintln!(
-        "packing: {} discs, solid fraction {:.4}",
-        packing.discs.len(),
-        packing.solid_fraction()
-    );
+    let packing = test.prepare(folder)?;
+    note!("packing: {} discs, solid fraction {:.4}", packing.discs.len(), packing.solid_fraction());
     if let Some(path) = &args.dump_packing {
         write_text(path, &packing_csv(&packing))?;
     }
@@ -61,10 +63,10 @@ pub fn element(args: &ElementArgs) -> miette::Result<()> {
         && let Some(warning) =
             monitor::unresolved("the smallest pressure of the path", least, &test.rve)
     {
-        eprintln!("{warning}");
+        note!("{warning}");
     }
     write_text(&output, &path_csv(&rows))?;
-    eprintln!("wrote {}", output.display());
+    note!("wrote {}", output.display());
     Ok(())
 }
 
@@ -81,10 +83,10 @@ fn run<R: Real>(test: &ElementTest, packing: &Packing<f64>) -> miette::Result<Ve
         report(k, stage, &rows[first..]);
     }
     if element.free_steps > 0 {
-        eprintln!("stress-free in {} macro steps", element.free_steps);
+        note!("stress-free in {} macro steps", element.free_steps);
     }
     if element.thin_steps > 0 {
-        eprintln!(
+        note!(
             "too thin for its discs in {} macro steps: deformed by volume and spin only",
             element.thin_steps
         );
@@ -95,15 +97,15 @@ fn run<R: Real>(test: &ElementTest, packing: &Packing<f64>) -> miette::Result<Ve
 /// Prints a summary of a stage.
 fn report(k: usize, stage: &Stage, rows: &[Row]) {
     let (Some(s), Some(last)) = (summary(rows), rows.last()) else { return };
-    eprintln!("stage {} ({}), to t = {:.4} s", k + 1, stage.name(), last.t);
-    eprintln!(
+    note!("stage {} ({}), to t = {:.4} s", k + 1, stage.name(), last.t);
+    note!(
         "  end:        sxx {:.1} Pa, syy {:.1} Pa, sxy {:.1} Pa, solid fraction {:.4}",
         last.stress[(0, 0)],
         last.stress[(1, 1)],
         last.stress[(0, 1)],
         last.solid_fraction
     );
-    eprintln!(
+    note!(
         "  peak:       sin phi {:.3} ({:.1} deg) at exx {:.4}, eyy {:.4}, exy {:.4}",
         s.peak_sin_phi,
         s.peak_sin_phi.asin().to_degrees(),
@@ -111,7 +113,7 @@ fn report(k: usize, stage: &Stage, rows: &[Row]) {
         s.peak_strain[(1, 1)],
         s.peak_strain[(0, 1)]
     );
-    eprintln!(
+    note!(
         "  last third: sin phi {:.3}, p {:.1} Pa, solid fraction {:.4}, coordination {:.2}, I {:.2e}",
         s.late_sin_phi,
         s.late_pressure,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use files::refuse_input;
+use files::{note, print_result};
 
 use crate::export::{self, write_data_set, write_npz, write_vtk};
 use crate::trajectory::Trajectory;
@@ -46,22 +46,20 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
         Format::Gns => folder_beside(&args.file, "gns"),
         Format::Lagrangebench => folder_beside(&args.file, "lagrangebench"),
     });
-    refuse_input(&output, [&args.file])?;
     match args.to {
         Format::Vtk => write_vtk(&Trajectory::open(&args.file)?, &output)?,
         Format::Npz => write_npz(&Trajectory::open(&args.file)?, &output)?,
         Format::Gns => data_set(&args.file, &output, export::Format::Gns)?,
         Format::Lagrangebench => data_set(&args.file, &output, export::Format::Lagrangebench)?,
     }
-    println!("{}", output.display());
-    Ok(())
+    Ok(print_result(format_args!("{}\n", output.display()))?)
 }
 
 /// Writes a data set and reports what the format cannot hold.
 fn data_set(source: &Path, folder: &Path, format: export::Format) -> miette::Result<()> {
     for (split, boxes) in write_data_set(source, folder, format)? {
         let have = if boxes == 1 { "trajectory has" } else { "trajectories have" };
-        eprintln!(
+        note!(
             "{}: {boxes} {have} obstacles or a plate, which this format cannot hold",
             split.name()
         );

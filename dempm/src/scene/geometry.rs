@@ -3,13 +3,12 @@
 use super::log::Log;
 use super::model::{Rectangle, Scene};
 use super::problem::Problem;
+use super::range::MAX_CELLS;
 
 /// Lengths are compared to this part of a cell or spacing.
 const TOLERANCE: f64 = 1.0e-6;
-/// More than any machine holds RVEs for; keeps mistakes in the size of the cell from taking all
-/// memory.
+/// More than any machine holds RVEs for.
 const MAX_POINTS: f64 = 1.0e7;
-const MAX_CELLS: f64 = 1.0e8;
 /// Bodies are compared pair by pair.
 const MAX_BODIES: usize = 1000;
 
