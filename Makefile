@@ -1,7 +1,9 @@
 # make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
 # make learn   train a small network on direct runs, let it predict scenes/column.toml: out/learn
 # make test    the whole test suite
-# make lint    links, formatting, clippy and licences, as the continuous integration does
+# make lint    links, formatting, clippy, licences and crate documentation, as the continuous
+#              integration does
+# make doc     documentation of the crates: target/doc
 # make docs    the documentation as a book: target/book/index.html
 # make build   all programs
 
@@ -12,7 +14,7 @@ PROGRAMS := dempm surrogate validation
 CARGO := scripts/with-cmake cargo
 RUN := $(CARGO) run --release --quiet --package
 
-.PHONY: demo learn test lint docs build
+.PHONY: demo learn test lint doc docs build
 .DELETE_ON_ERROR:
 
 demo: build-dempm
@@ -45,6 +47,12 @@ lint:
 	cargo fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --release -- -D warnings
 	scripts/deny
+	$(MAKE) doc
+
+# Mathematics is rendered in the browser by KaTeX.
+doc:
+	RUSTDOCFLAGS="-D warnings --html-in-header $(CURDIR)/docs/katex-header.html" \
+		$(CARGO) doc --workspace --no-deps --release
 
 docs:
 	@command -v mdbook >/dev/null || { echo 'mdbook is missing: cargo install mdbook --locked'; exit 1; }

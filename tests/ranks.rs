@@ -144,7 +144,7 @@ fn what_cannot_be_shared_is_refused_by_every_rank() {
     }
     scene(directory.path(), 0.3, "");
     for said in end(start(directory.path(), 2, "never.h5", &["--device=cpu"]), 1) {
-        assert!(said.contains("of 2") && said.contains("GPUs"), "{said}");
+        assert!(said.contains("of 2") && said.contains("one GPU each"), "{said}");
     }
     assert!(!directory.path().join("never.h5").exists());
 }

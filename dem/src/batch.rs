@@ -1,4 +1,4 @@
-//! Many RVEs advanced together, each independent of the others.
+//! Batches of independent RVEs.
 
 use nalgebra::Matrix2;
 use rayon::prelude::*;
@@ -16,9 +16,11 @@ use crate::rve::{Rve, RveState, Substepping};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct RveBatch<R: Real> {
+    /// Parameters of all RVEs.
     pub parameters: RveParameters,
+    /// The RVEs.
     pub rves: Vec<Rve<R>>,
-    /// Packing that a stress-free RVE restarts from.
+    /// Packing from which a stress-free RVE restarts.
     pub fresh: Packing<R>,
 }
 

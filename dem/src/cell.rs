@@ -1,4 +1,8 @@
 //! The periodic cell: kinematics and lattice reduction.
+//!
+//! A deforming cell $\mathbf h = (\mathbf a, \mathbf b)$ follows any velocity gradient exactly,
+//! $\mathbf h \leftarrow \exp(\mathbf L \Delta t) \mathbf h$. In simple shear it is equivalent to the sliding
+//! images of Lees & Edwards (1972), J. Phys. C 5, 1921.
 
 use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
@@ -6,6 +10,7 @@ use serde::{Deserialize, Serialize};
 /// A periodic parallelogram; the columns of `h` are the cell vectors `a` and `b` (m).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
+    /// Cell vectors as columns (m).
     pub h: Matrix2<f64>,
 }
 
@@ -65,14 +70,21 @@ impl Cell {
 /// `s_other += k s_target`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reduction {
+    /// The vector that changes: 0 is `a`, 1 is `b`.
     pub target: usize,
+    /// How many times the other vector it loses.
     pub k: i32,
 }
 
 /// `exp(A)` of a 2 x 2 matrix in closed form.
 ///
-/// With `A = (tr A / 2) I + B`, `B` traceless, `B² = -det(B) I = d I`, so
-/// `exp(A) = e^(tr A / 2) (cosh(sqrt d) I + sinh(sqrt d)/sqrt(d) B)`, and cos, sin for `d < 0`.
+/// With $\mathbf A = \tfrac12 (\operatorname{tr}\mathbf A) \mathbf I + \mathbf B$ and traceless
+/// $\mathbf B$, $\mathbf B^2 = -\det(\mathbf B) \mathbf I = d \mathbf I$, so
+///
+/// $$ \exp \mathbf A = e^{\operatorname{tr}\mathbf A / 2} \left(\cosh\sqrt d \mathbf I +
+/// \frac{\sinh\sqrt d}{\sqrt d} \mathbf B\right), $$
+///
+/// with cosine and sine for $d < 0$.
 pub fn exp(a: &Matrix2<f64>) -> Matrix2<f64> {
     let half_trace = 0.5 * a.trace();
     let b = a - Matrix2::identity() * half_trace;

@@ -1,4 +1,12 @@
-//! Contact forces: linear springs, dashpot and Coulomb friction, and the sums that stress needs.
+//! Contact forces: linear springs, dashpot and Coulomb friction.
+//!
+//! The law of Cundall & Strack (1979), Géotechnique 29, 47: with overlap $\delta$, normal velocity $v_n$
+//! and tangential velocity $v_t$ of the contact,
+//!
+//! $$ f_n = \max(0,  k_n \delta - c v_n), \qquad
+//! \Delta f_t = -k_t v_t \Delta t, \qquad |f_t| \le \mu f_n, $$
+//!
+//! with the dashpot $c = 2 \zeta \sqrt{m_\text{eff} k_n}$.
 
 use nalgebra::Matrix2;
 
@@ -11,18 +19,22 @@ use crate::real::Real;
 /// The contact law and the step, in working precision.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactLaw<R: Real> {
+    /// $k_n$ (N/m).
     pub normal_stiffness: R,
+    /// $k_t$ (N/m).
     pub tangential_stiffness: R,
+    /// Coefficient of friction $\mu$.
     pub friction: R,
+    /// $\zeta$, as a fraction of critical damping.
     pub damping_ratio: R,
-    /// Cundall local damping, applied in the integration.
+    /// Cundall's local damping $\alpha$, applied in the integration.
     pub local_damping: R,
     /// DEM step (s).
     pub dt: R,
 }
 
 impl<R: Real> ContactLaw<R> {
-    /// The law of flow at a DEM step of `dt` (s).
+    /// The law at a DEM step of `dt` (s), with the friction and damping of flow.
     pub fn new(p: &RveParameters, dt: f64) -> Self {
         Self {
             normal_stiffness: R::from_f64(p.normal_stiffness),
@@ -34,7 +46,8 @@ impl<R: Real> ContactLaw<R> {
         }
     }
 
-    /// Normal dashpot of a pair (kg/s): `2 zeta sqrt(m_eff kn)`, `m_eff = m_i m_j / (m_i + m_j)`.
+    /// Normal dashpot of a pair (kg/s): $2 \zeta \sqrt{m_\text{eff} k_n}$ with
+    /// $m_\text{eff} = m_i m_j / (m_i + m_j)$.
     pub fn dashpot(&self, a: &Disc<R>, b: &Disc<R>) -> R {
         let two = R::from_f64(2.0);
         two * self.damping_ratio * (self.normal_stiffness / (a.inv_mass + b.inv_mass)).sqrt()
@@ -44,10 +57,10 @@ impl<R: Real> ContactLaw<R> {
 /// Sums over the contacts of one force evaluation.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ContactSums {
-    /// `sum f (x) l` (N m), row-major: force of `i` on `j` times branch from `i` to `j`, so
-    /// compression is positive.
+    /// $\sum \mathbf f \otimes \mathbf l$ (N m), row by row: force of `i` on `j` times branch from `i` to
+    /// `j`, so that compression is positive.
     pub force_branch: [f64; 4],
-    /// Touching pairs.
+    /// Number of touching pairs.
     pub contacts: u32,
     /// Largest overlap over the smaller radius of the pair.
     pub relative_overlap: f64,
@@ -70,8 +83,8 @@ pub struct Forces<R: Real> {
 /// Contacts evaluated side by side, one per SIMD lane.
 const LANES: usize = 8;
 
-/// Evaluates all contacts: forces and torques into `forces`, tangential springs advanced by one
-/// step. `velocity_gradient` is the affine drive (1/s).
+/// Evaluates all contacts: writes forces and torques to `forces` and advances the tangential springs
+/// by one step. `velocity_gradient` is that of the cell (1/s).
 pub fn contact_forces<R: Real>(
     packing: &mut Packing<R>,
     law: &ContactLaw<R>,

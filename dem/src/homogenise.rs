@@ -1,4 +1,4 @@
-//! Homogenised stress of a packing: Love-Weber contact part plus kinetic part.
+//! Homogenised stress of a packing, and its inertial number.
 
 use nalgebra::Matrix2;
 
@@ -6,10 +6,14 @@ use crate::contact::ContactSums;
 use crate::packing::Packing;
 use crate::real::Real;
 
-/// Cauchy stress (Pa), compression positive, symmetrised:
-/// `sigma = (sum_c f (x) l + sum_i m u (x) u) / (A t)`.
+/// Cauchy stress (Pa), compression positive: the symmetric part of
 ///
-/// The kinetic part matters only above an inertial number of about 0.1.
+/// $$ \boldsymbol\sigma = \frac{1}{A t} \left( \sum_c \mathbf f^c \otimes \mathbf l^c
+/// + \sum_i m_i \mathbf u_i \otimes \mathbf u_i \right) $$
+///
+/// with cell area $A$ and `thickness` $t$ (m). The first sum is the formula of Love (1927) and Weber (1966) over
+/// contacts; see Christoffersen, Mehrabadi & Nemat-Nasser (1981), J. Appl. Mech. 48, 339. The second, `kinetic`,
+/// part matters above an inertial number of about 0.1 only.
 pub fn stress<R: Real>(
     packing: &Packing<R>,
     sums: &ContactSums,
@@ -37,9 +41,10 @@ fn momentum_flux<R: Real>(packing: &Packing<R>) -> [f64; 3] {
     sum.map(R::to_f64)
 }
 
-/// Inertial number `I = gamma d sqrt(rho_s / p)` with the shear rate
-/// `gamma = sqrt(2 dev D : dev D)` of a velocity gradient (1/s), at pressure `p` (Pa).
-/// Zero at rest, infinite for motion without pressure.
+/// Inertial number $I = \dot\gamma d \sqrt{\rho_s / p}$ (GDR MiDi 2004, Eur. Phys. J. E 14, 341) of grains
+/// of `diameter` $d$ (m) and `grain_density` $\rho_s$ (kg/m³) at `pressure` $p$ (Pa), with the shear rate
+/// $\dot\gamma = \sqrt{2 \mathbf D' : \mathbf D'}$ of a velocity gradient (1/s) of deviatoric strain rate
+/// $\mathbf D'$. Zero at rest, infinite for motion without pressure.
 pub fn inertial_number(
     velocity_gradient: &Matrix2<f64>,
     pressure: f64,

@@ -6,11 +6,16 @@ use crate::contact::{ContactLaw, Force};
 use crate::packing::Packing;
 use crate::real::Real;
 
-/// Advances velocities by the forces, the cell by `increment = exp(L dt)`, and positions.
+/// Advances velocities by the forces, the cell by `increment` $= \exp(\mathbf L \Delta t)$, and
+/// positions, by the SLLOD equations (Evans & Morriss 1984, Phys. Rev. A 30, 1528) of the peculiar velocity
+/// $\mathbf u$:
 ///
-/// `du/dt = F/m - L u`, `dx/dt = u + L x`; Cundall damping acts on `u` and on the spin relative
-/// to the cell. In reduced coordinates `x' = increment x + u dt` is `s' = s + h'^-1 u dt`.
-/// Returns the largest peculiar speed (m/s), not finite if anything is not.
+/// $$ \dot{\mathbf u} = \mathbf F / m - \mathbf L \mathbf u, \qquad
+/// \dot{\mathbf x} = \mathbf u + \mathbf L \mathbf x. $$
+///
+/// Local damping acts on $\mathbf u$ and on the spin relative to the cell. In reduced coordinates the
+/// position advances by $\mathbf h^{-1} \mathbf u \Delta t$ with the new cell $\mathbf h$.
+/// Returns the largest peculiar speed (m/s), which is not finite if any velocity is not.
 pub fn integrate<R: Real>(
     packing: &mut Packing<R>,
     law: &ContactLaw<R>,
@@ -54,8 +59,8 @@ pub fn integrate<R: Real>(
     if sum.to_f64().is_finite() { fastest } else { f64::NAN }
 }
 
-/// Cundall local damping: a force that speeds a disc up is reduced by `alpha`, one that slows it
-/// down is raised by `alpha`.
+/// Local damping (Cundall 1987): a force that speeds a disc up is reduced by the fraction `alpha`, one that slows it
+/// down is raised by it.
 #[inline(always)]
 fn damp<R: Real>(force: R, velocity: R, alpha: R) -> R {
     let power = force * velocity;

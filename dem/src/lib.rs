@@ -1,6 +1,29 @@
-//! Periodic two-dimensional DEM packings as representative volume elements (RVEs).
+//! Periodic two-dimensional packings of discs as representative volume elements (RVEs), by the discrete
+//! element method (DEM; Cundall & Strack 1979, Géotechnique 29, 47).
 //!
-//! Compression is positive in this crate.
+//! A packing deforms with its cell under a velocity gradient and returns its homogenised stress.
+//! Compression is positive, units are SI.
+//!
+//! ```
+//! use dem::{Forces, Rve, RveParameters, Substepping, consolidate};
+//! use nalgebra::Matrix2;
+//!
+//! let p = RveParameters { discs: 30, ..RveParameters::default() };
+//! let packing = consolidate(&p, 1)?;
+//! let mut rve = Rve::new(packing.clone());
+//! // Simple shear at 1 / s, in macro steps of 1e-4 s.
+//! let velocity_gradient = Matrix2::new(0.0, 1.0, 0.0, 0.0);
+//! let substepping = Substepping::new(&p, 1.0e-4);
+//! let mut forces = Forces::default();
+//! for _ in 0..10 {
+//!     let state = rve.advance(&velocity_gradient, &p, &substepping, &packing, &mut forces)?;
+//!     assert!(state.stress.trace() > 0.0);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+#![warn(missing_docs)]
+
 mod batch;
 pub mod cell;
 mod contact;

@@ -1,4 +1,4 @@
-//! Verlet list of the pairs that can touch, by binning in the cell or, in a thin cell, over all
+//! Verlet list of the pairs that can touch: searched in bins of the cell or, in a thin cell, among all
 //! periodic images.
 
 use nalgebra::{Matrix2, Vector2};
@@ -15,7 +15,9 @@ pub type Image2 = [Image; 2];
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Pair<R: Real> {
+    /// Index of one disc.
     pub i: u16,
+    /// Index of the other disc.
     pub j: u16,
     /// Tangential spring force (N) along the contact's current tangent: positive acts on `j`
     /// counter-clockwise around `i`. In two dimensions this scalar follows rotations by itself.
@@ -24,7 +26,7 @@ pub struct Pair<R: Real> {
     pub dashpot: R,
 }
 
-/// The pairs within reach of each other, and how far discs may move before the next search.
+/// The pairs within reach, and how far discs may move before the next search.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Neighbours<R: Real> {
@@ -40,7 +42,7 @@ pub struct Neighbours<R: Real> {
     /// that search (m).
     pub(crate) travel: f64,
     /// Largest distance at which discs touch, and what the list reaches beyond it (m).
-    /// A skin of zero means that no list was made yet.
+    /// A skin of 0 means that there is no list yet.
     pub(crate) reach: f64,
     pub(crate) skin: f64,
     #[serde(skip)]

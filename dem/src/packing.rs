@@ -12,20 +12,23 @@ use crate::real::Real;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Packing<R: Real> {
+    /// The periodic cell.
     pub cell: Cell,
+    /// The discs.
     pub discs: Vec<Disc<R>>,
+    /// Pairs that can touch, with the history of their contacts.
     pub neighbours: Neighbours<R>,
     /// Spin `W = (L_yx - L_xy) / 2` (1/s) that the discs' angular velocities contain.
     pub spin: f64,
 }
 
 impl<R: Real> Packing<R> {
-    /// Discs at rest without contact history.
+    /// A packing of discs at rest, without contact history.
     ///
     /// `mass` gives the inertial mass (kg) of a disc of a given radius (m).
     ///
     /// # Panics
-    /// If the cell is degenerate or there are more than 65 536 discs.
+    /// The cell is degenerate, or there are more than 65 536 discs.
     pub fn new(cell: Cell, discs: &[PlainDisc], mass: impl Fn(f64) -> f64) -> Self {
         let inverse = cell.inverse().expect("cell vectors are independent");
         assert!(discs.len() <= 1 << 16, "at most 65536 discs");
@@ -58,8 +61,8 @@ impl<R: Real> Packing<R> {
             .collect()
     }
 
-    /// The same packing in another precision, contact history included. Neighbour lists are
-    /// searched anew at the next step.
+    /// The same packing in another precision, with its contact history. The next step searches
+    /// neighbours anew.
     pub fn convert<Q: Real>(&self) -> Packing<Q> {
         let real = |x: R| Q::from_f64(x.to_f64());
         Packing {
@@ -100,7 +103,7 @@ impl<R: Real> Packing<R> {
             .sum()
     }
 
-    /// Elastic energy of all contacts (J): `kn delta² / 2 + f_t² / (2 kt)`.
+    /// Elastic energy of all contacts (J): $k_n \delta^2 / 2 + f_t^2 / (2 k_t)$ each.
     pub fn elastic_energy(&self, normal_stiffness: f64, tangential_stiffness: f64) -> f64 {
         self.contacts()
             .map(|c| {
@@ -110,7 +113,7 @@ impl<R: Real> Packing<R> {
             .sum()
     }
 
-    /// Every touching pair at the present positions.
+    /// All touching pairs at the present positions.
     pub fn contacts(&self) -> impl Iterator<Item = Contact> + '_ {
         self.neighbours.pairs.iter().enumerate().filter_map(|(index, pair)| {
             let image = self.neighbours.image(index);
@@ -128,8 +131,8 @@ impl<R: Real> Packing<R> {
         self.neighbours.search(&mut self.cell, &mut self.discs, skin, dashpot);
     }
 
-    /// Gives every disc the change of the cell's spin, so that a change of rotation rate does not
-    /// wind up the tangential springs.
+    /// Adds the change of the cell's spin to all angular velocities, so that a change of the rotation
+    /// rate does not load the tangential springs.
     pub fn set_spin(&mut self, velocity_gradient: &Matrix2<f64>) {
         let spin = 0.5 * (velocity_gradient[(1, 0)] - velocity_gradient[(0, 1)]);
         let change = R::from_f64(spin - self.spin);
@@ -148,7 +151,7 @@ impl<R: Real> Packing<R> {
         }
     }
 
-    /// Removes the mean peculiar momentum, which rattlers would otherwise carry away.
+    /// Removes the mean peculiar velocity, which would carry rattlers away.
     pub fn remove_drift(&mut self) {
         let (mut mass, mut momentum) = (0.0, Vector2::zeros());
         for d in &self.discs {
@@ -167,11 +170,13 @@ impl<R: Real> Packing<R> {
 /// A touching pair.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
+    /// Index of one disc.
     pub i: usize,
+    /// Index of the other disc.
     pub j: usize,
     /// From `i` to the touching image of `j` (m).
     pub branch: Vector2<f64>,
-    /// `r_i + r_j - |branch|` (m).
+    /// $r_i + r_j$ minus the length of the branch (m).
     pub overlap: f64,
     /// Tangential spring force on `j` (N).
     pub tangential: f64,

@@ -1,4 +1,4 @@
-//! What defines an RVE: grains, contact law, numerics and preparation.
+//! Parameters of an RVE: grains, contact law, numerics and preparation.
 
 use serde::{Deserialize, Serialize};
 

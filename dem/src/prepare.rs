@@ -1,4 +1,4 @@
-//! Making packings: loose cloud, isotropic servo, oedometric ladder.
+//! Preparation of packings: loose cloud, isotropic servo, oedometric ladder.
 
 use nalgebra::Matrix2;
 use rand::{RngExt, SeedableRng};
@@ -15,17 +15,18 @@ use crate::parameters::RveParameters;
 /// A consolidated packing and its states under oedometric loading.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Prepared {
-    /// In equilibrium under the isotropic preparation pressure, with the friction of flow.
+    /// The packing in equilibrium under the isotropic preparation pressure, with the friction of flow.
     pub isotropic: Packing<f64>,
     /// One rung per requested vertical stress, in the order of the request.
     pub ladder: Vec<Rung>,
 }
 
-/// A packing on the oedometric path.
+/// A state on the oedometric path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rung {
     /// Measured Cauchy stress (Pa), compression positive.
     pub stress: Matrix2<f64>,
+    /// The packing in this state.
     pub packing: Packing<f64>,
 }
 
@@ -35,7 +36,7 @@ const CONTROL_STEPS: f64 = 10.0;
 /// [`consolidate`] and then [`ladder`].
 ///
 /// # Errors
-/// When a stage does not reach its target.
+/// A stage does not reach its target.
 pub fn prepare(p: &RveParameters, seed: u64, targets: &[f64]) -> Result<Prepared, Error> {
     let isotropic = consolidate(p, seed)?;
     let ladder = ladder(p, seed, &isotropic, targets)?;
@@ -47,7 +48,7 @@ pub fn prepare(p: &RveParameters, seed: u64, targets: &[f64]) -> Result<Prepared
 /// forces balance to 1e-3.
 ///
 /// # Errors
-/// When the discs find no room in the cloud, or equilibrium is not reached.
+/// The discs do not fit in the cloud, or equilibrium is not reached.
 pub fn consolidate(p: &RveParameters, seed: u64) -> Result<Packing<f64>, Error> {
     let fail = |reason: String| Error::Preparation { seed, reason };
     let stage = Stage::Isotropic { pressure: p.preparation.pressure, duration: None };
@@ -64,7 +65,7 @@ pub fn consolidate(p: &RveParameters, seed: u64) -> Result<Packing<f64>, Error> 
 /// unloading to those below it.
 ///
 /// # Errors
-/// When a target is not reached.
+/// A target is not reached.
 pub fn ladder(
     p: &RveParameters,
     seed: u64,
@@ -95,9 +96,8 @@ pub fn ladder(
     Ok(rungs.into_iter().flatten().collect())
 }
 
-/// An element with the damping of preparation, which never gives up a loose packing. Its step is the
-/// default one, so that packings are the same whatever the step of flow: each step would lead to
-/// another packing, and packings differ more than steps do.
+/// An element with the damping of preparation, which is never stress-free. It takes the default step, not
+/// that of flow: packings would differ with the step, by more than flows do.
 fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, StageError> {
     let p = RveParameters {
         local_damping: p.preparation.local_damping,

@@ -39,10 +39,15 @@ pub trait Real:
     /// Length of one unit of [`Self::Fraction`], in cell periods.
     const UNIT: f64;
 
+    /// `x` rounded to this type.
     fn from_f64(x: f64) -> Self;
+    /// The same number as `f64`.
     fn to_f64(self) -> f64;
+    /// Square root.
     fn sqrt(self) -> Self;
+    /// The larger number; `self` if either is NaN.
     fn max(self, other: Self) -> Self;
+    /// The smaller number; `self` if either is NaN.
     fn min(self, other: Self) -> Self;
 
     /// `s` in cell periods, wrapped into `[0, 1)`.

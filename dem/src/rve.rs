@@ -1,5 +1,5 @@
-//! One RVE over one macro step: substeps, averaged stress, and what is done at the limits of the
-//! method (stress-free, over-thin and over-compressed cells).
+//! One macro step of one RVE: substeps, averaged stress, and the limits of the method (stress-free, thin
+//! and over-compressed cells).
 
 use nalgebra::Matrix2;
 use serde::{Deserialize, Serialize};
@@ -13,14 +13,16 @@ use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::real::Real;
 
-/// What all RVEs of a batch share during a macro step.
+/// How a macro step is divided; the same for all RVEs of a batch.
 #[derive(Clone, Debug)]
 pub struct Substepping<R: Real> {
+    /// The contact law at the substep.
     pub law: ContactLaw<R>,
-    /// DEM step (s) and how many make a macro step.
+    /// Substep (s).
     pub dt: f64,
+    /// Substeps in a macro step.
     pub substeps: usize,
-    /// Trailing substeps over which stress is averaged.
+    /// Last substeps, over which stress is averaged.
     pub samples: usize,
 }
 
@@ -46,9 +48,10 @@ const MIN_SAMPLES: usize = 5;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Rve<R: Real> {
+    /// The packing.
     pub packing: Packing<R>,
-    /// Area (m²) while the RVE is too loose to carry stress. Its packing is then meaningless and
-    /// is replaced when the area shrinks back: there is no history to lose.
+    /// Area (m²) while the RVE is too loose to carry stress. Its packing is then meaningless; a fresh one
+    /// replaces it once the RVE is dense again.
     pub free_area: Option<f64>,
 }
 
@@ -59,6 +62,7 @@ pub struct RveState {
     pub stress: Matrix2<f64>,
     /// Cell area (m²).
     pub area: f64,
+    /// Area of the discs over the area of the cell.
     pub solid_fraction: f64,
     /// Contacts per disc `Z = 2 N_c / N` in the last substep.
     pub coordination: f64,
@@ -66,15 +70,16 @@ pub struct RveState {
     pub relative_overlap: f64,
     /// Smallest perpendicular width of the cell (m); infinite while stress-free.
     pub min_width: f64,
-    /// Neighbour searches made.
+    /// Number of neighbour searches.
     pub searches: u32,
-    /// Too loose to carry stress.
+    /// Whether the RVE is too loose to carry stress.
     pub free: bool,
-    /// Too thin: deformed by volume and spin only.
+    /// Whether the cell was too thin to be sheared.
     pub thin: bool,
 }
 
 impl<R: Real> Rve<R> {
+    /// An RVE that carries stress.
     pub fn new(packing: Packing<R>) -> Self {
         Self { packing, free_area: None }
     }
@@ -87,7 +92,10 @@ impl<R: Real> Rve<R> {
     /// Advances by one macro step under a constant velocity gradient `L` (1/s, `L_ij = dv_i/dx_j`).
     ///
     /// `fresh` is the packing a stress-free RVE restarts from, in a cell of its own shape.
-    /// `forces` holds those of the last substep afterwards.
+    /// Afterwards `forces` holds those of the last substep.
+    ///
+    /// # Errors
+    /// A number is not finite, or an overlap is beyond the limit.
     pub fn advance(
         &mut self,
         velocity_gradient: &Matrix2<f64>,

@@ -36,6 +36,7 @@
 //! # }
 //! ```
 #![warn(missing_docs)]
+#![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod bench;
 pub mod check;

@@ -1,10 +1,13 @@
 //! The `dempm` command.
 
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use dempm::commands::{bench, check, dataset, element, export, info, plot, run};
+use files::{note, report_size_limits_as_errors};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
 #[derive(Parser)]
@@ -44,6 +47,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    report_size_limits_as_errors();
     let done = |()| ExitCode::SUCCESS;
     let Arguments { command, verbose } = Arguments::parse();
     let result = match command {
@@ -57,7 +61,7 @@ fn main() -> ExitCode {
         Command::Export(args) => export::export(&args).map(done),
     };
     result.unwrap_or_else(|report| {
-        files::print_note(format_args!("{report:?}"));
+        note!("{report:?}");
         ExitCode::FAILURE
     })
 }

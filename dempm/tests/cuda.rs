@@ -6,7 +6,7 @@ use std::error::Error as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use dempm::run::checkpoint;
+use dempm::run::{Monitor, checkpoint};
 use dempm::scene::Scene;
 use dempm::simulation::cuda;
 use dempm::simulation::{SceneMaterial, Simulation, SimulationError, State};
@@ -56,8 +56,8 @@ fn scene(material: &str, numerics: &str) -> Scene {
 /// A copy of the state by way of a checkpoint.
 fn copy(directory: &Path, scene: &Scene, state: &State) -> State {
     let path = directory.join("copy.ckpt");
-    checkpoint::write(&path, &scene.text, state).unwrap();
-    checkpoint::read(&path, &scene.text).unwrap()
+    checkpoint::write(&path, &scene.text, state, &Monitor::default()).unwrap();
+    checkpoint::read(&path, &scene.text).unwrap().0
 }
 
 /// The same start on the CPU and on the GPU.

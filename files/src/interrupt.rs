@@ -63,15 +63,16 @@ impl Interrupt {
     fn stop(&self) {
         let guarded = || self.guards.load(Ordering::SeqCst) > 0;
         self.requested.store(true, Ordering::SeqCst);
-        let orderly = guarded();
-        while guarded() {
-            sleep(Duration::from_millis(20));
+        if !guarded() {
+            print_note("interrupted");
+            end_process();
         }
-        if orderly {
+        while guarded() {
+            while guarded() {
+                sleep(Duration::from_millis(20));
+            }
             // What was guarded has ended and says so itself, unless other threads are at work.
             sleep(Duration::from_millis(500));
-        } else {
-            print_note("interrupted");
         }
         end_process();
     }

@@ -33,6 +33,23 @@ macro_rules! note {
     ($($format:tt)*) => { $crate::print_note(::std::format_args!($($format)*)) };
 }
 
+/// Writes a formatted line to the standard output, as `println!` does, for a command whose product is text.
+/// Gives a [`PrintError`] if it is closed or full.
+#[macro_export]
+macro_rules! out {
+    ($($format:tt)*) => {
+        $crate::print_result(::std::format_args!("{}\n", ::std::format_args!($($format)*)))
+    };
+}
+
+/// As [`out!`], for a command whose product is a file: where nobody reads the line, it is lost.
+#[macro_export]
+macro_rules! announce {
+    ($($format:tt)*) => {
+        ::std::mem::drop($crate::out!($($format)*))
+    };
+}
+
 /// `text` without characters that control a terminal. Titles and names may come from anybody's files.
 ///
 /// Line feeds, tabs and the colours of messages (`ESC [ ... m`) stay.

@@ -1,5 +1,5 @@
-// Begins a kernel that may have taken its place early (`Launch::early`): waits until the
-// kernel before it is done, and lets the one behind take its place.
+// Begins a kernel that may be launched early (`Launch::early`): waits until the kernel before it is
+// done, and allows the kernel after it to be launched.
 __device__ inline void await_turn() {
 #if __CUDA_ARCH__ >= 900
     asm volatile("griddepcontrol.wait;" ::: "memory");

@@ -1,8 +1,8 @@
-//! Where things that take time to make are kept between runs.
+//! The folder for results that are kept between runs.
 
 use std::path::PathBuf;
 
-/// `DEMPM_CACHE_DIR`, else `dempm` in the user's cache directory (`XDG_CACHE_HOME`, else
+/// The cache: `DEMPM_CACHE_DIR`, else `dempm` in the user's cache directory (`XDG_CACHE_HOME`, else
 /// `~/.cache`). `None` without a home directory.
 pub fn cache_directory() -> Option<PathBuf> {
     let variable = |name| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);

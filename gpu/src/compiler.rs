@@ -1,4 +1,4 @@
-//! CUDA C++ to machine code by NVRTC, with a cache on disk.
+//! Compiles CUDA C++ with NVRTC, with a cache on disk.
 
 use std::ffi::{CStr, CString};
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -9,16 +9,16 @@ use files::{WriteError, read_sealed, seal, write_atomically};
 use crate::cache_directory;
 use crate::error::Error;
 
-/// What every source may use.
+/// First part of every source.
 const PRELUDE: &str = include_str!("await_turn.cuh");
 
-/// Whether the run-time compiler can be loaded.
+/// Whether NVRTC can be loaded.
 pub fn nvrtc_is_present() -> bool {
     // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
     unsafe { sys::is_culib_present() }
 }
 
-/// Version of NVRTC: major, minor.
+/// Major and minor version of NVRTC.
 pub(crate) fn nvrtc_version() -> Result<(i32, i32), Error> {
     if !nvrtc_is_present() {
         return Err(Error::NvrtcMissing);
@@ -31,8 +31,8 @@ pub(crate) fn nvrtc_version() -> Result<(i32, i32), Error> {
     Ok((major, minor))
 }
 
-/// Compiles `source` (known as `name` in messages) to a cubin for an architecture such as `sm_90`,
-/// with preprocessor definitions `NAME=value`. It may call `await_turn` (`await_turn.cuh`).
+/// Compiles `source` (file `name` in messages) to a cubin for an architecture such as `sm_90a`, with
+/// preprocessor definitions `NAME=value`. The source may call `await_turn` (`await_turn.cuh`).
 ///
 /// Needs no GPU.
 ///
@@ -97,8 +97,8 @@ unsafe fn get_cubin(program: sys::nvrtcProgram) -> Result<Vec<u8>, result::Nvrtc
     }
 }
 
-/// As [`compile`], but takes the cubin from the cache if it is there. `driver` is the driver's
-/// version: part of the key, as is all else that the result depends on.
+/// As [`compile`], with the cache. Its key is all that the result depends on, the version of the
+/// `driver` included.
 pub(crate) fn compile_cached(
     name: &str,
     source: &str,
@@ -120,7 +120,7 @@ pub(crate) fn compile_cached(
     }
     let cubin = compile(name, source, architecture, defines)?;
     if let Some(file) = file {
-        // A cache that cannot be written costs a second at the next start, nothing else.
+        // Without a cache the next start compiles again.
         let _ = write_atomically::<_, WriteError>(&file, |temporary| {
             std::fs::write(temporary, seal(cubin.clone()))
                 .map_err(WriteError::at(&file, "write it"))

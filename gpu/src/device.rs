@@ -1,4 +1,4 @@
-//! A GPU, if there is one.
+//! A GPU and its memory.
 
 use std::sync::{Arc, OnceLock};
 
@@ -9,28 +9,30 @@ use cudarc::driver::{
     ValidAsZeroBits,
 };
 use cudarc::nvrtc::Ptx;
+use files::note;
 
 use crate::compiler::{compile_cached, nvrtc_is_present, nvrtc_version};
 use crate::error::Error;
 
-/// What the GPU offers.
+/// Limits on thread blocks.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Shared memory that one block can have, and that a multiprocessor has for all (bytes).
+    /// Shared memory that one block can have (bytes).
     pub shared_per_block: usize,
+    /// Shared memory of a multiprocessor for all its blocks (bytes).
     pub shared_per_multiprocessor: usize,
 }
 
 impl Limits {
-    /// Of an H100 or H200.
+    /// An H100 or H200.
     pub const SM_90: Self =
         Self { shared_per_block: 227 << 10, shared_per_multiprocessor: 228 << 10 };
-    /// Of an A100.
+    /// An A100.
     pub const SM_80: Self =
         Self { shared_per_block: 163 << 10, shared_per_multiprocessor: 164 << 10 };
 }
 
-/// A GPU with the stream its work is queued on.
+/// A GPU with a stream, on which its work is queued.
 #[derive(Clone, Debug)]
 pub struct Device {
     context: Arc<CudaContext>,
@@ -43,7 +45,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// How many GPUs the driver shows; none without a driver.
+    /// Number of GPUs; 0 without a driver.
     pub fn count() -> usize {
         // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
         if !unsafe { sys::is_culib_present() } {
@@ -52,10 +54,10 @@ impl Device {
         CudaContext::device_count().map_or(0, |count| usize::try_from(count).unwrap_or(0))
     }
 
-    /// GPU number `ordinal`, counted from 0.
+    /// Opens GPU `ordinal`, counted from 0.
     ///
     /// # Errors
-    /// No driver, no NVRTC or one that is newer than the driver, no such GPU or one that is too old.
+    /// No driver, no NVRTC, an NVRTC newer than the driver, no such GPU, or a GPU older than sm_80.
     pub fn new(ordinal: usize) -> Result<Arc<Self>, Error> {
         // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
         if !unsafe { sys::is_culib_present() } {
@@ -73,8 +75,8 @@ impl Device {
             return Err(Error::NoSuchDevice { ordinal, count });
         }
         let context = CudaContext::new(ordinal)?;
-        // SAFETY: all work of this crate is ordered by streams; events between allocations would
-        // keep launches from being captured in a graph.
+        // SAFETY: streams order all work; events between allocations could not be captured in a
+        // graph.
         unsafe { context.disable_event_tracking() };
         let stream = context.new_stream()?;
         let (major, minor) = context.compute_capability()?;
@@ -93,8 +95,8 @@ impl Device {
         }))
     }
 
-    /// The same GPU with a stream of its own, for another thread: what one thread captures in a graph
-    /// must not mix with what another queues.
+    /// The same GPU with a stream of its own, for another thread: a thread that captures a graph must
+    /// not see work of others on its stream.
     ///
     /// # Errors
     /// A failure of the GPU.
@@ -102,8 +104,8 @@ impl Device {
         Ok(Arc::new(Self { stream: self.context.new_stream()?, ..self.clone() }))
     }
 
-    /// The same GPU with a stream of its own whose kernels take their place before those that other
-    /// streams have waiting.
+    /// The same GPU with a stream of its own, of high priority: its blocks start before waiting blocks of
+    /// other streams.
     ///
     /// # Errors
     /// A failure of the GPU.
@@ -112,40 +114,45 @@ impl Device {
         Ok(Arc::new(Self { stream, ..self.clone() }))
     }
 
-    /// As the vendor names it.
+    /// The vendor's name of the GPU.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Such as `sm_80`.
+    /// Architecture to compile for, such as `sm_80`.
     pub fn architecture(&self) -> &str {
         &self.architecture
     }
 
-    /// CUDA version that the driver supports: major, minor.
+    /// CUDA version (major, minor) that the driver supports.
     pub fn driver(&self) -> (i32, i32) {
         self.driver
     }
 
+    /// The GPU's primary context.
     pub fn context(&self) -> &Arc<CudaContext> {
         &self.context
     }
 
+    /// The stream on which work is queued.
     pub fn stream(&self) -> &Arc<CudaStream> {
         &self.stream
     }
 
-    /// Whether a kernel can take its place before the one ahead of it has ended.
+    /// Whether the GPU has programmatic dependent launch (PDL).
     pub(crate) fn overlaps_kernels(&self) -> bool {
         self.overlaps_kernels
     }
 
-    /// Priority of what goes before others.
+    /// The highest priority of a stream or launch.
     pub(crate) fn urgent_priority(&self) -> i32 {
         self.urgent_priority
     }
 
-    /// What bounds the size of a thread block.
+    /// Limits on thread blocks.
+    ///
+    /// # Errors
+    /// The driver refuses to tell.
     pub fn limits(&self) -> Result<Limits, Error> {
         let attribute = |a| -> Result<usize, DriverError> {
             Ok(usize::try_from(self.context.attribute(a)?).unwrap_or(0))
@@ -159,7 +166,11 @@ impl Device {
         })
     }
 
-    /// Compiles a kernel source for this GPU, or takes it from the cache, and loads it.
+    /// Compiles a source for this GPU, or takes it from the cache, and loads it. `defines` are
+    /// preprocessor definitions `NAME=value`.
+    ///
+    /// # Errors
+    /// The source does not compile, or cannot be loaded.
     pub fn module(
         &self,
         name: &str,
@@ -170,7 +181,10 @@ impl Device {
         Ok(self.context.load_module(Ptx::from_binary(cubin))?)
     }
 
-    /// Says before allocating whether `needed` bytes are there.
+    /// Checks that `needed` bytes are free.
+    ///
+    /// # Errors
+    /// There are fewer.
     pub fn reserve(&self, needed: usize) -> Result<(), Error> {
         let (available, _) = self.context.mem_get_info()?;
         if needed > available {
@@ -179,12 +193,18 @@ impl Device {
         Ok(())
     }
 
-    /// Copies to new device memory.
+    /// Copies an array to new device memory.
+    ///
+    /// # Errors
+    /// Too little memory.
     pub fn upload<T: DeviceRepr>(&self, host: &[T]) -> Result<CudaSlice<T>, Error> {
         self.stream.clone_htod(host).map_err(|e| self.memory_error(e, size_of_val(host)))
     }
 
-    /// New device memory, all zero.
+    /// A new array of `len` entries in device memory, all zero.
+    ///
+    /// # Errors
+    /// Too little memory.
     pub fn zeros<T: DeviceRepr + ValidAsZeroBits>(
         &self,
         len: usize,
@@ -192,8 +212,11 @@ impl Device {
         self.stream.alloc_zeros(len).map_err(|e| self.memory_error(e, len * size_of::<T>()))
     }
 
-    /// Page-locked host memory, which the GPU copies to while the host does something else: a copy is
-    /// there once its stream was waited for, which reading does not do. Not initialised.
+    /// A new array of `len` entries in page-locked host memory, for copies beside the host's work. Not
+    /// initialised. Reading does not wait for copies: synchronise their stream first.
+    ///
+    /// # Errors
+    /// Too little memory.
     pub fn pinned<T: DeviceRepr + ValidAsZeroBits>(
         &self,
         len: usize,
@@ -211,22 +234,20 @@ impl Device {
     }
 }
 
-/// A driver runs what an NVRTC of its own major version compiles, and of older ones.
+/// A driver runs code from an NVRTC of its own major version or an older one.
 fn check_versions(driver: (i32, i32), nvrtc: (i32, i32)) -> Result<(), Error> {
     if driver.0 < nvrtc.0 { Err(Error::DriverTooOld { driver, nvrtc }) } else { Ok(()) }
 }
 
-/// The name of what is compiled for. Hopper's products of warp groups are in no other GPU, which its
-/// name says by an `a`.
+/// Name of the architecture. `wgmma` needs the target `sm_90a`.
 fn architecture(major: i32, minor: i32) -> String {
     format!("sm_{major}{minor}{}", if (major, minor) == (9, 0) { "a" } else { "" })
 }
 
-/// The first GPU with a stream of its own, for a test that needs one; without one `None`, after
-/// saying why.
+/// The first GPU with a stream of its own, for tests. Without one, prints why and returns `None`.
 ///
 /// # Panics
-/// Without a usable GPU if the environment has `DEMPM_REQUIRE_GPU=1`.
+/// There is no usable GPU and the environment has `DEMPM_REQUIRE_GPU=1`.
 pub fn for_tests() -> Option<Arc<Device>> {
     static DEVICE: OnceLock<Option<Arc<Device>>> = OnceLock::new();
     let device = DEVICE.get_or_init(|| match Device::new(0) {
@@ -235,23 +256,23 @@ pub fn for_tests() -> Option<Arc<Device>> {
             panic!("DEMPM_REQUIRE_GPU=1, but {error}")
         }
         Err(error) => {
-            eprintln!("skipped: {error}");
+            note!("skipped: {error}");
             None
         }
     });
     device.as_ref().map(|device| device.with_own_stream().expect("a stream"))
 }
 
-/// Whether there is NVRTC for a test that compiles kernels, which takes no GPU; says so if not.
+/// Whether NVRTC is present, for tests that compile kernels without a GPU. Prints if it is not.
 ///
 /// # Panics
-/// Without NVRTC if the environment has `DEMPM_REQUIRE_NVRTC`.
+/// NVRTC is missing and the environment has `DEMPM_REQUIRE_NVRTC`.
 pub fn nvrtc_for_tests() -> bool {
     let present = nvrtc_is_present();
     if !present {
         let required = std::env::var_os("DEMPM_REQUIRE_NVRTC").is_some();
         assert!(!required, "NVRTC was not found, but DEMPM_REQUIRE_NVRTC is set");
-        eprintln!("skipped: {}", Error::NvrtcMissing);
+        note!("skipped: {}", Error::NvrtcMissing);
     }
     present
 }

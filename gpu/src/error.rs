@@ -1,41 +1,78 @@
-//! What can go wrong on a GPU.
+//! Failures of the GPU, its driver or its compiler.
 
 use cudarc::driver::{DriverError, sys::CUresult};
 
 /// A failure of the device or of compiling for it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    #[error("no NVIDIA driver was found (libcuda.so); without a GPU, run on the CPU")]
+    /// The driver's library cannot be loaded.
+    #[error("no NVIDIA driver was found (libcuda.so)")]
     NoDriver,
-    #[error("the NVIDIA driver finds no GPU it can use")]
+    /// The driver has no GPU.
+    #[error("the NVIDIA driver finds no usable GPU")]
     NoDevice,
-    #[error("there is no GPU number {ordinal}: {count} can be seen, counted from 0")]
-    NoSuchDevice { ordinal: usize, count: usize },
+    /// There are fewer GPUs.
+    #[error("there is no GPU {ordinal}: {count} are visible, counted from 0")]
+    NoSuchDevice {
+        /// Number of the GPU that was asked for, from 0.
+        ordinal: usize,
+        /// Number of GPUs.
+        count: usize,
+    },
+    /// The driver cannot run what this NVRTC compiles.
     #[error(
-        "the NVIDIA driver supports CUDA {}.{} only, but NVRTC is of CUDA {}.{}; update the driver, or use an older NVRTC",
+        "the NVIDIA driver supports CUDA {}.{}, but NVRTC is of CUDA {}.{}; update the driver or use an older NVRTC",
         driver.0, driver.1, nvrtc.0, nvrtc.1
     )]
-    DriverTooOld { driver: (i32, i32), nvrtc: (i32, i32) },
+    DriverTooOld {
+        /// Major and minor version of CUDA that the driver supports.
+        driver: (i32, i32),
+        /// Major and minor version of NVRTC.
+        nvrtc: (i32, i32),
+    },
+    /// The GPU lacks instructions that the kernels need.
     #[error(
-        "{name} has compute capability {}.{}, and 8.0 is needed; run on the CPU",
+        "{name} has compute capability {}.{}, but 8.0 is needed",
         capability.0, capability.1
     )]
-    GpuTooOld { name: String, capability: (i32, i32) },
+    GpuTooOld {
+        /// The GPU's name.
+        name: String,
+        /// Major and minor compute capability.
+        capability: (i32, i32),
+    },
+    /// NVRTC's library cannot be loaded.
     #[error(
-        "NVRTC, the run-time compiler of CUDA, was not found (libnvrtc.so); install the CUDA toolkit or add its lib folder to LD_LIBRARY_PATH"
+        "NVRTC, CUDA's run-time compiler, was not found (libnvrtc.so); install the CUDA toolkit or add its lib folder to LD_LIBRARY_PATH"
     )]
     NvrtcMissing,
+    /// A source does not compile.
     #[error("compiling {name} for {architecture} failed:\n{log}")]
-    Compile { name: String, architecture: String, log: String },
+    Compile {
+        /// File name of the source.
+        name: String,
+        /// Such as `sm_80`.
+        architecture: String,
+        /// The compiler's messages.
+        log: String,
+    },
+    /// An allocation does not fit.
     #[error(
-        "not enough GPU memory: {} MiB are needed, {} MiB are available",
+        "not enough GPU memory: {} MiB are needed, {} MiB are free",
         needed.div_ceil(1 << 20), available >> 20
     )]
-    OutOfMemory { needed: usize, available: usize },
+    OutOfMemory {
+        /// Size of the allocation (bytes).
+        needed: usize,
+        /// Free memory (bytes).
+        available: usize,
+    },
+    /// A kernel read or wrote beyond its arrays.
     #[error(
-        "a kernel accessed memory that is not its own; everything on the GPU since the last checkpoint is lost"
+        "a kernel accessed memory outside of its arrays; all work on the GPU since the last checkpoint is lost"
     )]
     IllegalAccess,
+    /// Any other error of the driver, in its words.
     #[error("CUDA: {0}")]
     Driver(String),
 }

@@ -1,4 +1,4 @@
-//! Kernels with typed arguments, and the one way in which they are launched.
+//! Kernels with typed arguments, and their launch.
 //!
 //! [`kernel!`](crate::kernel) defines the arguments of a kernel as a struct; CUDA C++ compares them with
 //! its parameters. [`Function`] is the kernel once it is compiled and loaded.
@@ -94,7 +94,7 @@ macro_rules! checks {
     };
 }
 
-/// What [`check_parameters`] needs.
+/// Templates for [`check_parameters`].
 #[doc(hidden)]
 pub const CHECK_PARAMETERS: &str = "\
 #line 1 \"gpu/src/launch.rs\"
@@ -121,27 +121,26 @@ pub struct Launch {
     pub threads: u32,
     /// Dynamic shared memory of a block (bytes).
     pub shared: u32,
-    /// It may take its place on the GPU while the one kernel before it still runs (CUDA's programmatic
-    /// dependent launch), so that a row of small kernels does not wait for each to start. GPUs older
-    /// than sm_90 start one kernel after the other.
+    /// Programmatic dependent launch (PDL): its blocks may start while the kernel before it still runs, so
+    /// that launch latencies of small kernels overlap. Ignored before sm_90.
     pub early: bool,
-    /// Its blocks go before those of kernels that are not urgent and wait for a place. For small
-    /// kernels, beside large ones of other streams.
+    /// Highest priority: its blocks start before waiting blocks of other kernels. For small kernels beside
+    /// large ones of other streams.
     pub urgent: bool,
 }
 
 impl Launch {
-    /// So many blocks of so many threads.
+    /// `blocks` blocks of `threads` threads.
     pub fn blocks(blocks: u32, threads: u32) -> Self {
         Self { grid: [blocks, 1], threads, shared: 0, early: false, urgent: false }
     }
 
-    /// A thread for each of `count` things, in blocks of `threads`; at least one block.
+    /// `count` threads or a few more, in blocks of `threads`; at least one block.
     pub fn each(count: usize, threads: u32) -> Self {
         Self::blocks(count.div_ceil(threads as usize).max(1) as u32, threads)
     }
 
-    /// The same blocks `rows` times: the y of a block is the number of the row.
+    /// A grid of `rows` rows of these blocks; `blockIdx.y` is the row.
     #[must_use]
     pub fn rows(self, rows: u32) -> Self {
         Self { grid: [self.grid[0], rows], ..self }
@@ -196,7 +195,7 @@ impl<K: Kernel> Function<K> {
         Ok(self)
     }
 
-    /// What the driver says of the kernel: registers, occupancy.
+    /// The driver's handle, for registers and occupancy.
     pub fn function(&self) -> &CudaFunction {
         &self.function
     }

@@ -1,16 +1,16 @@
-//! What a user reads when a GPU cannot do what it is asked to. Without a GPU, all but the first test
-//! say so and pass, unless `DEMPM_REQUIRE_GPU=1`.
+//! Messages of failures. Without a GPU, all tests but the first are skipped, unless
+//! `DEMPM_REQUIRE_GPU=1`.
 
 use std::process::Command;
 
 use gpu::{Device, Error, Function, Launch, Pointer, kernel};
 
 #[test]
-fn without_a_driver_the_remedy_is_named() {
+fn without_a_gpu_the_cause_is_named() {
     let Err(error) = Device::new(0) else { return };
     let text = error.to_string();
-    let remedies = ["run on the CPU", "no GPU it can use", "update the driver", "LD_LIBRARY_PATH"];
-    assert!(remedies.iter().any(|remedy| text.contains(remedy)), "{text}");
+    let causes = ["libcuda.so", "no usable GPU", "update the driver", "LD_LIBRARY_PATH"];
+    assert!(causes.iter().any(|cause| text.contains(cause)), "{text}");
 }
 
 #[test]

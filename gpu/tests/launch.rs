@@ -1,4 +1,4 @@
-//! Kernels that take their places early. Without a GPU these tests say so and pass, unless
+//! Launches with programmatic dependent launch. Without a GPU they are skipped, unless
 //! `DEMPM_REQUIRE_GPU=1`.
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};

@@ -115,7 +115,7 @@ impl ShapeFunctions {
             let [end, mirror] = [end, 2 * end - node].map(|n| (n - self.first) as usize);
             for weight in [&mut self.value, &mut self.gradient, &mut self.affine] {
                 let beyond = std::mem::take(&mut weight[k]);
-                // What sees a node beyond sees its image too.
+                // The support of a node beyond the end includes its mirror image.
                 if beyond != 0.0 {
                     weight[end] += 2.0 * beyond;
                     weight[mirror] -= beyond;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Points, Vec2};
 
-/// What contacts have done since the start of the run.
+/// Impulses and work of contacts since the start of the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger {
     /// Momentum that the walls gave to the material (kg/s, i.e. N s per m of thickness).
@@ -28,7 +28,7 @@ impl Ledger {
     }
 }
 
-/// Sums over all points, and what contacts have done so far.
+/// Sums over all points, and impulses and work of contacts.
 ///
 /// Momentum balances to round-off: `momentum(t) - momentum(0)` is `mass * gravity * t` plus all
 /// impulses.
@@ -42,7 +42,7 @@ pub struct Budget {
     pub kinetic_energy: f64,
     /// Potential energy `- sum m g . x` (J/m).
     pub potential_energy: f64,
-    /// What contacts have done since the start.
+    /// Impulses and work of contacts since the start.
     pub contact: Ledger,
 }
 

@@ -4,12 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Vec2};
 
-/// What a wall or face does to material that slides along it. None holds material back that
-/// moves away.
+/// Friction of a wall or face. None holds back material that moves away.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Friction {
-    /// Nothing: smooth.
+    /// None: smooth.
     #[default]
     Slip,
     /// Coulomb friction of this coefficient: `|dv_t| <= mu |dv_n|`.

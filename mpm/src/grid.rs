@@ -11,7 +11,7 @@ use crate::{Error, Vec2};
 pub struct Domain {
     /// Width and height (m); whole numbers of cells, so that walls lie on node lines.
     pub size: Vec2,
-    /// What each wall does to material that slides along it.
+    /// Friction of each wall.
     #[serde(default)]
     pub walls: Walls,
     /// Side of a cell (m).

@@ -1,4 +1,4 @@
-//! Choices of the numerical scheme.
+//! The numerical scheme and its options.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,10 +33,16 @@ pub enum Scheme {
 pub enum Transfer {
     /// FLIP velocity relaxed towards the APIC velocity at `rate` (1/s); the affine term always
     /// takes part in P2G. As quiet as APIC while its dissipation converges with the step.
-    FlipApic { rate: f64 },
+    FlipApic {
+        /// `beta` (1/s).
+        rate: f64,
+    },
     /// FLIP velocity relaxed towards the PIC velocity at `rate` (1/s).
     /// Brackbill & Ruppel (1986), J. Comput. Phys. 65, 314.
-    Flip { rate: f64 },
+    Flip {
+        /// `beta` (1/s).
+        rate: f64,
+    },
     /// Affine particle in cell. Jiang, Schroeder, Selle, Teran & Stomakhin (2015), ACM Trans.
     /// Graph. 34, 51.
     Apic,
@@ -65,16 +71,17 @@ impl Transfer {
     }
 }
 
-/// How the walls of the domain meet material. Obstacles are always as [`Nodes`](Self::Nodes).
+/// Contact of material with the walls of the domain. Obstacles always use [`Nodes`](Self::Nodes).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WallContact {
-    /// Nodes on and behind a wall do not move into it. Points meet it as soon as they see such a
-    /// node, 1.5 cells away with quadratic splines, and splines reach behind it: `v = v_1 / 8` on it.
+    /// Nodes on and behind a wall do not move into it. A point feels the wall as soon as its basis
+    /// functions reach such a node, 1.5 cells away with quadratic splines; on the wall its velocity is
+    /// `v = v_1 / 8`, since splines reach behind the wall.
     #[default]
     Nodes,
-    /// Nodes on a wall approach it until the nearest point that they see touches it, and basis
-    /// functions end there. A point touches a wall at half the side of a square of its volume.
+    /// Nodes on a wall may approach it until the nearest point in their support touches it, and basis
+    /// functions end at the wall. A point touches a wall at half the side of a square of its volume.
     Points,
 }
 
@@ -88,7 +95,7 @@ pub struct Numerics {
     pub scheme: Scheme,
     /// How velocities go from the grid to the points.
     pub transfer: Transfer,
-    /// How the walls of the domain meet material.
+    /// Contact with the walls of the domain.
     pub wall_contact: WallContact,
     /// Replaces `tr L` of every point by the volume-weighted mean over its cell, against
     /// volumetric locking (B-bar).

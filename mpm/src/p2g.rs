@@ -7,7 +7,7 @@ use crate::grid::Node;
 use crate::stencil::Stencil;
 use crate::{Mat2, PARALLEL_GRAIN, Points, Vec2};
 
-/// What maps points to nodes: sorted points and their basis functions.
+/// The mapping from points to nodes: sorted points and their basis functions.
 pub(crate) struct Mapping<'a> {
     pub bins: &'a Bins,
     pub stencils: &'a [Stencil],

@@ -40,7 +40,10 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// A solver at time 0. `gravity` in m/s².
+    /// A solver at time 0 with `gravity` (m/s²).
+    ///
+    /// # Errors
+    /// Domain, scheme, gravity or an obstacle is impossible.
     pub fn new(
         domain: Domain,
         numerics: Numerics,
@@ -75,6 +78,9 @@ impl Solver {
     }
 
     /// Advances all points by one step of `dt` (s).
+    ///
+    /// # Errors
+    /// The step or a point is impossible, or the material failed.
     pub fn advance(
         &mut self,
         points: &mut Points,
@@ -239,12 +245,15 @@ impl Solver {
         self.time = time;
     }
 
-    /// What contacts have done since the start.
+    /// Impulses and work of contacts since the start.
     pub fn ledger(&self) -> &Ledger {
         &self.ledger
     }
 
-    /// Sets what contacts have done, for a restart.
+    /// Sets impulses and work of contacts, for a restart.
+    ///
+    /// # Errors
+    /// The number of obstacles differs.
     pub fn set_ledger(&mut self, ledger: Ledger) -> Result<(), Error> {
         let (expected, found) = (self.obstacles.len(), ledger.obstacle_impulse.len());
         if found != expected {
@@ -275,6 +284,9 @@ impl Solver {
     }
 
     /// Bounds on the step in the present state.
+    ///
+    /// # Errors
+    /// A point is impossible.
     pub fn stable_step(
         &self,
         points: &Points,
@@ -283,7 +295,7 @@ impl Solver {
         stable_step::stable_step(&self.shape, &self.numerics, points, material)
     }
 
-    /// Mass, momentum and energy of the points, and what contacts have done.
+    /// Mass, momentum and energy of the points, and impulses and work of contacts.
     pub fn budget(&self, points: &Points) -> Budget {
         budget::budget(points, self.gravity, &self.ledger)
     }

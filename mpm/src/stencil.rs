@@ -6,7 +6,7 @@ use crate::basis::{Basis, SUPPORT};
 use crate::grid::Shape;
 use crate::{Numerics, PARALLEL_GRAIN, Vec2, WallContact};
 
-/// Basis functions of all nodes that one point sees.
+/// Basis functions at one point, of all nodes in its support.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Stencil {
     /// Index of the lowest, leftmost node.

@@ -1,4 +1,4 @@
-//! What can go wrong with a picture.
+//! Errors of charts, figures and animations.
 
 /// A picture that could not be drawn or encoded.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]

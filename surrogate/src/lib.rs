@@ -26,9 +26,9 @@
 //! ```
 
 #![warn(missing_docs)]
+#![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod commands;
-#[allow(missing_docs)]
 pub mod cuda;
 pub mod data;
 pub mod diagnostics;

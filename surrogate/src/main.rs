@@ -1,8 +1,11 @@
 //! The `surrogate` command.
 
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use files::{note, report_size_limits_as_errors};
 use surrogate::commands::{
     EvalArgs, RolloutArgs, StatsArgs, TrainArgs, eval, rollout, stats, train,
 };
@@ -28,6 +31,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    report_size_limits_as_errors();
     let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().command {
         Command::Stats(args) => stats(&args).map(done),
@@ -36,7 +40,7 @@ fn main() -> ExitCode {
         Command::Eval(args) => eval(&args).map(done),
     };
     result.unwrap_or_else(|report| {
-        eprintln!("{report:?}");
+        note!("{report:?}");
         ExitCode::FAILURE
     })
 }

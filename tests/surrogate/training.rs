@@ -309,8 +309,9 @@ fn a_folder_is_that_of_one_training() {
         error.contains("run/checkpoint.bin: process") && error.contains("is writing it"),
         "{error}"
     );
-    let error = fails(train(here, &short, "run").arg("--resume"));
-    assert!(error.contains("cannot read the checkpoint"), "{error}");
+    // What was killed before its first checkpoint begins.
+    succeeds(train(here, &short, "run").arg("--resume"));
+    assert!(best.exists());
 }
 
 /// A training goes on with less memory or other validations, but not with other data or noise.
@@ -330,6 +331,30 @@ fn a_training_resumes_unless_its_steps_would_be_others() {
     let expected = "the configuration has changed since the training began: `batch` is 3, not 2, \
                     `data.noise` is 0.0001, not 0.0002";
     assert!(error.contains(expected), "{error}");
+    // `best` would mix errors of different files.
+    let valid = here.join("data/valid");
+    std::fs::copy(valid.join("between.h5"), valid.join("more.h5")).unwrap();
+    let error = fails(&mut resume(40, "[data]\nnoise = 2.0e-4"));
+    assert!(error.contains("the validation data have changed since"), "{error}");
+}
+
+#[test]
+fn a_damaged_checkpoint_is_refused_by_name() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    data(here);
+    succeeds(&mut train(here, &config(here, 20, ""), "run"));
+    let path = here.join("run/checkpoint.bin");
+    let whole = std::fs::read(&path).unwrap();
+    for place in [10, whole.len() / 3, whole.len() / 2, whole.len() - 1] {
+        let mut bytes = whole.clone();
+        bytes[place] ^= 1;
+        std::fs::write(&path, bytes).unwrap();
+        let error = fails(train(here, &config(here, 30, ""), "run").arg("--resume"));
+        assert!(error.contains("checkpoint.bin: damaged"), "{error}");
+    }
+    std::fs::write(&path, whole).unwrap();
+    succeeds(train(here, &config(here, 30, ""), "run").arg("--resume"));
 }
 
 /// Frames from before a run follow from the velocities in its first frame.

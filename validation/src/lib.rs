@@ -6,6 +6,7 @@
 //! [`section_cache`].
 
 #![warn(missing_docs)]
+#![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod commands;
 pub mod context;

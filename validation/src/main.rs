@@ -1,8 +1,11 @@
 //! The `validation` command.
 
+#![warn(clippy::print_stdout, clippy::print_stderr)]
+
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use files::{note, report_size_limits_as_errors};
 use validation::commands::compare::{CompareArgs, compare};
 use validation::commands::page::{PageArgs, page};
 use validation::commands::report::{ReportArgs, report};
@@ -29,6 +32,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    report_size_limits_as_errors();
     let result = match Arguments::parse().command {
         Command::Report(args) => report(&args),
         Command::Compare(args) => compare(&args),
@@ -36,7 +40,7 @@ fn main() -> ExitCode {
         Command::Suite(command) => command.run(),
     };
     result.unwrap_or_else(|report| {
-        eprintln!("{report:?}");
+        note!("{report:?}");
         ExitCode::FAILURE
     })
 }

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use files::note;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Progress in estimated seconds of computing.
@@ -54,7 +55,7 @@ impl Progress {
 
     /// Prints a message above the bar.
     pub fn say(&self, text: &str) {
-        self.bar.suspend(|| eprintln!("{text}"));
+        self.bar.suspend(|| note!("{text}"));
     }
 
     /// Removes the bar.

@@ -1,4 +1,4 @@
-//! Structs that the kernel shares with Rust: what `batch.cuh` works on.
+//! Structs that Rust and the kernel share.
 
 use gpu::{ConstPointer, Pointer, cuda_enum, cuda_struct};
 use nalgebra::Matrix2;
@@ -79,7 +79,7 @@ cuda_enum! {
 }
 
 cuda_struct! {
-    /// What an RVE keeps between macro steps, besides its discs and their list.
+    /// State of an RVE between macro steps, besides its discs and their list.
     #[derive(Default)]
     pub(super) struct Header {
         /// Cell vectors (m).

@@ -30,7 +30,7 @@ pub(super) struct Arrays<R: CudaReal> {
     pub pair: Vec<Vector<R>>,
     pub tangential: Vec<R>,
     pub incoming: Vec<u16>,
-    /// What does not change, once for all RVEs that have the same discs.
+    /// Constants of discs, once for all RVEs that have the same discs.
     pub disc: Vec<abi::Disc<R>>,
 }
 

@@ -50,10 +50,12 @@ pub struct CudaRveBatch<R: CudaReal> {
     queue: CudaSlice<Queue>,
 }
 
-/// What a kernel takes of a multiprocessor.
+/// Resources that the kernel takes.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelResources {
+    /// Threads of a block.
     pub threads: usize,
+    /// Registers of a thread.
     pub registers: usize,
     /// Local memory of a thread (bytes): arrays of the rare search, and spilled registers.
     pub local_bytes: usize,
@@ -134,10 +136,12 @@ impl<R: CudaReal> CudaRveBatch<R> {
         Ok(host.make_batch(&self.parameters, &self.shape))
     }
 
+    /// Number of RVEs.
     pub fn len(&self) -> usize {
         self.rves
     }
 
+    /// Whether there are no RVEs.
     pub fn is_empty(&self) -> bool {
         self.rves == 0
     }
@@ -264,7 +268,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
         Ok(CudaError::Rve { rve, step: header.steps as usize, failure })
     }
 
-    /// What the kernel takes of a multiprocessor.
+    /// Resources that the kernel takes.
     ///
     /// # Errors
     /// The driver refuses to tell.

@@ -32,7 +32,7 @@ struct Side {
     pair: usize,
 }
 
-/// What a disc owns, and what it does not; ascending by neighbour and image.
+/// Pairs that a disc owns, and pairs that it does not; each in ascending order of neighbour and image.
 #[derive(Clone, Default)]
 struct Sides([Vec<Side>; 2]);
 
@@ -41,7 +41,7 @@ impl Sides {
         self.0[kind].len()
     }
 
-    /// What seats go by: `take_seat` in `list.cuh`.
+    /// Sort key of seats, as in `take_seat` of `list.cuh`.
     fn class(&self) -> usize {
         let owned = self.rows(0);
         let other = (owned + self.rows(1)).saturating_sub(3).min(4);

@@ -1,4 +1,4 @@
-//! How a thread block is laid out for a given number of discs.
+//! Layout of a thread block for a given number of discs.
 
 use gpu::Limits;
 
@@ -10,8 +10,9 @@ use crate::real::Real;
 /// The compile-time constants of the kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
-    /// Discs in an RVE, and threads: one per disc, in whole warps.
+    /// Discs in an RVE.
     pub discs: usize,
+    /// Threads: one per disc, in whole warps.
     pub threads: usize,
     /// Most neighbours in one disc's list.
     pub rows: usize,
@@ -46,10 +47,10 @@ struct Rows {
 /// Room for the lists of neighbours of a packing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Room {
-    /// What as many packings at a time as possible leave: enough for those of most collapses.
+    /// As much as leaves place for the most packings at a time: enough for most collapses.
     #[default]
     Usual,
-    /// Enough for packings that an impact presses far together; fewer at a time if need be.
+    /// Enough for packings that an impact compresses strongly, if need be with fewer at a time.
     Ample,
 }
 
@@ -57,7 +58,7 @@ pub enum Room {
 const AMPLE: Rows = Rows { per_warp: 4.5, more: 16 };
 /// Enough for packings of a collapse: fewer blocks at a time rather than fewer rows.
 const USUAL: Rows = Rows { per_warp: 3.0, more: 8 };
-/// What a block alone on a multiprocessor has to be content with.
+/// The least for a block alone on a multiprocessor.
 const LEAST: Rows = Rows { per_warp: 2.65, more: 2 };
 
 impl Shape {
@@ -98,7 +99,7 @@ impl Shape {
         let by_registers = REGISTERS_PER_MULTIPROCESSOR / (threads * registers);
         let wanted = by_registers.clamp(1, BLOCKS_PER_MULTIPROCESSOR);
 
-        // What lasts of a pair, and its reaction, which gives way to a search.
+        // Lasting data of a pair, and its reaction, whose memory a search takes.
         let listed = 3 * size_of::<R>() + size_of::<u32>() + 2 * size_of::<u16>();
         let reaction = 3 * size_of::<R>();
         let fixed = fixed_shared::<R>(threads);

@@ -1,7 +1,7 @@
 //! Element tests: one RVE driven along a path of strain rates and stresses.
 //!
-//! Stresses are controlled, and passed to stages, as pressures (compression positive); rows of
-//! the path carry tension-positive stresses, as the MPM and the output files do.
+//! Stages take pressures (compression positive); rows of the path hold stresses (tension positive), as
+//! the MPM and the output files do.
 
 mod path;
 mod servo;
@@ -31,18 +31,32 @@ const MAX_STEPS: usize = 20_000_000;
 /// Why a stage ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum StageError {
+    /// The RVE failed.
     #[error("at t = {t:.4} s: {failure}")]
-    Failed { failure: Failure, t: f64 },
+    Failed {
+        /// Why.
+        failure: Failure,
+        /// Time since the start of the path (s).
+        t: f64,
+    },
+    /// The state at which the stage ends was not reached.
     #[error("{wanted} not reached after {MAX_STEPS} DEM steps (reached {:.0} and {:.0} Pa)", .reached[0], .reached[1])]
-    Unreached { wanted: String, reached: [f64; 2] },
+    Unreached {
+        /// That state.
+        wanted: String,
+        /// Pressures along x and y (Pa).
+        reached: [f64; 2],
+    },
 }
 
-/// One RVE and where it is on its path.
+/// One RVE on its path.
 #[derive(Clone, Debug)]
 pub struct Element<R: Real> {
+    /// The RVE.
     pub rve: Rve<R>,
+    /// Its parameters.
     pub parameters: RveParameters,
-    /// Time of constant velocity gradient, and between two decisions of the servo (s).
+    /// Time between two updates of the servo (s), in which the velocity gradient is constant.
     pub macro_step: f64,
     /// Time since the start of the path (s).
     pub t: f64,
@@ -50,19 +64,19 @@ pub struct Element<R: Real> {
     pub strain: Matrix2<f64>,
     /// State after the last macro step, compression positive.
     pub state: RveState,
-    /// Macro steps in which the RVE was stress-free, and too thin to take the deviatoric part.
+    /// Macro steps in which the RVE was stress-free.
     pub free_steps: usize,
+    /// Macro steps in which the cell was too thin to be sheared.
     pub thin_steps: usize,
     fresh: Packing<R>,
     forces: Forces<R>,
 }
 
 impl<R: Real> Element<R> {
-    /// A path that starts from `packing`; its present stress is measured by one macro step at
-    /// rest on a copy.
+    /// Starts a path from `packing`. A macro step at rest of a copy gives the initial stress.
     ///
     /// # Errors
-    /// When the packing is too compressed or not finite.
+    /// The packing is too compressed or not finite.
     pub fn new(
         mut packing: Packing<R>,
         parameters: &RveParameters,
@@ -96,10 +110,10 @@ impl<R: Real> Element<R> {
         sampler.row(self.t, self.strain, &self.parameters)
     }
 
-    /// Runs one stage, with a row to `on_row` every `sampling` seconds and one for the rest.
+    /// Runs one stage and passes a row to `on_row` every `sampling` seconds and at the end.
     ///
     /// # Errors
-    /// When the RVE fails or a stage that ends at a state does not reach it.
+    /// The RVE fails, or does not reach the state at which the stage ends.
     pub fn run(
         &mut self,
         stage: &Stage,
@@ -147,7 +161,7 @@ impl<R: Real> Element<R> {
     /// One macro step under a velocity gradient (1/s).
     ///
     /// # Errors
-    /// When the RVE fails.
+    /// The RVE fails.
     pub fn advance(&mut self, l: &Matrix2<f64>) -> Result<(), StageError> {
         let sub = Substepping::new(&self.parameters, self.macro_step);
         self.state = self

@@ -1,4 +1,4 @@
-//! The recorded path: averaged rows and what is read off them.
+//! The recorded path: averaged rows and their summary.
 
 use nalgebra::Matrix2;
 
@@ -16,6 +16,7 @@ pub struct Row {
     pub strain: Matrix2<f64>,
     /// Cauchy stress (Pa), tension positive.
     pub stress: Matrix2<f64>,
+    /// Area of the discs over the area of the cell.
     pub solid_fraction: f64,
     /// Contacts per disc.
     pub coordination: f64,
@@ -41,6 +42,7 @@ impl Row {
         "inertial_number",
     ];
 
+    /// The numbers of the row, in the order of [`Row::COLUMNS`].
     pub fn values(&self) -> [f64; 12] {
         let (e, s) = (&self.strain, &self.stress);
         [
@@ -114,17 +116,23 @@ impl Sampler {
     }
 }
 
-/// What a stage's rows come to.
+/// Summary of the rows of a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Summary {
-    /// Largest `sin phi` of a row, and that row's strain.
+    /// Largest `sin phi` of a row.
     pub peak_sin_phi: f64,
+    /// Strain of that row.
     pub peak_strain: Matrix2<f64>,
-    /// Means over the last third of the rows: the critical state if the stage went that far.
+    /// Mean `sin phi` of the last third of the rows, as all `late` values: the critical state if the
+    /// stage is long enough.
     pub late_sin_phi: f64,
+    /// Mean pressure (Pa), compression positive.
     pub late_pressure: f64,
+    /// Mean solid fraction.
     pub late_solid_fraction: f64,
+    /// Mean contacts per disc.
     pub late_coordination: f64,
+    /// Mean inertial number.
     pub late_inertial_number: f64,
 }
 

@@ -1,4 +1,7 @@
-//! Holding stresses: proportional-integral control of the strain rates along x and y.
+//! Servo control of stresses: proportional-integral control of the strain rates along x and y.
+//!
+//! As the servo of wall velocities of Cundall & Strack (1979), Géotechnique 29, 47, but of the strain rates
+//! of a periodic cell, and with an integral term against lasting errors.
 
 use nalgebra::Matrix2;
 

@@ -1,4 +1,4 @@
-//! The stages a path is made of.
+//! Stages of a path.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,30 +10,69 @@ use serde::{Deserialize, Serialize};
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Stage {
     /// Both axes at `pressure`; ends in equilibrium, or after `duration` (s).
-    Isotropic { pressure: f64, duration: Option<f64> },
+    Isotropic {
+        /// Of both axes (Pa).
+        pressure: f64,
+        /// Without it, the stage ends in equilibrium (s).
+        duration: Option<f64>,
+    },
     /// `y` shortens at a rate, `x` keeps its length.
-    Oedometric { shortening_rate: f64, until: Until },
+    Oedometric {
+        /// Of `y` (1/s).
+        shortening_rate: f64,
+        /// End of the stage.
+        until: Until,
+    },
     /// `y` shortens at a rate, `x` is held at `pressure`; ends at an axial `strain`.
-    Biaxial { pressure: f64, shortening_rate: f64, strain: f64 },
+    Biaxial {
+        /// Along `x` (Pa).
+        pressure: f64,
+        /// Of `y` (1/s).
+        shortening_rate: f64,
+        /// Axial strain at the end.
+        strain: f64,
+    },
     /// `L_xy = shear_rate` alone; ends at a shear `strain`.
-    ConstantVolumeShear { shear_rate: f64, strain: f64 },
+    ConstantVolumeShear {
+        /// `L_xy` (1/s).
+        shear_rate: f64,
+        /// Shear strain at the end.
+        strain: f64,
+    },
     /// `L_xy = shear_rate` with the normal stress along `y` held at `pressure` and `x` fixed.
-    ConstantPressureShear { pressure: f64, shear_rate: f64, strain: f64 },
+    ConstantPressureShear {
+        /// Along `y` (Pa).
+        pressure: f64,
+        /// `L_xy` (1/s).
+        shear_rate: f64,
+        /// Shear strain at the end.
+        strain: f64,
+    },
     /// A constant velocity gradient, rows `[[xx, xy], [yx, yy]]` (1/s).
-    VelocityGradient { gradient: [[f64; 2]; 2], duration: f64 },
+    VelocityGradient {
+        /// `L` (1/s).
+        gradient: [[f64; 2]; 2],
+        /// Of the stage (s).
+        duration: f64,
+    },
     /// Rate or pressure per axis, and the shear components (1/s).
     Mixed {
+        /// Along `x`.
         xx: Axis,
+        /// Along `y`.
         yy: Axis,
+        /// `L_xy` (1/s).
         #[serde(default)]
         xy: f64,
+        /// `L_yx` (1/s).
         #[serde(default)]
         yx: f64,
+        /// Of the stage (s).
         duration: f64,
     },
 }
 
-/// Where an oedometric stage ends.
+/// End of an oedometric stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Until {
@@ -43,7 +82,7 @@ pub enum Until {
     Pressure(f64),
 }
 
-/// What holds one axis.
+/// Control of one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Axis {
@@ -53,13 +92,16 @@ pub enum Axis {
     Pressure(f64),
 }
 
-/// What holds each component of the velocity gradient.
+/// Control of each component of the velocity gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Control {
+    /// Along `x`.
     pub xx: Axis,
+    /// Along `y`.
     pub yy: Axis,
-    /// `L_xy` and `L_yx` (1/s).
+    /// `L_xy` (1/s).
     pub xy: f64,
+    /// `L_yx` (1/s).
     pub yx: f64,
 }
 
@@ -79,7 +121,7 @@ pub(super) enum End {
 }
 
 impl Stage {
-    /// The name written in files.
+    /// Name of the stage in files.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Isotropic { .. } => "isotropic",
@@ -92,10 +134,10 @@ impl Stage {
         }
     }
 
-    /// Why the stage cannot be run, as the key at fault and the reason.
+    /// Checks the numbers of the stage.
     ///
     /// # Errors
-    /// A number that is not finite, a strain that its rate never reaches, or a negative pressure
+    /// The key at fault and the reason: a number that is not finite, a strain that its rate never reaches, or a negative pressure
     /// or duration.
     pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
         let positive = |key, x: f64| {

@@ -1,4 +1,4 @@
-//! What each choice that the literature leaves open does to a column: one changed at a time.
+//! The effect of each modelling choice on a column, one changed at a time.
 
 use dem::RveParameters;
 use dempm::scene::{InitialStress, Material, Precision, Rve, Scene};

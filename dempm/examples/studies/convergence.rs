@@ -1,5 +1,5 @@
-//! How far apart two runs are that differ only in the seed, or only in the step, for each
-//! velocity transfer.
+//! Distance between two runs that differ only in the seed, or only in the step, for each velocity
+//! transfer.
 
 use dempm::scene::Scene;
 use mpm::Transfer;

@@ -1,12 +1,10 @@
-//! Numerical studies whose tables are in `docs/notes/2026-11-22-columns.md`.
+//! Numerical studies of a collapsing column, printed as tables.
 //!
 //!     cargo run --release -p dempm --example studies -- convergence scenes/column.toml
 //!     cargo run --release -p dempm --example studies -- choices scenes/column.toml
-//!     cargo run --release -p dempm --example studies -- runout
 mod choices;
 mod convergence;
 mod run;
-mod runout;
 
 use dempm::scene::Scene;
 use miette::bail;
@@ -17,7 +15,6 @@ fn main() -> miette::Result<()> {
     match arguments[..] {
         ["convergence", scene] => convergence::study(&Scene::load(scene)?),
         ["choices", scene] => choices::study(&Scene::load(scene)?),
-        ["runout"] => runout::study(),
-        _ => bail!("usage: studies convergence SCENE | choices SCENE | runout"),
+        _ => bail!("usage: studies convergence SCENE | choices SCENE"),
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use files::utc_now;
+use files::{out, print_result, utc_now};
 use miette::IntoDiagnostic;
 
 use super::device::report;
@@ -36,11 +36,11 @@ pub fn bench(args: &BenchArgs, verbose: bool) -> miette::Result<()> {
     report(&selection, verbose);
     let gpu = selection.first();
     let scenes = scenes::scenes(&args.scene, extent)?;
-    println!("{}\n", machine(gpu.as_ref()));
-    println!("### One macro step of RVEs in steady simple shear\n");
-    print!("{}", kernel::report(gpu.as_ref(), extent)?);
-    println!("\n### Scenes\n");
-    print!("{}", scenes::report(gpu.as_ref(), scenes, extent)?);
+    out!("{}\n", machine(gpu.as_ref()))?;
+    out!("### One macro step of RVEs in steady simple shear\n")?;
+    print_result(format_args!("{}", kernel::report(gpu.as_ref(), extent)?))?;
+    out!("\n### Scenes\n")?;
+    print_result(format_args!("{}", scenes::report(gpu.as_ref(), scenes, extent)?))?;
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use files::{note, out};
 use miette::IntoDiagnostic;
 
 use crate::check::{Needs, disc_steps_per_second};
@@ -14,8 +15,8 @@ use crate::scene::Scene;
 pub fn check(path: &Path) -> miette::Result<()> {
     let scene = Scene::load(path)?;
     if let Some(warnings) = scene.warning_report() {
-        eprintln!("{warnings:?}");
+        note!("{warnings:?}");
     }
-    println!("{}", Needs::of(&scene, disc_steps_per_second().into_diagnostic()?));
+    out!("{}", Needs::of(&scene, disc_steps_per_second().into_diagnostic()?))?;
     Ok(())
 }

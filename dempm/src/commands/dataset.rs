@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use files::{INTERRUPTED, interrupt_flag};
+use files::{INTERRUPTED, Interrupt, announce, note, print_result};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Report, bail};
 
@@ -48,6 +48,7 @@ pub struct DatasetArgs {
 /// If the list or a scene is wrong, a device cannot be used, or scenes failed (after all others are
 /// finished).
 pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
+    let interrupt = Interrupt::install()?;
     let all = dataset::cases(&args.scenes)?;
     dataset::check_intervals(&all, &args.scenes)?;
     let selected = dataset::select(&all, &args.only, &args.scenes)?;
@@ -60,25 +61,26 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
         overwrite: args.overwrite,
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
     };
-    let interrupted = interrupt_flag()?;
     let progress = Progress::default();
-    let done = scheduler::run(&selected, &args.output, &options, &progress, &interrupted)?;
+    let done = scheduler::run(&selected, &args.output, &options, &progress, &interrupt)?;
+    // What is done by now is reported even after an interrupt.
+    let _guard = interrupt.guard();
 
     let rows = report::rows(&all, &args.output);
-    print!("{}", report::table(&rows));
+    let _ = print_result(report::table(&rows));
     report::write_csv(&rows, &args.output.join("scenes.csv"))?;
     let trained = |row: &report::Row| row.split != Split::Train || row.is_finished();
     if rows.iter().all(trained) && rows.iter().any(|row| row.split == Split::Train) {
         let finished = dataset::finished(&all, &rows, &args.output);
         Metadata::of(&finished)?.write(&args.output)?;
-        println!("{}", args.output.join("metadata.json").display());
+        announce!("{}", args.output.join("metadata.json").display());
     } else {
-        println!("no metadata.json yet: the training set is not complete");
+        announce!("no metadata.json yet: the training set is not complete");
     }
     let mut failed = match done {
         Done::Interrupted => {
             let how = if args.overwrite { " without --overwrite" } else { "" };
-            eprintln!("interrupted; the same command{how} continues");
+            note!("interrupted; the same command{how} continues");
             return Ok(ExitCode::from(INTERRUPTED));
         }
         Done::All => Vec::new(),
@@ -104,7 +106,7 @@ impl Default for Progress {
 
 impl Progress {
     fn print(&self, line: &str) {
-        self.bars.suspend(|| eprintln!("{line}"));
+        self.bars.suspend(|| note!("{line}"));
     }
 }
 
@@ -112,7 +114,7 @@ impl scheduler::Observer for Progress {
     fn begin(&self, open: &[&Case], all: usize, damaged: usize) {
         let complete = all - open.len() - damaged;
         if complete > 0 {
-            eprintln!("{complete} of {all} scenes are complete");
+            note!("{complete} of {all} scenes are complete");
         }
         let style = "{prefix:<20} {bar:24} {percent:>3} %  {eta} left";
         self.total.set_style(ProgressStyle::with_template(style).expect("the template is valid"));
@@ -126,7 +128,7 @@ impl scheduler::Observer for Progress {
     }
 
     fn damaged(&self, error: DatasetError) {
-        eprintln!("{:?}", Report::new(error));
+        note!("{:?}", Report::new(error));
     }
 
     fn ended(&self, case: &Case, outcome: Result<Outcome, SessionError>) {

@@ -1,15 +1,16 @@
 //! Messages about the device.
 
 use crate::device::Selection;
+use files::note;
 
 /// Reports the device with `--verbose`, and always a GPU that is there but cannot be used.
 pub(super) fn report(selection: &Selection, verbose: bool) {
     for gpu in selection.gpus.iter().filter(|_| verbose) {
-        eprintln!("running on {}", gpu.name());
+        note!("running on {}", gpu.name());
     }
     if let Some(reason) = &selection.fallback
         && (verbose || selection.is_faulty)
     {
-        eprintln!("running on the CPU: {reason}");
+        note!("running on the CPU: {reason}");
     }
 }

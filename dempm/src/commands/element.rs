@@ -16,7 +16,7 @@ use crate::scene::Precision;
 /// Drive one RVE along a path, as an element test in a laboratory.
 #[derive(Args, Clone, Debug)]
 pub struct ElementArgs {
-    /// Test file (TOML): [rve], seed or packing, and the [[stage]]s of the path
+    /// Test file (TOML): table rve, seed or packing, and the stages of the path
     pub test: PathBuf,
     /// Where to write the path (CSV, stresses tension positive) [default: the test's name with .csv,
     /// in the current directory]

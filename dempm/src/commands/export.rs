@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use files::{note, print_result};
+use files::{announce, note};
 
 use crate::export::{self, write_data_set, write_npz, write_vtk};
 use crate::trajectory::Trajectory;
@@ -52,7 +52,8 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
         Format::Gns => data_set(&args.file, &output, export::Format::Gns)?,
         Format::Lagrangebench => data_set(&args.file, &output, export::Format::Lagrangebench)?,
     }
-    Ok(print_result(format_args!("{}\n", output.display()))?)
+    announce!("{}", output.display());
+    Ok(())
 }
 
 /// Writes a data set and reports what the format cannot hold.

@@ -1,5 +1,6 @@
 //! `dempm info`: prints a summary of a trajectory file.
 
+use files::print_result;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -12,7 +13,8 @@ use crate::trajectory::{Field, Result, Trajectory};
 /// # Errors
 /// If it cannot be read, or nobody takes the summary.
 pub fn info(path: &Path) -> miette::Result<()> {
-    Ok(print_result(summary(&Trajectory::open(path)?)?)?)
+    print_result(format_args!("{}", summary(&Trajectory::open(path)?)?))?;
+    Ok(())
 }
 
 /// The text of the summary; reads every frame once.
@@ -22,6 +24,9 @@ fn summary(trajectory: &Trajectory) -> Result<String> {
     text.line("file", trajectory.path().display());
     text.line("scene", format_args!("{} (seed {})", header.title, header.seed));
     text.line("status", trajectory.status());
+    for warning in trajectory.warnings().unwrap_or_default() {
+        text.line("warning", warning);
+    }
     text.line("created", &header.created);
     text.line("made by", pairs(&header.versions, |version| version.clone()));
     text.line("device", format_args!("{}, precision {}", header.device, header.precision));

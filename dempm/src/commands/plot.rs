@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use files::{note, print_result, refuse_input, refuse_same};
+use files::{announce, note, refuse_input, refuse_same};
 use miette::{Report, WrapErr};
 
 use crate::figures::{FigureError, Options, Quantity, Selection, Undrawn, animate, draw};
@@ -83,6 +83,7 @@ pub fn plot(args: &PlotArgs) -> miette::Result<()> {
                 undrawn.count
             );
         }
+        announce!("{}", output.display());
         miette::Result::<()>::Ok(())
     };
     if let Some(output) = &args.animate {
@@ -91,6 +92,5 @@ pub fn plot(args: &PlotArgs) -> miette::Result<()> {
     if let Some(output) = &figure {
         told(output, draw(&trajectory, &options, output))?;
     }
-    let names: String = outputs.iter().map(|output| format!("{}\n", output.display())).collect();
-    Ok(print_result(names)?)
+    Ok(())
 }

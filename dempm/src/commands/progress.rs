@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use files::note;
 use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 
 use crate::run::{Observer, SessionError};
@@ -56,12 +57,12 @@ impl Observer for SceneProgress {
     }
 
     fn warning(&mut self, text: &str) {
-        self.bar.suspend(|| eprintln!("{text}"));
+        self.bar.suspend(|| note!("{text}"));
     }
 
     fn write_failed(&mut self, error: SessionError) {
         let report = miette::Report::new(error);
-        self.bar.suspend(|| eprintln!("{report:?}"));
+        self.bar.suspend(|| note!("{report:?}"));
     }
 
     fn finished(&mut self) {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use files::{INTERRUPTED, interrupt_flag, refuse_input};
+use files::{INTERRUPTED, Interrupt, note, print_result, refuse_input};
 use gpu::ranks::{Environment, Ranks};
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use miette::{IntoDiagnostic, bail};
@@ -28,7 +28,7 @@ pub struct RunArgs {
     /// Device to run on: auto (the first GPU, else the CPU), cpu, cuda or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
-    /// Continue an interrupted run; the result is bitwise that of an uninterrupted one.
+    /// Continue an interrupted run, or begin it; the result is bitwise that of an uninterrupted one.
     #[arg(long)]
     resume: bool,
     /// Start again even if the trajectory file exists.
@@ -44,11 +44,12 @@ pub struct RunArgs {
 /// # Errors
 /// If the scene is invalid, the output exists, a step fails or a file cannot be written.
 pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
+    let interrupt = Interrupt::install()?;
     let environment = Environment::read().into_diagnostic()?;
     let is_first = environment.rank == 0;
     let scene = Scene::load(&args.scene)?;
     if let Some(report) = scene.warning_report().filter(|_| is_first) {
-        eprintln!("{report:?}");
+        note!("{report:?}");
     }
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.scene, ".h5"));
     refuse_input(&output, [&args.scene])?;
@@ -64,18 +65,17 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         overwrite: args.overwrite,
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
     };
-    let interrupted = interrupt_flag()?;
     let mut progress = SceneProgress::new(bars, None);
-    match run_scene(scene, output.clone(), &options, &mut progress, &interrupted)? {
+    match run_scene(scene, output.clone(), &options, &mut progress, &interrupt)? {
         Outcome::Finished { simulation, stable_step } => {
             if is_first {
-                print!("{}", summary(&simulation, stable_step, &output));
+                let _ = print_result(summary(&simulation, stable_step, &output));
             }
             Ok(ExitCode::SUCCESS)
         }
         Outcome::Interrupted { step, steps } => {
             if is_first {
-                eprintln!("interrupted at step {step} of {steps}; --resume continues");
+                note!("interrupted at step {step} of {steps}; --resume continues");
             }
             Ok(ExitCode::from(INTERRUPTED))
         }

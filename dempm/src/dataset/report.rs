@@ -8,7 +8,6 @@ use files::{WriteError, csv_cell, write_text};
 use super::case::Case;
 use super::error::DatasetError;
 use super::split::Split;
-use crate::simulation::STABLE_STEP;
 use crate::trajectory::{Field, Trajectory};
 
 /// The result of one scene.
@@ -103,12 +102,9 @@ pub fn rows(cases: &[Case], folder: &Path) -> Vec<Row> {
     cases.iter().map(|case| Row::new(case, folder)).collect()
 }
 
-/// Tolerated growth of kinetic and potential energy, relative to the largest energy: the elastic
-/// energy of the ground at the start is not counted.
-const ENERGY_TOLERANCE: f64 = 0.02;
-
-/// Doubts about a finished trajectory: values that are not finite, points outside the domain, a step
-/// above its bound of guaranteed stability, growing energy.
+/// Doubts about a finished trajectory: values that are not finite, points outside the domain, and the
+/// warnings of the run itself, which include a step above its bound of guaranteed stability, growing energy
+/// and material pressed into itself.
 fn doubts(trajectory: &Trajectory) -> Result<Vec<String>, DatasetError> {
     let header = trajectory.header();
     let mut doubts = Vec::new();
@@ -128,21 +124,9 @@ fn doubts(trajectory: &Trajectory) -> Result<Vec<String>, DatasetError> {
     if !inside {
         doubts.push("points outside".to_owned());
     }
-    let scalar = |name: &str| trajectory.budget().get(name).map_or(&[][..], Vec::as_slice);
-    let bound = scalar(STABLE_STEP).iter().copied().fold(f64::INFINITY, f64::min);
-    if bound < header.time_step {
-        doubts.push(format!("step above its bound of {bound:.1e} s"));
-    }
-    let energy: Vec<f64> = scalar("kinetic_energy")
-        .iter()
-        .zip(scalar("potential_energy"))
-        .zip(scalar("plate_work"))
-        .map(|((kinetic, potential), work)| kinetic + potential - work)
-        .collect();
-    let largest = energy.iter().fold(0.0_f64, |most, e| most.max(e.abs()));
-    let gain = energy.iter().fold(0.0_f64, |most, e| most.max(e - energy[0]));
-    if gain > ENERGY_TOLERANCE * largest {
-        doubts.push(format!("energy grew by {:.1} %", 100.0 * gain / largest));
+    match trajectory.warnings() {
+        Some(warnings) => doubts.extend(warnings.into_iter().map(str::to_owned)),
+        None => doubts.push("made by an older version, which did not judge its runs".to_owned()),
     }
     Ok(doubts)
 }

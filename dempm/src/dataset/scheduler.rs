@@ -2,9 +2,11 @@
 
 use std::cmp::Reverse;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+
+use files::{FileLock, Interrupt};
 
 use super::case::Case;
 use super::error::DatasetError;
@@ -75,13 +77,13 @@ pub fn run(
     folder: &Path,
     options: &Options,
     observer: &dyn Observer,
-    interrupted: &AtomicBool,
+    interrupt: &Interrupt,
 ) -> Result<Done, SchedulerError> {
     let (mut open, mut failed) = (Vec::new(), Vec::new());
     for case in cases {
         let complete = if options.overwrite { Ok(false) } else { is_complete(case, folder) };
         match complete {
-            Ok(true) => {}
+            Ok(true) => remove_traces(case, folder),
             Ok(false) => open.push(case),
             // A damaged file does not stop the others.
             Err(error @ DatasetError::Damaged { .. }) => {
@@ -108,7 +110,7 @@ pub fn run(
         folder,
         options,
         observer,
-        interrupted,
+        interrupt,
     };
     let threads = (rayon::current_num_threads() / workers).max(1);
     std::thread::scope(|scope| {
@@ -127,7 +129,7 @@ pub fn run(
     })?;
     observer.finish();
     let failed = queue.failed.into_inner().unwrap_or_default();
-    Ok(if interrupted.load(Ordering::Relaxed) {
+    Ok(if interrupt.requested() {
         Done::Interrupted
     } else if failed.is_empty() {
         Done::All
@@ -144,13 +146,13 @@ struct Queue<'a> {
     folder: &'a Path,
     options: &'a Options,
     observer: &'a dyn Observer,
-    interrupted: &'a AtomicBool,
+    interrupt: &'a Interrupt,
 }
 
 impl Queue<'_> {
     /// Runs cases until none is left.
     fn work(&self, device: Option<&Arc<gpu::Device>>) {
-        while !self.interrupted.load(Ordering::Relaxed) {
+        while !self.interrupt.requested() {
             let Some(case) = self.open.get(self.next.fetch_add(1, Ordering::Relaxed)) else {
                 return;
             };
@@ -179,7 +181,20 @@ impl Queue<'_> {
             checkpoint_interval: self.options.checkpoint_interval,
         };
         let mut observer = self.observer.session();
-        run_scene(case.scene.clone(), output, &options, observer.as_mut(), self.interrupted)
+        run_scene(case.scene.clone(), output, &options, observer.as_mut(), self.interrupt)
+    }
+}
+
+/// Removes what a process that was killed at the end of a run has left beside its finished trajectory.
+fn remove_traces(case: &Case, folder: &Path) {
+    let path = case.file(folder);
+    let traces = [checkpoint::path_beside(&path), files::path_beside(&path, ".lock")];
+    // With the lock, which removes itself: another process may just be about to do the same.
+    if traces.iter().any(|trace| trace.exists())
+        && let Ok(_lock) = FileLock::take(&path)
+    {
+        // It takes up space, nothing else.
+        let _ = std::fs::remove_file(&traces[0]);
     }
 }
 

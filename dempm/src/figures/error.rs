@@ -1,4 +1,4 @@
-//! What can go wrong with a figure.
+//! Errors of figures and animations.
 
 use std::path::PathBuf;
 use std::process::ExitStatus;

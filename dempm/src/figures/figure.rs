@@ -288,7 +288,7 @@ impl Figure {
     }
 }
 
-/// Decimals that tell frames apart: hundredths of a second, or finer where a time needs them.
+/// Decimals of a time: hundredths of a second, or finer if needed.
 fn decimals(time: f64) -> usize {
     (2..5)
         .find(|&n| (time * 10_f64.powi(n) - (time * 10_f64.powi(n)).round()).abs() < 1e-3)

@@ -1,8 +1,8 @@
-//! What is drawn, and how.
+//! Options of figures and animations.
 
 use super::quantity::Quantity;
 
-/// What is drawn, and how.
+/// Options of a figure or animation.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The quantity that the colours show.

@@ -6,6 +6,7 @@ use std::time::Duration;
 use files::{OutputFile, SealError, SealedWriter, WriteError, read_sealed, write_atomically};
 use serde::{Deserialize, Serialize};
 
+use super::monitor::Monitor;
 use crate::simulation::State;
 
 const MAGIC: &str = "DEMPM checkpoint";
@@ -60,6 +61,7 @@ struct Written<'a> {
     version: u32,
     scene: [u8; 32],
     state: &'a State,
+    monitor: &'a Monitor,
 }
 
 #[derive(Deserialize)]
@@ -68,6 +70,7 @@ struct Read {
     version: u32,
     scene: [u8; 32],
     state: State,
+    monitor: Monitor,
 }
 
 /// The checkpoint of a trajectory file: `NAME.ckpt` beside `NAME`.
@@ -75,13 +78,18 @@ pub fn path_beside(trajectory: &Path) -> PathBuf {
     files::path_beside(trajectory, ".ckpt")
 }
 
-/// Writes the state of a run of `scene` (the text of its file) atomically.
+/// Writes the state and the monitor of a run of `scene` (the text of its file) atomically.
 ///
 /// # Errors
 /// If the file cannot be written; an older checkpoint is then untouched.
-pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointError> {
+pub fn write(
+    path: &Path,
+    scene: &str,
+    state: &State,
+    monitor: &Monitor,
+) -> Result<(), CheckpointError> {
     let scene = *blake3::hash(scene.as_bytes()).as_bytes();
-    let content = Written { magic: MAGIC, version: VERSION, scene, state };
+    let content = Written { magic: MAGIC, version: VERSION, scene, state, monitor };
     write_atomically(path, |temporary| {
         OutputFile::create(temporary)
             .and_then(|mut file| {
@@ -96,11 +104,11 @@ pub fn write(path: &Path, scene: &str, state: &State) -> Result<(), CheckpointEr
     })
 }
 
-/// Reads the state of a run of `scene` (the text of its file).
+/// Reads the state and the monitor of a run of `scene` (the text of its file).
 ///
 /// # Errors
 /// If the file is missing, damaged, or belongs to another scene.
-pub fn read(path: &Path, scene: &str) -> Result<State, CheckpointError> {
+pub fn read(path: &Path, scene: &str) -> Result<(State, Monitor), CheckpointError> {
     let path_owned = || path.to_owned();
     let bytes = read_sealed(path)?;
     let read: Read =
@@ -111,5 +119,5 @@ pub fn read(path: &Path, scene: &str) -> Result<State, CheckpointError> {
     if read.scene != *blake3::hash(scene.as_bytes()).as_bytes() {
         return Err(CheckpointError::OtherScene { path: path_owned() });
     }
-    Ok(read.state)
+    Ok((read.state, read.monitor))
 }

@@ -1,4 +1,4 @@
-//! What can stop a session.
+//! Errors of sessions.
 
 use std::path::PathBuf;
 
@@ -19,14 +19,14 @@ pub enum SessionError {
         /// The trajectory file.
         path: PathBuf,
     },
-    /// There is no checkpoint to resume from.
-    #[error("{}: nothing to resume, there is no checkpoint {}", path.display(), checkpoint.display())]
-    #[diagnostic(help("start the run without --resume"))]
-    NoCheckpoint {
+    /// The trajectory is no unfinished run of this scene.
+    #[error("{}: nothing to resume, this run is: {status}", path.display())]
+    #[diagnostic(help("--overwrite starts again"))]
+    NothingToResume {
         /// The trajectory file.
         path: PathBuf,
-        /// The missing checkpoint.
-        checkpoint: PathBuf,
+        /// Its status.
+        status: String,
     },
     /// Another process writes the trajectory.
     #[error(transparent)]

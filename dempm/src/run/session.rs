@@ -1,21 +1,20 @@
 //! A session: a run of a scene from the start or a checkpoint to the end or an interrupt.
 
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use files::{FileLock, WriteError, utc_now};
+use files::{FileLock, Interrupt, WriteError, utc_now};
 use gpu::ranks::{Ranks, RanksError};
 
 use super::checkpoint;
 use super::error::SessionError;
-use super::monitor::Monitor;
+use super::monitor::{self, Monitor};
 use super::observer::Observer;
 use super::writer_thread::{Report, WriterThread};
 use crate::scene::Scene;
-use crate::simulation::{STABLE_STEP, Simulation, SimulationError};
+use crate::simulation::{Simulation, SimulationError};
 use crate::trajectory::{Trajectory, TrajectoryWriter};
 
 /// Largest share of the time that is spent on checkpoints.
@@ -28,7 +27,7 @@ pub struct Options {
     pub device: Option<Arc<gpu::Device>>,
     /// The ranks that share the packings; `None` for a run in one process.
     pub ranks: Option<Arc<Ranks>>,
-    /// Continue from the checkpoint beside the trajectory file.
+    /// Continue from the checkpoint beside the trajectory file; begin if nothing is there yet.
     pub resume: bool,
     /// Replace an existing trajectory file.
     pub overwrite: bool,
@@ -55,7 +54,7 @@ pub enum Outcome {
 }
 
 /// Runs a scene into the trajectory file `output`, from the start or a checkpoint, until it ends or
-/// `interrupted` is set.
+/// an interrupt is requested. During preparations an interrupt ends the process.
 ///
 /// # Errors
 /// If the output exists, a step fails or a file cannot be written.
@@ -64,14 +63,16 @@ pub fn run_scene(
     output: PathBuf,
     options: &Options,
     observer: &mut dyn Observer,
-    interrupted: &AtomicBool,
+    interrupt: &Interrupt,
 ) -> Result<Outcome, SessionError> {
     let ranks = options.ranks.as_deref();
     let mut session = agreed_result(ranks, Session::start(scene, output, options, observer))?;
+    // Until here there is nothing to save.
+    let _guard = interrupt.guard();
     // Once this is written, the run can be killed at any moment and resumed.
     let saved = session.save();
     agreed_result(ranks, saved)?;
-    let end = session.advance(interrupted, options.checkpoint_interval);
+    let end = session.advance(interrupt, options.checkpoint_interval);
     let failed = matches!(end, End::Failed(_));
     let finished = session.finish(end);
     if failed {
@@ -130,42 +131,35 @@ impl<'a> Session<'a> {
         let checkpoint = checkpoint::path_beside(&path);
         let writes = options.ranks.as_ref().is_none_or(|ranks| ranks.is_first());
         let lock = writes.then(|| FileLock::take(&path)).transpose()?;
-        let mut monitor = Monitor::default();
-        let (simulation, writer) = if options.resume {
-            if !checkpoint.exists() {
-                return Err(SessionError::NoCheckpoint { path, checkpoint });
-            }
-            let state = checkpoint::read(&checkpoint, &scene.text)?;
+        if let Some(lock) = &lock {
+            lock.remove_leftovers_of(&checkpoint);
+        }
+        let resumes = options.resume && checkpoint.exists();
+        let (simulation, monitor, writer) = if resumes {
+            let (state, monitor) = checkpoint::read(&checkpoint, &scene.text)?;
             let mut simulation = Simulation::resume(scene, state)?;
             options.place(&mut simulation)?;
             let frames = simulation.frames_so_far();
-            if writes && let Some(bounds) = Trajectory::open(&path)?.budget().get(STABLE_STEP) {
-                // The initial frame is not monitored: nothing has moved yet.
-                monitor.resume(bounds.iter().copied().take(frames).skip(1));
-            }
             let writer = writes.then(|| TrajectoryWriter::resume(&path, frames)).transpose()?;
-            (simulation, writer)
+            (simulation, monitor, writer)
         } else {
-            if writes && !options.overwrite && (path.exists() || checkpoint.exists()) {
-                return Err(SessionError::Exists { path });
+            if writes {
+                options.check_place(&scene, &path, &checkpoint)?;
             }
             observer.preparing();
             let mut simulation = Simulation::new(scene)?;
+            let monitor = Monitor::new(&simulation);
             options.place(&mut simulation)?;
-            let mut writer = None;
-            if writes {
-                let header = simulation.header(utc_now());
-                let points = simulation.static_points();
-                let mut file = TrajectoryWriter::create(&path, &header, &points)?;
-                file.push(simulation.frame())?;
-                writer = Some(file);
-            }
-            (simulation, writer)
+            let writer = writes.then(|| create(&simulation, &path)).transpose()?;
+            (simulation, monitor, writer)
         };
         observer.ready(&simulation);
         let text = &simulation.scene.text;
-        let writer =
+        let mut writer =
             writer.map(|writer| WriterThread::new(writer, checkpoint.clone(), text.clone()));
+        if let Some(writer) = &mut writer {
+            writer.set_warnings(monitor.warnings());
+        }
         Ok(Self {
             simulation,
             ranks: options.ranks.clone(),
@@ -180,16 +174,16 @@ impl<'a> Session<'a> {
         })
     }
 
-    fn advance(&mut self, interrupted: &AtomicBool, interval: Duration) -> End {
+    fn advance(&mut self, interrupt: &Interrupt, interval: Duration) -> End {
         let steps = self.simulation.scene.steps();
         let per_frame = self.simulation.scene.steps_per_frame();
         while self.simulation.state.step < steps {
             let before = self.simulation.state.step;
             let frame_done = before.is_multiple_of(per_frame);
             // Decided before the steps: where nothing is to be saved, a GPU goes on at once.
-            let stop = self.agreed(interrupted.load(Ordering::Relaxed), frame_done);
+            let stop = self.agreed(interrupt.requested(), frame_done);
             let due = interval.is_zero() || self.is_due(interval);
-            // The first rank knows best what a checkpoint costs.
+            // The first rank writes and knows the cost of a checkpoint.
             let due = self.agreed(due && self.writer.is_some(), frame_done);
             let (stop, due) = match (stop, due) {
                 (Ok(stop), Ok(due)) => (stop, due),
@@ -200,7 +194,9 @@ impl<'a> Session<'a> {
             }
             let step = self.simulation.state.step;
             let frame_done = step.is_multiple_of(per_frame);
-            self.record(before, frame_done);
+            if let Err(error) = self.record(before, frame_done) {
+                return End::Failed(error);
+            }
             if stop && step < steps {
                 return End::Interrupted;
             }
@@ -215,18 +211,28 @@ impl<'a> Session<'a> {
     }
 
     /// Hands a completed frame to the monitor and the writer, and reports progress since step `before`.
-    fn record(&mut self, before: usize, frame_done: bool) {
+    ///
+    /// # Errors
+    /// If the frame shows that the run has left the validity of its material.
+    fn record(&mut self, before: usize, frame_done: bool) -> Result<(), SimulationError> {
         let frame = frame_done.then(|| self.simulation.frame());
         self.observer.advanced(&self.simulation, before, frame.as_ref());
+        let mut failure = None;
         if let Some(frame) = frame {
-            for warning in self.monitor.observe(&self.simulation, &frame) {
-                self.observer.warning(&warning);
+            let warnings = self.monitor.observe(&self.simulation, &frame);
+            for warning in &warnings {
+                self.observer.warning(warning);
             }
             if let Some(writer) = &mut self.writer {
+                if !warnings.is_empty() {
+                    writer.set_warnings(self.monitor.warnings());
+                }
                 writer.push(frame);
             }
+            failure = monitor::failure(&self.simulation);
         }
         self.take_reports(false);
+        failure.map_or(Ok(()), Err)
     }
 
     /// Whether it is time for a checkpoint.
@@ -236,7 +242,7 @@ impl<'a> Session<'a> {
         !saving && self.saved.elapsed() >= pause
     }
 
-    /// Whether any rank says yes; several ranks ask each other only after a frame, as that takes time.
+    /// Whether `own` is true on any rank; several ranks agree only after a frame, as that takes time.
     fn agreed(&self, own: bool, frame_done: bool) -> Result<bool, RanksError> {
         match &self.ranks {
             None => Ok(own),
@@ -250,7 +256,7 @@ impl<'a> Session<'a> {
         self.take_reports(true);
         self.simulation.record()?;
         if let Some(writer) = &mut self.writer {
-            writer.save(self.simulation.state.clone());
+            writer.save(self.simulation.state.clone(), self.monitor.clone());
         }
         self.saved = Instant::now();
         self.save_cost = self.saved - start;
@@ -325,7 +331,40 @@ fn with_causes(error: &dyn Error) -> String {
     }
 }
 
+/// A trajectory with the initial frame.
+fn create(simulation: &Simulation, path: &Path) -> Result<TrajectoryWriter, SessionError> {
+    let header = simulation.header(utc_now());
+    let mut file = TrajectoryWriter::create(path, &header, &simulation.static_points())?;
+    file.push(simulation.frame())?;
+    Ok(file)
+}
+
 impl Options {
+    /// Whether a run of `scene` may begin at `path`: nothing is there, or it is to be replaced, or to be
+    /// resumed and was killed before its first checkpoint.
+    fn check_place(
+        &self,
+        scene: &Scene,
+        path: &Path,
+        checkpoint: &Path,
+    ) -> Result<(), SessionError> {
+        if self.overwrite || !(path.exists() || checkpoint.exists()) {
+            return Ok(());
+        }
+        if self.resume {
+            let begun = Trajectory::open(path)?;
+            let own = begun.header().scene == scene.text;
+            if own && begun.status() == "running" {
+                return Ok(());
+            }
+            return Err(SessionError::NothingToResume {
+                path: path.to_owned(),
+                status: if own { begun.status() } else { "made from another scene" }.to_owned(),
+            });
+        }
+        Err(SessionError::Exists { path: path.to_owned() })
+    }
+
     /// Moves the simulation to the GPU, if there is one.
     fn place(&self, simulation: &mut Simulation) -> Result<(), SimulationError> {
         match &self.device {

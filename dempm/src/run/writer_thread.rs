@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::checkpoint;
 use super::error::WriterError;
+use super::monitor::Monitor;
 use crate::simulation::State;
 use crate::trajectory::{Frame, TrajectoryWriter};
 
@@ -29,7 +30,9 @@ pub(super) struct WriterThread {
 enum Job {
     Frame(Frame),
     /// Frames first, then the checkpoint: a checkpoint never knows more frames than the file.
-    Save(Box<State>),
+    Save(Box<(State, Monitor)>),
+    /// Warnings of the run, one a line.
+    Warnings(String),
     Finish {
         status: String,
         wall_time: BTreeMap<String, f64>,
@@ -67,9 +70,14 @@ impl WriterThread {
         self.frames += 1;
     }
 
+    /// Sets the warnings of the run, one a line, in the trajectory.
+    pub fn set_warnings(&mut self, warnings: &[String]) {
+        self.hand_over(Job::Warnings(warnings.join("\n")));
+    }
+
     /// Has all frames and a checkpoint written. [`Report::Saved`] follows.
-    pub fn save(&mut self, state: State) {
-        self.hand_over(Job::Save(Box::new(state)));
+    pub fn save(&mut self, state: State, monitor: Monitor) {
+        self.hand_over(Job::Save(Box::new((state, monitor))));
         self.saving = true;
     }
 
@@ -128,9 +136,14 @@ impl Files {
                         Report::Failed(error.into())
                     })
                 }
-                Job::Save(state) => {
+                Job::Warnings(warnings) => {
+                    self.writer.set_warnings(warnings);
+                    None
+                }
+                Job::Save(saved) => {
                     let start = Instant::now();
-                    let saved = self.save(&state);
+                    let (state, monitor) = *saved;
+                    let saved = self.save(&state, &monitor);
                     ahead = saved.is_ok();
                     Some(Report::Saved(saved.map(|()| start.elapsed())))
                 }
@@ -147,10 +160,10 @@ impl Files {
         Ok(())
     }
 
-    fn save(&mut self, state: &State) -> Result<(), WriterError> {
+    fn save(&mut self, state: &State, monitor: &Monitor) -> Result<(), WriterError> {
         self.set_wall_time(&state.wall_time);
         self.writer.commit()?;
-        Ok(checkpoint::write(&self.checkpoint, &self.scene, state)?)
+        Ok(checkpoint::write(&self.checkpoint, &self.scene, state, monitor)?)
     }
 
     fn set_wall_time(&mut self, wall_time: &BTreeMap<String, f64>) {
@@ -205,11 +218,11 @@ mod tests {
         let (mut simulation, mut output) = start(directory.path());
         for _ in 0..5 {
             next_frame(&mut simulation, &mut output);
-            output.save(simulation.state.clone());
+            output.save(simulation.state.clone(), Monitor::default());
             // The run goes on while the files are written.
             next_frame(&mut simulation, &mut output);
             saved(&mut output).unwrap();
-            let state = checkpoint::read(&directory.path().join("run.ckpt"), SCENE).unwrap();
+            let (state, _) = checkpoint::read(&directory.path().join("run.ckpt"), SCENE).unwrap();
             let file = Trajectory::open(&path).unwrap();
             let shown = file.frame(file.frames() - 1).unwrap();
             assert_eq!(shown.time, state.step as f64 * simulation.scene.step);
@@ -227,7 +240,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("run.h5");
         let (mut simulation, mut output) = start(directory.path());
-        output.save(simulation.state.clone());
+        output.save(simulation.state.clone(), Monitor::default());
         saved(&mut output).unwrap();
 
         // The file to add to is away for a while.
@@ -236,14 +249,14 @@ mod tests {
         next_frame(&mut simulation, &mut output);
         let Report::Failed(error) = output.reports.recv().unwrap() else { panic!("no failure") };
         assert!(error.to_string().contains("run.h5"), "{error}");
-        output.save(simulation.state.clone());
+        output.save(simulation.state.clone(), Monitor::default());
         let error = saved(&mut output).unwrap_err();
         assert!(error.to_string().contains("run.h5"), "{error}");
 
         std::fs::rename(&aside, &path).unwrap();
         assert_eq!(Trajectory::open(&path).unwrap().frames(), 1);
         next_frame(&mut simulation, &mut output);
-        output.save(simulation.state.clone());
+        output.save(simulation.state.clone(), Monitor::default());
         saved(&mut output).unwrap();
         assert_eq!(Trajectory::open(&path).unwrap().frames(), 3);
 

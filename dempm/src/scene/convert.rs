@@ -8,7 +8,7 @@ impl Scene {
     /// The grid with walls, obstacles and plate: obstacles in the order of the file, the plate last.
     ///
     /// # Errors
-    /// What the solver refuses beyond what a scene is checked for.
+    /// If the solver refuses the domain, the numerics or an obstacle.
     pub fn solver(&self) -> Result<Solver, mpm::Error> {
         let domain = mpm::Domain {
             size: Vec2::from(self.domain.size),

@@ -1,4 +1,4 @@
-//! Density and wave speed before any packing is made.
+//! Estimates of density and wave speed before packings are prepared.
 
 use mpm::ElasticParameters;
 
@@ -8,10 +8,10 @@ use super::model::{Domain, Material, Rve, Scene};
 pub const SOLID_FRACTION: f64 = 0.84;
 /// Contacts per disc of a dense packing.
 pub const COORDINATION: f64 = 4.0;
-/// Largest macro step as a fraction of the time a wave takes through a cell. With quadratic
-/// splines and GIMP this is safe for every arrangement of points, isolated ones included.
+/// Largest macro step over the time that a wave needs through a cell. With quadratic splines and GIMP
+/// it is safe for every arrangement of points, including isolated ones.
 pub const COURANT: f64 = 0.5;
-/// Largest part of a cell that a point may cross in a step.
+/// Largest distance that a point may move in a step, in cells.
 pub const CROSSING: f64 = 0.2;
 
 impl Material {
@@ -26,7 +26,7 @@ impl Material {
 
     /// Modulus of plane compression waves (Pa).
     ///
-    /// An RVE answers a sudden affine strain with the mean-field (Voigt) modulus
+    /// An RVE responds to a sudden affine strain with the mean-field (Voigt) modulus
     /// `M = (3 kn + kt) / 8 * 2 Z phi / (pi t)` and relaxes from there.
     pub fn wave_modulus(&self) -> f64 {
         match self {
@@ -47,8 +47,7 @@ impl Material {
 }
 
 impl Material {
-    /// Diameter (m) and density (kg/m³) of grains, as in the inertial number; zero for a material
-    /// without grains, whose inertial number is then zero too.
+    /// Diameter (m) and density (kg/m³) of grains for the inertial number; zero without grains.
     pub fn grain(&self) -> (f64, f64) {
         match self {
             Self::Rve(rve) => (rve.parameters.mean_diameter(), rve.parameters.grain_density),
@@ -69,7 +68,7 @@ impl Rve {
 }
 
 impl Domain {
-    /// Initial distance of neighbouring material points (m).
+    /// Initial distance between neighbouring material points (m).
     pub fn spacing(&self) -> f64 {
         self.cell / self.points_per_cell as f64
     }
@@ -81,7 +80,7 @@ impl Domain {
 }
 
 impl Scene {
-    /// Largest stable macro step (s): waves cross half a cell.
+    /// Largest stable macro step (s), in which a wave crosses half a cell.
     pub fn step_limit(&self) -> f64 {
         COURANT * self.domain.cell / self.material.wave_speed()
     }

@@ -1,13 +1,13 @@
-//! Whether everything has a place: whole cells, inside the domain, nothing inside another.
+//! Checks on the geometry: whole cells, bodies inside the domain, no overlaps.
 
 use super::log::Log;
 use super::model::{Rectangle, Scene};
 use super::problem::Problem;
 use super::range::MAX_CELLS;
 
-/// Lengths are compared to this part of a cell or spacing.
+/// Tolerance of lengths, relative to a cell or spacing.
 const TOLERANCE: f64 = 1.0e-6;
-/// More than any machine holds RVEs for.
+/// More points than any machine holds RVEs for: a wrong cell size must not take all memory.
 const MAX_POINTS: f64 = 1.0e7;
 /// Bodies are compared pair by pair.
 const MAX_BODIES: usize = 1000;
@@ -18,7 +18,7 @@ pub(super) fn whole(ratio: f64) -> Option<u64> {
     (near && ratio < 1.0e15).then_some(ratio.round() as u64)
 }
 
-/// A rectangle with the path of its keys and a name for people.
+/// A rectangle with the path of its keys and a name for messages.
 struct Body {
     path: String,
     name: String,
@@ -51,7 +51,7 @@ pub(super) fn validate(scene: &Scene, log: &Log) {
     }
 }
 
-/// Words for where a rectangle is.
+/// The place of a rectangle in words.
 fn span(name: &str, place: Rectangle) -> String {
     let ([left, bottom], [right, top]) = (place.corner, place.end());
     format!("{name} is at x = {left} to {right} m, y = {bottom} to {top} m")
@@ -160,7 +160,7 @@ fn boxes(scene: &Scene, log: &Log) -> Vec<Body> {
     bodies
 }
 
-/// Material on both sides of a thin box feels the same nodes, and so each other.
+/// Warns of thin boxes: material on both sides shares grid nodes.
 fn thick(scene: &Scene, log: &Log, path: &str, name: &str, place: Rectangle) {
     let least = 2.0 * scene.domain.cell;
     if place.size.iter().any(|size| *size < least * (1.0 - TOLERANCE)) {

@@ -1,4 +1,4 @@
-//! What is found while reading: problems, places of values, and keys that nobody knows.
+//! The findings of reading a scene: problems, places of values, and unknown keys.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,16 +8,16 @@ use super::problem::Problem;
 
 pub(super) type Place = Range<usize>;
 
-/// What reading a file leaves behind besides the values.
+/// The findings of reading a file.
 #[derive(Default)]
 pub(super) struct Log {
     problems: RefCell<Vec<Problem>>,
-    /// Where the value of each key given in the file is; arrays of tables by `column[0].size`.
+    /// Place of the value of each given key, such as `column[0].size`.
     places: RefCell<BTreeMap<String, Place>>,
-    /// Every key that was asked for, given or not, as `column.size`.
+    /// Every key of the schema, given or not, such as `column.size`.
     keys: RefCell<BTreeSet<String>>,
-    /// Keys in the file that nobody asked for, judged once all valid keys are known.
-    unknown: RefCell<Vec<(String, String, Place)>>,
+    /// Unknown keys, reported once all valid keys are known.
+    unknown_keys: RefCell<Vec<(String, String, Place)>>,
 }
 
 impl Log {
@@ -25,27 +25,27 @@ impl Log {
         self.problems.borrow_mut().push(problem);
     }
 
-    /// A key of the schema was asked for, whether the file has it or not.
+    /// Adds a key of the schema, whether the file has it or not.
     pub fn asked(&self, path: String) {
         self.keys.borrow_mut().insert(path);
     }
 
-    /// The file has a value for a key.
+    /// Adds the place of a given key.
     pub fn found(&self, path: String, place: Place) {
         self.places.borrow_mut().insert(path, place);
     }
 
-    /// The file has a key in a table that nobody asked for.
-    pub fn nobody_asked(&self, table: String, key: String, place: Place) {
-        self.unknown.borrow_mut().push((table, key, place));
+    /// Adds an unknown key of a table.
+    pub fn unknown(&self, table: String, key: String, place: Place) {
+        self.unknown_keys.borrow_mut().push((table, key, place));
     }
 
-    /// Where the value of a key is; `None` if it was left to its default.
+    /// The place of the value of a key; `None` if it has its default.
     pub fn place(&self, path: &str) -> Option<Place> {
         self.places.borrow().get(path).cloned()
     }
 
-    /// Every key of the schema, once a document was read.
+    /// Every key of the schema, after a document was read.
     #[cfg(test)]
     pub fn keys(&self) -> BTreeSet<String> {
         self.keys.borrow().clone()
@@ -54,14 +54,14 @@ impl Log {
     /// All problems so far; unknown keys become problems here.
     pub fn take(&self) -> Vec<Problem> {
         let keys = self.keys.borrow();
-        for (table, key, place) in self.unknown.take() {
+        for (table, key, place) in self.unknown_keys.take() {
             self.report(unknown_key(&keys, &table, &key, place));
         }
         self.problems.take()
     }
 }
 
-/// An unknown key, with the valid key that was probably meant.
+/// The error for an unknown key, with the valid key that was probably meant.
 fn unknown_key(keys: &BTreeSet<String>, table: &str, key: &str, place: Place) -> Problem {
     let here = |path: &&String| parent(path) == table;
     let siblings: Vec<&str> = keys.iter().filter(here).map(|path| leaf(path)).collect();
@@ -92,9 +92,9 @@ fn leaf(path: &str) -> &str {
     path.rsplit_once('.').map_or(path, |(_, key)| key)
 }
 
-/// The candidate that differs from `word` by few typing errors, if there is one.
+/// The candidate that differs from `word` by a few typing errors, if any.
 pub(super) fn nearest<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
-    // Distances cost the product of the lengths, and no valid word is this long.
+    // The cost is the product of the lengths, and no valid word is this long.
     if word.len() > 64 {
         return None;
     }
@@ -102,24 +102,8 @@ pub(super) fn nearest<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str>
     let word = plain(word);
     candidates
         .iter()
-        .map(|candidate| (edit_distance(&word, &plain(candidate)), *candidate))
+        .map(|candidate| (strsim::levenshtein(&word, &plain(candidate)), *candidate))
         .filter(|(distance, candidate)| *distance <= 1 + candidate.len() / 4)
         .min()
         .map(|(_, candidate)| candidate)
-}
-
-/// Levenshtein distance: insertions, deletions and replacements of characters.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }

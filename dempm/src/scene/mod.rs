@@ -1,8 +1,16 @@
-//! Scene files: what to simulate, as TOML that a person can read and change.
+//! Scene files: the description of a simulation in TOML.
 //!
-//! `docs/scenes.md` describes every key. Reading goes in two passes, each of which reports all it
-//! finds: first keys, types and limits one by one, then what involves several keys (geometry,
-//! steps).
+//! The reference of scenes describes every key. Reading takes two passes, each of which reports all
+//! problems: keys, types and limits first, then relations between keys (geometry, steps).
+//!
+//! ```
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let text = "duration = 3.0\n[domain]\nsize = [10.0, 10.0]\n[[column]]\nsize = [3.0, 3.0]\n";
+//! let scene = dempm::scene::Scene::parse(text, "column.toml")?;
+//! assert_eq!((scene.point_count(), scene.steps()), (2304, 30_000));
+//! # Ok(())
+//! # }
+//! ```
 
 mod convert;
 mod estimate;
@@ -41,7 +49,7 @@ impl Scene {
     /// Reads and validates a scene file.
     ///
     /// # Errors
-    /// If the file cannot be read or is not a valid scene; all problems found are in the error.
+    /// If the file cannot be read or the scene is invalid; the error holds all problems.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path)
@@ -49,10 +57,10 @@ impl Scene {
         Self::parse(&text, &path.to_string_lossy())
     }
 
-    /// Validates the text of a scene; `name` stands for it in messages.
+    /// Reads and validates the text of a scene; `name` names it in messages.
     ///
     /// # Errors
-    /// If it is not a valid scene; all problems found are in the error.
+    /// If the scene is invalid; the error holds all problems.
     pub fn parse(text: &str, name: &str) -> Result<Self, SceneError> {
         let log = Log::default();
         let invalid = |problems| SceneError::Invalid(Box::new(Problems::new(name, text, problems)));
@@ -82,7 +90,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The warnings as one report with the places in the file; `None` if there are none.
+    /// All warnings as one report with their places in the file; `None` without warnings.
     pub fn warning_report(&self) -> Option<miette::Report> {
         let warnings = self.warnings.clone();
         (!warnings.is_empty()).then(|| Problems::new(&self.name, &self.text, warnings).into())

@@ -8,8 +8,8 @@ use super::problem::Problem;
 use super::range::{Limits, between, from_zero, positive, within};
 use super::reader::Table;
 
-/// Reads a table whose keys, types and defaults are those of `T::default()`, so that a parameter
-/// is declared in one place only.
+/// Reads a table whose keys, types and defaults are those of `T::default()`: a parameter is declared in
+/// one place only.
 pub(super) fn read<T>(log: &Log, table: Table<'_>) -> T
 where
     T: Default + Serialize + DeserializeOwned,
@@ -25,7 +25,7 @@ where
     })
 }
 
-/// Replaces the defaults in `values` by what the file says.
+/// Replaces the defaults in `values` by the values of the file.
 fn fill(table: Table<'_>, values: &mut toml::Table) {
     for (key, value) in values.iter_mut() {
         let limits = limits(&format!("{}.{key}", table.path()));
@@ -45,7 +45,7 @@ fn fill(table: Table<'_>, values: &mut toml::Table) {
     table.finish();
 }
 
-/// The first number of some parameters that is outside of its limits, by its key, and what it has to be.
+/// The first parameter outside its limits: key, value and limits.
 pub(crate) fn outside(path: &str, parameters: &impl Serialize) -> Option<String> {
     fn first(path: &str, values: &toml::Table) -> Option<String> {
         values.iter().find_map(|(key, value)| {

@@ -2,8 +2,8 @@
 
 use super::model::{Column, Scene};
 
-/// Material points at the start, column by column in the order of the file, each column row by row
-/// from its lower left corner.
+/// Material points at time zero: column by column in the order of the file, each row by row from its
+/// lower left corner.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     /// Positions (m): the centres of squares of one spacing that fill the columns.
@@ -12,8 +12,8 @@ pub struct Points {
     pub velocity: Vec<[f64; 2]>,
     /// Index of the column in the scene.
     pub column: Vec<u32>,
-    /// Depth below the surface (m): the height of resting material above the point. Zero in
-    /// columns in the air or moving up or down, because nothing carries their weight.
+    /// Depth (m): the height of resting material above the point. Zero in columns in the air or moving
+    /// vertically, as nothing carries their weight.
     pub depth: Vec<f64>,
 }
 
@@ -48,7 +48,7 @@ impl Scene {
         self.columns.iter().map(|column| self.grid_of(column).iter().product::<usize>()).sum()
     }
 
-    /// Height of the highest pile of material (m), whether it rests on something or not.
+    /// Height of the highest pile of material (m), resting or not.
     pub fn height(&self) -> f64 {
         let resting = self.resting_columns();
         let pile = |index: usize| {
@@ -63,7 +63,7 @@ impl Scene {
             .fold(0.0, f64::max)
     }
 
-    /// Area of a material point at the start (m²), its volume per metre out of plane.
+    /// Initial area of a material point (m²): its volume per metre out of plane.
     pub fn point_area(&self) -> f64 {
         self.domain.spacing().powi(2)
     }
@@ -73,7 +73,7 @@ impl Scene {
         column.place.size.map(|size| (size / self.domain.spacing()).round() as usize)
     }
 
-    /// Which columns rest on something and do not move up or down.
+    /// For each column, whether it rests on something and does not move vertically.
     pub fn resting_columns(&self) -> Vec<bool> {
         let tolerance = 1.0e-6 * self.domain.spacing();
         let on = |column: &Column, top: f64, from: f64, to: f64| {
@@ -100,7 +100,7 @@ impl Scene {
     }
 }
 
-/// Height (m) of the part of `column` that is above a place.
+/// Height (m) of the part of `column` above a point.
 fn height_above(column: &Column, [x, y]: [f64; 2]) -> f64 {
     let ([left, bottom], [right, top]) = (column.place.corner, column.place.end());
     if x < left || x > right { 0.0 } else { (top - y.max(bottom)).max(0.0) }

@@ -1,18 +1,18 @@
-//! Limits of numbers, and how they are told to people.
+//! Limits of numbers.
 
-/// Longer than any domain that two dimensions of grains make sense for (m).
+/// Longest side of a domain, m.
 pub(crate) const LENGTH: f64 = 1.0e5;
-/// Most gravity along an axis (m/s²).
+/// Most gravity along an axis, m/s².
 pub(crate) const GRAVITY: f64 = 1.0e3;
-/// Longest simulated time (s).
+/// Longest simulated time, s.
 pub(crate) const TIME: f64 = 1.0e5;
-/// Most cells of the background grid: keeps mistakes in the size of the cell from taking all memory.
+/// Most cells of the background grid: a wrong cell size must not take all memory.
 pub(crate) const MAX_CELLS: f64 = 1.0e8;
 /// Most material points per cell along each direction.
 pub(crate) const MAX_POINTS_PER_CELL: usize = 8;
 
-/// The numbers a key may have. Limits are wide: they keep out what can only be a wrong unit or a
-/// slip of the finger, and numbers that would overflow.
+/// The numbers that a key may have. Limits are wide: they exclude wrong units, typing errors and numbers
+/// that would overflow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
     low: f64,
@@ -44,13 +44,13 @@ pub(crate) const fn within(high: f64, unit: &'static str) -> Limits {
 }
 
 impl Limits {
-    /// What helps when a number is outside.
+    /// Adds a remedy for numbers outside.
     pub const fn with_hint(mut self, hint: &'static str) -> Self {
         self.hint = hint;
         self
     }
 
-    /// A sensible number, shown when one is missing.
+    /// Adds a sensible number, shown when one is missing.
     pub const fn with_example(mut self, example: f64) -> Self {
         self.example = example;
         self
@@ -64,13 +64,13 @@ impl Limits {
         self.example
     }
 
-    /// Says what numbers are allowed if `number` is not among them (NaN never is).
+    /// An error with the limits if `number` is outside them, as NaN always is.
     pub fn check(&self, number: f64) -> Result<(), String> {
         let above = if self.low_included { number >= self.low } else { number > self.low };
         if above && number <= self.high { Ok(()) } else { Err(self.to_string()) }
     }
 
-    /// As the type that a key has.
+    /// The type of a key.
     pub fn a_number(&self) -> String {
         if self.unit.is_empty() { "a number".into() } else { format!("a number ({})", self.unit) }
     }

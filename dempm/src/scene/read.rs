@@ -158,7 +158,7 @@ fn faces(parent: &Table<'_>, key: &str, default: Walls) -> Walls {
 }
 
 fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
-    /// What `kind` says; the parameters are in a table of their own.
+    /// The value of `kind`; the parameters have a table of their own.
     #[derive(Clone, Copy)]
     enum Kind {
         Rve,

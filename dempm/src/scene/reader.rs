@@ -1,4 +1,4 @@
-//! Reading keys from TOML with their places in the file, collecting every problem on the way.
+//! Reads keys from TOML with their places and collects all problems.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -12,8 +12,8 @@ use super::range::Limits;
 
 /// A table of the file, or the defaults of a table that is not in it.
 ///
-/// Reading methods take the default of a key (`None` for a key that must be given), report what is
-/// wrong and then go on with some value, so that one pass finds all problems.
+/// Reading methods take the default of a key (`None` for a required key), report problems and continue
+/// with some value, so that one pass finds all problems.
 pub(super) struct Table<'a> {
     log: &'a Log,
     /// With indices, as in `column[0]`; empty at the top.
@@ -47,14 +47,14 @@ impl<'a> Table<'a> {
         without_indices(&self.path)
     }
 
-    /// Reports the keys that nobody asked for.
+    /// Reports unknown keys.
     pub fn finish(self) {
         let asked = self.asked.borrow();
         for key in self.entries.into_iter().flat_map(|entries| entries.keys()) {
             let name: &str = key.get_ref();
             if !asked.contains(name) {
                 let table = without_indices(&self.path);
-                self.log.nobody_asked(table, name.to_owned(), key.span());
+                self.log.unknown(table, name.to_owned(), key.span());
             }
         }
     }
@@ -171,7 +171,7 @@ impl<'a> Table<'a> {
         chosen
     }
 
-    /// A word out of `options` or a number: `words` says what the words are.
+    /// One of the words in `options`, or a number.
     pub fn word_or_number<T: Copy>(
         &self,
         key: &str,
@@ -215,7 +215,7 @@ impl<'a> Table<'a> {
     /// Reads every table of the form `[[key]]`.
     pub fn tables<T>(&self, key: &str, read: impl Fn(Table<'a>) -> T) -> Vec<T> {
         let path = self.full(key);
-        // Reading a table that is not there makes the keys known also if the file has none.
+        // Reading an absent table makes its keys known even if the file has none.
         read(Table::new(self.log, path.clone(), None, None));
         let Some(value) = self.get(key) else { return Vec::new() };
         let message = format!("`{path}` is a list of tables");
@@ -237,7 +237,7 @@ impl<'a> Table<'a> {
         tables
     }
 
-    /// Reports something that is not there although it has no default.
+    /// Reports a missing key or table without a default.
     pub fn missing(&self, what: &str, example: &str) {
         let message = match self.path.as_str() {
             "" => format!("{what} is missing"),
@@ -250,7 +250,7 @@ impl<'a> Table<'a> {
         );
     }
 
-    /// Whether a key is in the file; makes it known.
+    /// Whether the file has a key, which becomes part of the schema.
     pub fn has(&self, key: &str) -> bool {
         self.get(key).is_some()
     }

@@ -1,4 +1,4 @@
-//! Whether steps fit each other and the physics: frames, waves, velocities, discs.
+//! Checks on steps: frames, waves, velocities, discs.
 
 use dem::RveParameters;
 use mpm::{Basis, Transfer};
@@ -9,23 +9,23 @@ use super::log::Log;
 use super::model::{Material, Rve, Scene};
 use super::problem::Problem;
 
-/// More DEM steps than this in one macro step can only be a mistake.
+/// More DEM steps than this in a macro step can only be a mistake.
 const MAX_SUBSTEPS: f64 = 1.0e4;
-/// FLIP relaxed towards PIC faster than this (1/s) changes where a collapse ends.
+/// Relaxation of FLIP towards PIC (1/s) beyond which it changes the deposit.
 const VISCOUS_RATE: f64 = 10.0;
 /// Largest step of packings that may form lattices of equal discs, in `sqrt(m_min / kn)`: their
 /// spins in phase have `omega² = 24 kt / m`, so `2 / omega` is 0.41.
 const LATTICE_STEP: f64 = 0.4;
-/// Cells thinner than this (mean diameters) lock: discs cannot pass each other, and `sin phi` was
-/// measured to jump from 0.3 to 0.7 and more.
+/// Width of cells (mean diameters) below which discs cannot pass each other: `sin phi` was measured to
+/// jump from 0.3 to 0.7 and more.
 const LOCKED: f64 = 2.0;
-/// Radii that differ by less than this part form lattices.
+/// Relative difference of radii below which discs form lattices.
 const EQUAL: f64 = 0.1;
-/// More macro steps than this do not end.
+/// Most macro steps of a run.
 const MAX_STEPS: f64 = 1.0e10;
 
 pub(super) fn validate(scene: &Scene, log: &Log) {
-    // What follows from an impossible step would only hide it.
+    // Problems that follow from an unstable step would only hide it.
     if step(scene, log) {
         frames(scene, log);
         transfer(scene, log);
@@ -66,7 +66,7 @@ fn frames(scene: &Scene, log: &Log) {
     }
 }
 
-/// Whether the step is stable for waves; points that start too fast are reported too.
+/// Whether the step is stable for elastic waves; also reports too fast initial velocities.
 fn step(scene: &Scene, log: &Log) -> bool {
     let speed = scene.material.wave_speed();
     let limit = scene.step_limit();
@@ -192,7 +192,7 @@ fn discs(scene: &Scene, rve: &Rve, log: &Log) {
         log.report(
             Problem::warning(format!("{} discs make a noisy material", p.discs))
                 .at(place("discs"), "the stress ratio scatters by about 0.7 / sqrt(discs)")
-                .help("200 are enough for a look, 400 for results"),
+                .help("200 are enough for a first look, 400 for results"),
         );
     }
     packing_step(p, log);
@@ -227,7 +227,7 @@ fn damped_step(zeta: f64) -> f64 {
     0.75 * 2.0 / 3.0_f64.sqrt() * (xi.hypot(1.0) - xi)
 }
 
-/// Whether the packings are stable with the step that the scene asks for.
+/// Checks the stability of packings with the DEM step of the scene.
 fn packing_step(p: &RveParameters, log: &Log) {
     let place = |key: &str| log.place(&format!("rve.{key}"));
     let equal = p.radius_min > (1.0 - EQUAL) * p.radius_max;
@@ -239,14 +239,14 @@ fn packing_step(p: &RveParameters, log: &Log) {
     if p.step_factor > limit {
         log.report(
             Problem::warning(format!("step_factor = {} may be unstable", p.step_factor))
-                .at(place("step_factor"), "packings would shake themselves")
+                .at(place("step_factor"), "packings may gain energy by themselves")
                 .at(place(key), why)
                 .help(format!("at most {limit:.2}; 0.2 is safe")),
         );
     }
 }
 
-/// What makes packings stronger than they are.
+/// Warns of settings that make packings stronger than real ones.
 fn strength(p: &RveParameters, log: &Log) {
     let place = |key: &str| log.place(&format!("rve.{key}"));
     if p.mass_scale > 1.0 {

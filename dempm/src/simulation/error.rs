@@ -1,4 +1,4 @@
-//! What can stop a simulation.
+//! Errors of simulations.
 
 use gpu::ranks::RanksError;
 use mpm::MaterialError;
@@ -33,6 +33,22 @@ pub enum SimulationError {
         time: f64,
         /// The point or packing that failed, and why.
         source: mpm::Error,
+    },
+    /// A continuum is compressed beyond what its law describes.
+    #[error(
+        "at t = {time:.3} s point {point} at ({:.3}, {:.3}) m is compressed to {:.0} % of its volume",
+        position[0], position[1], 100.0 * left
+    )]
+    #[diagnostic(help("a slower impact, a lower column, or a stiffer material"))]
+    Compressed {
+        /// Simulated time (s).
+        time: f64,
+        /// Index of the point.
+        point: usize,
+        /// Its position (m).
+        position: [f64; 2],
+        /// Part of its initial volume that is left.
+        left: f64,
     },
 }
 

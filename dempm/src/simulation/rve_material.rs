@@ -33,7 +33,7 @@ pub(crate) enum Batch {
     F64(RveBatch<f64>),
 }
 
-/// Shared packings are written as the packings they are.
+/// Serialises shared packings as the packings themselves.
 mod shared {
     use super::{Arc, Batch, Deserialize, Serialize};
 

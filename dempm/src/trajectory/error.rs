@@ -1,4 +1,4 @@
-//! What can go wrong with a trajectory file.
+//! Errors of trajectory files.
 
 use std::path::{Path, PathBuf};
 
@@ -22,12 +22,12 @@ pub enum TrajectoryError {
         /// Why.
         source: std::io::Error,
     },
-    /// The file could not be put in its place.
+    /// The file could not be written.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Write(#[from] WriteError),
-    /// The HDF5 library refuses a dataset, a group or an attribute.
-    #[error("{}: HDF5 refuses {item}", path.display())]
+    /// The HDF5 library cannot read or write a dataset, a group or an attribute.
+    #[error("{}: HDF5 cannot read or write {item}", path.display())]
     Hdf5 {
         /// The trajectory file.
         path: PathBuf,
@@ -37,7 +37,7 @@ pub enum TrajectoryError {
         source: hdf5::Error,
     },
     /// An HDF5 file of another kind.
-    #[error("{}: this is not a DEMPM trajectory (it has no attribute `format` that says so)", path.display())]
+    #[error("{}: this is not a DEMPM trajectory (its attribute `format` is missing or different)", path.display())]
     NotATrajectory {
         /// The file.
         path: PathBuf,
@@ -102,7 +102,7 @@ impl TrajectoryError {
         move |source| Self::Hdf5 { path: path.to_owned(), item: item.to_owned(), source }
     }
 
-    /// The same while writing, where it is often the system that refuses, for want of space.
+    /// The same while writing, with the system's reason where there is one, such as a full disk.
     pub(super) fn writing<'a>(path: &'a Path, item: &'a str) -> impl Fn(hdf5::Error) -> Self + 'a {
         move |error| match system_error(&error) {
             Some(source) => WriteError { path: path.to_owned(), action: "write it", source }.into(),

@@ -1,4 +1,4 @@
-//! What is recorded of the material: the points once, a frame at every frame interval.
+//! Points and frames of a trajectory.
 
 use std::collections::BTreeMap;
 
@@ -25,9 +25,9 @@ pub struct Frame {
     pub velocity: Vec<[f64; 2]>,
     /// In-plane Cauchy stress (xx, xy, yx, yy), Pa, tension positive.
     pub stress: Option<Vec<[f32; 4]>>,
-    /// Area of grains over area of the packing.
+    /// Area of discs over area of the packing.
     pub solid_fraction: Option<Vec<f32>>,
-    /// Mean number of contacts a grain.
+    /// Mean number of contacts per disc.
     pub coordination: Option<Vec<f32>>,
     /// Inertial number, shear rate times grain size times sqrt(density / pressure).
     pub inertial_number: Option<Vec<f32>>,
@@ -38,7 +38,7 @@ pub struct Frame {
     pub budget: BTreeMap<String, f64>,
 }
 
-/// What has to be the same in all frames of a trajectory.
+/// Properties that all frames of a trajectory share.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FrameShape {
     /// Dataset names of the optional fields, in the order of [`super::Field::OPTIONAL`].
@@ -50,7 +50,7 @@ pub(super) struct FrameShape {
 }
 
 impl FrameShape {
-    /// Says how `other` differs, if it does.
+    /// The difference to `other`, if any.
     pub fn difference(&self, other: &Self) -> Option<String> {
         if self.fields != other.fields {
             Some(format!("fields {:?}, expected {:?}", other.fields, self.fields))

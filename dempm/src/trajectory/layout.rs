@@ -1,4 +1,4 @@
-//! Names and shapes of the datasets: the one place that knows how the file is laid out.
+//! Names, shapes and storage of the datasets.
 
 use hdf5::file::FileAccessBuilder;
 use hdf5::{Dataset, Extent, Group, H5Type, SimpleExtents};
@@ -18,15 +18,16 @@ pub(super) const WALLS: &str = "boundary/walls";
 pub(super) const BOXES: &str = "boundary/boxes";
 pub(super) const BUDGET: &str = "budget";
 pub(super) const WALL_TIME: &str = "wall_time";
+pub(super) const WARNINGS: &str = "warnings";
 
-/// HDF5's file locks off. No file is ever changed under its own name, so there is nothing to lock,
-/// and a lock can outlive its owner: a process forked while the file is open inherits it. Network
-/// file systems often have none at all.
+/// Turns HDF5's file locks off. No file is changed under its own name, so there is nothing to lock. A
+/// lock can outlive its owner (a process forked while the file is open inherits it), and network file
+/// systems often have none.
 pub(super) fn unlocked(access: &mut FileAccessBuilder) -> &mut FileAccessBuilder {
     access.file_locking(false)
 }
 
-/// A quantity that has a value at every point and frame.
+/// A quantity at every point and frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Field {
     /// Position, m.
@@ -44,7 +45,7 @@ pub enum Field {
 }
 
 impl Field {
-    /// All fields, in the order in which they are listed to people.
+    /// All fields, in the order of lists.
     pub const ALL: [Self; 6] = [
         Self::Position,
         Self::Velocity,
@@ -53,7 +54,7 @@ impl Field {
         Self::Coordination,
         Self::InertialNumber,
     ];
-    /// Fields that a scene may leave out.
+    /// Fields that a scene may omit.
     pub const OPTIONAL: [Self; 4] =
         [Self::Stress, Self::SolidFraction, Self::Coordination, Self::InertialNumber];
 
@@ -138,14 +139,13 @@ impl Frame {
     }
 }
 
-/// Scalars of a frame take 8 bytes; a chunk of that size would cost more than it holds.
+/// Frames in a chunk of a scalar: a chunk of one 8-byte value would cost more than it holds.
 const SCALARS_PER_CHUNK: usize = 1024;
 
-/// Makes an empty dataset that grows along the frames: shape (0, `inner`...).
+/// Creates an empty dataset that grows along the frames: shape (0, `inner`...).
 ///
-/// One chunk a frame, so that a window of frames is read without touching the others. Shuffle
-/// groups the bytes of equal significance, which deflate then compresses; Fletcher's checksum
-/// lets a reader tell a damaged chunk from data.
+/// One chunk per frame: a window of frames is read without touching the others. Shuffle groups bytes of
+/// equal significance for deflate, and Fletcher's checksum reveals damaged chunks.
 pub(super) fn create_growing<T: H5Type>(
     group: &Group,
     name: &str,

@@ -1,9 +1,8 @@
-//! The trajectory file: everything a run leaves behind, in one HDF5 file.
+//! The trajectory file: all results of a run in one HDF5 file.
 //!
 //! A trajectory is written by [`TrajectoryWriter`] and read by [`Trajectory`]; `docs/formats.md`
-//! lists its datasets and attributes. Three promises hold at any moment, also after `kill -9`:
-//! the file under its own name is complete and readable, it holds whole frames only, and a resumed
-//! run continues it as though it had never stopped.
+//! lists its datasets and attributes. At any moment, even after `kill -9`, the file is complete
+//! and readable and holds whole frames only, and a resumed run continues it as if it had never stopped.
 
 mod attributes;
 mod error;

@@ -13,17 +13,17 @@ use super::frame::{Frame, Points};
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS,
+    BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS,
     frame_selection, unlocked,
 };
 use super::links;
 
-/// Deflate makes data at most 1032 times smaller. A file that claims more is damaged, and asking
-/// for that much memory would end the program instead of giving an error.
+/// Deflate compresses at most 1032 times. A file that claims more is damaged, and allocating the claimed
+/// memory would abort the program.
 const MOST_COMPRESSION: u64 = 1100;
 
-/// A trajectory file, open for reading. Header, points and times are in memory; frames are read
-/// when asked for, and only those.
+/// A trajectory file open for reading. Header, points and times are in memory; frames are read on
+/// demand.
 #[derive(Debug)]
 pub struct Trajectory {
     path: PathBuf,
@@ -32,6 +32,7 @@ pub struct Trajectory {
     points: Points,
     time: Vec<f64>,
     status: String,
+    warnings: Option<String>,
     wall_time: BTreeMap<String, f64>,
     fields: Vec<(Field, Dataset)>,
     boxes: Option<Dataset>,
@@ -98,6 +99,9 @@ impl Trajectory {
             budget.insert(name, values);
         }
         let status = read_text(&file, "status").map_err(TrajectoryError::at(path, "status"))?;
+        let warnings = has(&file, WARNINGS)
+            .and_then(|has| has.then(|| read_text(&file, WARNINGS)).transpose())
+            .map_err(TrajectoryError::at(path, WARNINGS))?;
         let wall_time =
             links::group(&file, WALL_TIME).map_err(TrajectoryError::at(path, WALL_TIME))?;
         let wall_time = read_all(&wall_time, read_scalar).map_err(located)?;
@@ -107,6 +111,7 @@ impl Trajectory {
             points,
             time,
             status,
+            warnings,
             wall_time,
             fields,
             boxes,
@@ -120,7 +125,7 @@ impl Trajectory {
         &self.path
     }
 
-    /// What the file says about its run.
+    /// The header.
     pub fn header(&self) -> &Header {
         &self.header
     }
@@ -140,9 +145,14 @@ impl Trajectory {
         &self.time
     }
 
-    /// How the run stands: `running` (or killed), `finished`, or what stopped it.
+    /// Status of the run: `running` (or killed), `finished`, or what stopped it.
     pub fn status(&self) -> &str {
         &self.status
+    }
+
+    /// Warnings that the run gave about itself; `None` if the program that made the file gives none.
+    pub fn warnings(&self) -> Option<Vec<&str>> {
+        Some(self.warnings.as_ref()?.lines().collect())
     }
 
     /// Wall time of the run per phase, s.
@@ -150,7 +160,7 @@ impl Trajectory {
         &self.wall_time
     }
 
-    /// The scalars of the whole scene: for each name one value a frame.
+    /// The scalars of the whole scene: one value per frame for each name.
     pub fn budget(&self) -> &BTreeMap<String, Vec<f64>> {
         &self.budget
     }
@@ -160,7 +170,7 @@ impl Trajectory {
         self.fields.iter().map(|(field, _)| *field)
     }
 
-    /// Bytes that a field takes in the file, after compression.
+    /// Compressed size of a field, bytes.
     pub fn stored_bytes(&self, field: Field) -> u64 {
         self.dataset(field).map_or(0, |dataset| dataset.storage_size())
     }
@@ -312,7 +322,7 @@ impl Trajectory {
     }
 }
 
-/// Refuses other HDF5 files and trajectories from the future.
+/// Refuses other HDF5 files and trajectories of later formats.
 fn check_format(path: &Path, file: &File) -> Result<()> {
     // Damage must not pass for another kind of file.
     let format = match has(file, "format").map_err(TrajectoryError::at(path, "the attributes"))? {

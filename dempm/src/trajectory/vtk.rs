@@ -1,9 +1,9 @@
-//! `/VTKHDF`: the same data once more, in the shapes that ParaView expects.
+//! `/VTKHDF`: a view of the same data in the shapes that ParaView expects.
 //!
-//! Nothing is stored twice. VTKHDF wants one long array over all frames with three components,
-//! (frames * points, 3), where we keep (frames, points, 2); a virtual dataset maps one to the
-//! other, with zero for what a plane lacks. Static arrays and the time are hard links. The group
-//! is small and made anew at each commit, as a virtual dataset cannot follow two growing axes.
+//! Nothing is stored twice. VTKHDF has one array over all frames with three components, (frames *
+//! points, 3), the trajectory (frames, points, 2): a virtual dataset maps one to the other, with zeros
+//! for the third component. Static arrays and the time are hard links. The small group is replaced at
+//! each commit, as a virtual dataset cannot follow two growing axes.
 
 use hdf5::types::FixedAscii;
 use hdf5::{Extents, File, Group, H5Type, Hyperslab, SliceOrIndex};
@@ -17,7 +17,7 @@ pub(super) const GROUP: &str = "VTKHDF";
 /// The version of the VTKHDF specification that is written; 2.0 brought `PolyData` and time.
 const VERSION: [i64; 2] = [2, 0];
 
-/// Writes `/VTKHDF` for a file with `frames` frames, in place of an older one.
+/// Writes `/VTKHDF` for a file with `frames` frames, replacing an older one.
 pub(super) fn write(file: &File, frames: usize, points: usize) -> hdf5::Result<()> {
     if links::exists(file, GROUP)? {
         file.unlink(GROUP)?;
@@ -59,7 +59,7 @@ pub(super) fn write(file: &File, frames: usize, points: usize) -> hdf5::Result<(
     write_steps(file, &root, frames, points, &series, &fixed)
 }
 
-/// One vertex a point; the other kinds of cells of a `PolyData` are empty.
+/// One vertex per point; the other cells of a `PolyData` are empty.
 fn write_cells(root: &Group, points: usize) -> hdf5::Result<()> {
     let count = |n: usize| Array1::from_elem(1, n as i64);
     store(root, "NumberOfPoints", &count(points))?;
@@ -73,7 +73,7 @@ fn write_cells(root: &Group, points: usize) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Where each frame begins in the long arrays. Cells never change: all frames use the first ones.
+/// The beginning of each frame in the arrays. All frames share the same cells.
 fn write_steps(
     file: &File,
     root: &Group,
@@ -120,7 +120,7 @@ struct Map<'a> {
 }
 
 impl Map<'_> {
-    /// Makes a virtual dataset of `width` columns, where each pair of `columns` names a component
+    /// Creates a virtual dataset of `width` columns, where each pair of `columns` names a component
     /// of the source and its column here; the others read as zero.
     fn create<T: H5Type>(
         &self,
@@ -139,7 +139,7 @@ impl Map<'_> {
             slices.push((column..column + 1).into());
             Hyperslab::new(slices)
         };
-        // Name "." is the file itself, whatever it is called later.
+        // "." is the file itself, whatever its name.
         let path = format!("/{}", field.name());
         let mut builder = group.new_dataset::<T>().obj_track_times(false);
         if columns.is_empty() {

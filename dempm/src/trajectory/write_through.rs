@@ -1,4 +1,4 @@
-//! HDF5 files on a disk that may fill up.
+//! HDF5 files without write caches.
 
 use std::io;
 use std::mem::ManuallyDrop;
@@ -8,19 +8,18 @@ use std::path::Path;
 use hdf5::file::FileAccessBuilder;
 use hdf5::{File, FileBuilder};
 
-/// An HDF5 file being written, which says at once when the disk does not take it.
+/// An HDF5 file without write caches: a full disk is an error of the write that hits it.
 ///
-/// HDF5 keeps data back and writes them when their dataset is closed. If that fails, nobody is
-/// told, the data are lost, and the half closed dataset crashes the program when the next file is
-/// flushed. So nothing is kept back: a write that fails is an error of that write.
+/// By default HDF5 writes cached data when their dataset is closed. If that fails, no error is returned,
+/// the data are lost, and the half-closed dataset crashes the program when the next file is flushed.
 ///
-/// Only [`close`](Self::close) closes the file. One that is given up stays open until the program
-/// ends, since to close it would mean to write once more what could not be written.
+/// Only [`close`](Self::close) closes the file. A file given up after an error stays open until the
+/// program ends, since closing it would repeat the failed write.
 #[derive(Debug)]
 pub(crate) struct WriteThrough(ManuallyDrop<File>);
 
 impl WriteThrough {
-    /// Makes an empty file; `choose` adds to the properties with which it is opened.
+    /// Creates an empty file; `choose` adds to its access properties.
     pub fn create(
         path: &Path,
         choose: impl Fn(&mut FileAccessBuilder) -> &mut FileAccessBuilder,
@@ -31,7 +30,7 @@ impl WriteThrough {
         Ok(Self(ManuallyDrop::new(file)))
     }
 
-    /// Opens a file to be changed.
+    /// Opens a file for changes.
     pub fn open(
         path: &Path,
         choose: impl Fn(&mut FileAccessBuilder) -> &mut FileAccessBuilder,
@@ -39,7 +38,7 @@ impl WriteThrough {
         Ok(Self(ManuallyDrop::new(options(choose).open_rw(path)?)))
     }
 
-    /// Writes what is left, the metadata, and closes the file.
+    /// Writes the metadata and closes the file.
     pub fn close(self) -> hdf5::Result<()> {
         // A flush may fail and leave the file open; a close that fails does not.
         self.0.flush()?;
@@ -55,16 +54,16 @@ impl Deref for WriteThrough {
     }
 }
 
-/// How files are opened: no cache of chunks, no buffer for what is not in chunks, and what `choose` adds.
+/// Access without a chunk cache and a sieve buffer, and with the properties of `choose`.
 fn options(choose: impl Fn(&mut FileAccessBuilder) -> &mut FileAccessBuilder) -> FileBuilder {
     let mut options = File::with_options();
     options.with_fapl(|access| choose(access.chunk_cache(0, 0, 0.0).sieve_buf_size(0)));
     options
 }
 
-/// Why the system refused something to HDF5, if it was the system.
+/// The system error behind an error of HDF5, if any.
 pub(crate) fn system_error(error: &hdf5::Error) -> Option<io::Error> {
-    // The number is only in the text: `..., errno = 28, error message = 'No space left on device'`.
+    // The error number is only in the text: `..., errno = 28, error message = 'No space left on device'`.
     let text =
         error.stack()?.iter().rev().find_map(|frame| {
             frame.desc().split_once("errno = ").map(|(_, rest)| rest.to_owned())

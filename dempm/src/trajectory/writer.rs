@@ -1,4 +1,4 @@
-//! Writing a trajectory so that it can be interrupted at any moment.
+//! Writes a trajectory that can be interrupted at any moment.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,8 +14,8 @@ use super::frame::{Frame, FrameShape, Points};
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, create_growing, new_group,
-    set_frames, unlocked, write_frames, write_whole,
+    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, create_growing,
+    new_group, set_frames, unlocked, write_frames, write_whole,
 };
 use super::links;
 use super::reader::Trajectory;
@@ -24,15 +24,14 @@ use super::write_through::WriteThrough;
 
 /// Appends frames to a trajectory file.
 ///
-/// Frames wait in memory until [`commit`](Self::commit), which writes a new file beside the old
-/// one and then takes its name: whoever opens the file, at any moment, finds whole frames. The
-/// disk therefore needs room for the file twice. [`draft`](Self::draft) does the greater part of
-/// that work ahead.
+/// Frames stay in memory until [`commit`](Self::commit) writes them to a copy of the file and gives it
+/// the name of the old one: readers find whole frames at any moment. The disk therefore needs room for
+/// the file twice. [`draft`](Self::draft) does most of the work ahead of the commit.
 #[derive(Debug)]
 pub struct TrajectoryWriter {
     path: PathBuf,
     points: usize,
-    /// Frames of the file on disk to keep at the next commit.
+    /// Frames of the file on the disk that the next commit keeps.
     kept: usize,
     pending: Vec<Frame>,
     /// The file that the next commit will publish.
@@ -40,19 +39,21 @@ pub struct TrajectoryWriter {
     shape: Option<FrameShape>,
     wall_time: BTreeMap<String, f64>,
     status: String,
+    /// Warnings of the run, one a line; unknown if another program makes the file.
+    warnings: Option<String>,
 }
 
-/// A copy of the file on the disk, to which frames are added.
+/// A copy of the file, to which frames are added.
 #[derive(Debug)]
 struct Drafted {
     file: WriteThrough,
     draft: AtomicFile,
-    /// Pending frames of which it holds the values at points.
+    /// Pending frames whose values at points it holds.
     frames: usize,
 }
 
 impl TrajectoryWriter {
-    /// Makes a trajectory without frames, in place of any older file at `path`.
+    /// Creates a trajectory without frames, replacing any file at `path`.
     ///
     /// # Errors
     /// If there are no points, their arrays differ in length, or the file cannot be written.
@@ -66,6 +67,7 @@ impl TrajectoryWriter {
             shape: None,
             wall_time: BTreeMap::new(),
             status: "running".to_owned(),
+            warnings: None,
         };
         if points.mass.is_empty() || points.column.len() != points.mass.len() {
             return Err(writer.mismatch(format!(
@@ -93,8 +95,7 @@ impl TrajectoryWriter {
 
     /// Continues the trajectory at `path` after its first `frames_to_keep` frames.
     ///
-    /// Later frames, which a run recorded after the checkpoint it is resumed from, go away at the
-    /// next commit.
+    /// Later frames, recorded after the checkpoint of the resumed run, are removed by the next commit.
     ///
     /// # Errors
     /// If the file is not a trajectory or has fewer frames.
@@ -120,15 +121,16 @@ impl TrajectoryWriter {
             shape,
             wall_time: trajectory.wall_time().clone(),
             status: "running".to_owned(),
+            warnings: None,
         })
     }
 
-    /// The number of frames so far: those on the disk and those that wait for a commit.
+    /// The number of frames on the disk and pending.
     pub fn frames(&self) -> usize {
         self.kept + self.pending.len()
     }
 
-    /// Adds a frame, in memory.
+    /// Adds a pending frame.
     ///
     /// # Errors
     /// If its arrays do not have one entry a point, or it differs in its fields, boxes or scalars
@@ -169,16 +171,21 @@ impl TrajectoryWriter {
         self.wall_time.insert(phase.to_owned(), seconds);
     }
 
-    /// The wall time per phase, s; after a resume, what the file said.
+    /// Sets the warnings of the run, one a line; written at the next commit.
+    pub fn set_warnings(&mut self, warnings: String) {
+        self.warnings = Some(warnings);
+    }
+
+    /// The wall time per phase, s; after a resume, that of the file.
     pub fn wall_time(&self) -> &BTreeMap<String, f64> {
         &self.wall_time
     }
 
-    /// Writes what is large of the frames pushed so far, their values at points, into the file that
-    /// the next [`commit`](Self::commit) will publish. Nothing is safe before that.
+    /// Writes the values at points of the pending frames into the file that the next
+    /// [`commit`](Self::commit) publishes; before that, they are not safe.
     ///
     /// # Errors
-    /// If the file cannot be written. The commit then begins anew.
+    /// If the file cannot be written. The commit then starts from scratch.
     pub fn draft(&mut self) -> Result<()> {
         let mut drafted = match self.drafted.take() {
             Some(drafted) => drafted,
@@ -190,11 +197,11 @@ impl TrajectoryWriter {
         Ok(())
     }
 
-    /// Puts all pushed frames on the disk. When this returns, they are safe.
+    /// Writes all pending frames to the disk. When this returns, they are safe.
     ///
     /// # Errors
-    /// If the file cannot be written. The file on the disk is then as it was before and the frames
-    /// still wait, so the commit can be tried again.
+    /// If the file cannot be written. The file on the disk is then unchanged, the frames are still
+    /// pending, and the commit can be repeated.
     pub fn commit(&mut self) -> Result<()> {
         self.draft()?;
         if let Some(Drafted { file, draft, .. }) = self.drafted.take() {
@@ -208,7 +215,7 @@ impl TrajectoryWriter {
         Ok(())
     }
 
-    /// Commits the last frames and says how the run ended: `finished`, or what stopped it.
+    /// Commits the last frames with the final status of the run: `finished`, or what stopped it.
     ///
     /// # Errors
     /// As [`commit`](Self::commit).
@@ -217,7 +224,7 @@ impl TrajectoryWriter {
         self.commit()
     }
 
-    /// Writes what never changes.
+    /// Writes everything that never changes.
     fn write_static(&self, file: &File, header: &Header, points: &Points) -> hdf5::Result<()> {
         header.write(file)?;
         new_group(file, "points")?;
@@ -268,7 +275,7 @@ impl TrajectoryWriter {
         .map_err(TrajectoryError::writing(&self.path, "the file"))?
     }
 
-    /// Makes the datasets that the first frame decides on.
+    /// Creates the datasets that depend on the first frame.
     fn create_chosen(&self, file: &File, shape: &FrameShape) -> hdf5::Result<()> {
         // A resume before the first frame may find those of an earlier attempt.
         for field in Field::OPTIONAL {
@@ -307,8 +314,8 @@ impl TrajectoryWriter {
         Ok(())
     }
 
-    /// Writes times, boxes and scalars of all pending frames at once: many frames share a chunk,
-    /// which would be compressed anew for each.
+    /// Writes times, boxes and scalars of all pending frames at once: many frames share a chunk, which
+    /// would otherwise be compressed again for each.
     fn append_scalars(&self, file: &File) -> Result<()> {
         let Some(first) = self.pending.first() else { return Ok(()) };
         let of_frames = |value: &dyn Fn(&Frame) -> f64| -> Vec<f64> {
@@ -342,10 +349,13 @@ impl TrajectoryWriter {
             .map_err(TrajectoryError::writing(&self.path, name))
     }
 
-    /// Writes what depends on the number of frames or changes as the run goes on.
+    /// Writes everything that depends on the number of frames or changes during the run.
     fn update(&self, file: &File) -> Result<()> {
         let put = || {
             write_text(file, "status", &self.status)?;
+            if let Some(warnings) = &self.warnings {
+                write_text(file, WARNINGS, warnings)?;
+            }
             let wall_time = file.group(WALL_TIME)?;
             for (phase, seconds) in &self.wall_time {
                 write_scalar(&wall_time, phase, seconds)?;

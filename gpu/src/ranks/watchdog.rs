@@ -1,5 +1,6 @@
 //! Ends a rank when another one has ended, for which an operation of NCCL would wait for ever.
 
+use files::note;
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::sync::Arc;
@@ -26,7 +27,7 @@ impl Watchdog {
     /// A connection cannot be read from.
     pub fn start(rank: usize, peers: Vec<TcpStream>) -> io::Result<Self> {
         Self::start_with(rank, peers, GRACE, move |other| {
-            eprintln!("Error: rank {rank} stops because rank {other} has ended");
+            note!("Error: rank {rank} stops because rank {other} has ended");
             // Not `exit`, in which CUDA would wait for work that never ends.
             // SAFETY: has no preconditions.
             unsafe { libc::_exit(1) }

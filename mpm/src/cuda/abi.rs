@@ -1,4 +1,4 @@
-//! Structs that the kernels share with Rust: what `mpm.cuh` works on.
+//! Structs that Rust and the kernels share.
 
 use gpu::{ConstPointer, Pointer, cuda_enum, cuda_struct, cuda_types};
 
@@ -205,8 +205,8 @@ cuda_struct! {
         /// Speeds along x and y (m/s) up to which a node may approach the walls it lies on.
         pub node_approach: Pointer<Vector>,
 
-        /// What contacts of nodes have done since the last sum: impulses by the walls (x, y) and by
-        /// each obstacle (x, y), work of the obstacles, number of projections; each over all nodes.
+        /// Contacts of nodes since the last sum: impulses by the walls (x, y) and by each obstacle (x, y),
+        /// work of the obstacles, number of projections; each an array over all nodes.
         pub node_ledger: Pointer<f64>,
         /// The same of points.
         pub point_ledger: Pointer<f64>,

@@ -1,15 +1,21 @@
-//! What can go wrong on a GPU.
+//! Failures of the solver on a GPU.
 
 use cudarc::driver::DriverError;
 
 /// A failure of the device, or of a step on it.
 #[derive(Debug, thiserror::Error)]
 pub enum CudaError {
+    /// A failure of the device.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),
-    /// As the CPU says it; `step` counts from the start of the run.
+    /// A step failed as it would on the CPU.
     #[error("step {step}: {source}")]
-    Step { step: usize, source: crate::Error },
+    Step {
+        /// Number of the step since the start of the run.
+        step: usize,
+        /// Why.
+        source: crate::Error,
+    },
 }
 
 impl From<DriverError> for CudaError {

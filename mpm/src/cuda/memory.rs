@@ -31,7 +31,7 @@ pub(super) struct Memory {
     node_approach: CudaSlice<Vector>,
     pub node_ledger: CudaSlice<f64>,
     pub point_ledger: CudaSlice<f64>,
-    /// What contacts have done since the start, in the order of the ledgers of nodes and points.
+    /// Impulses and work of contacts since the start, in the order of the ledgers of nodes and points.
     pub ledger: CudaSlice<f64>,
     bins: Bins,
     cell_bins: Bins,
@@ -51,7 +51,7 @@ impl Memory {
     pub fn new(device: &Device, solver: &Solver, points: &Points) -> Result<Self, Error> {
         let (shape, numerics) = (&solver.shape, solver.numerics());
         let (n, nodes) = (points.len(), shape.columns * shape.rows);
-        // What a run without the cell average never touches takes no memory.
+        // Arrays of the cell average are empty without it.
         let averaged = if numerics.cell_average_volumetric { 1 } else { 0 };
         let cells = averaged * shape.cells[0] * shape.cells[1];
         let ledger = ledger::flat(solver.ledger());
@@ -172,7 +172,7 @@ impl Bins {
     }
 }
 
-/// What Rust knows as one type and the kernels as another.
+/// Values of the CPU's solver as values of the kernels.
 fn converted<'a, A, B: From<&'a A>>(values: &'a [A]) -> Vec<B> {
     values.iter().map(B::from).collect()
 }

@@ -1,4 +1,4 @@
-//! What a material gets to queue its kernels with.
+//! How a material queues its kernels.
 
 use cudarc::driver::{CudaStream, CudaView};
 use gpu::{Function, Kernel, Launch};
@@ -9,7 +9,7 @@ use super::error::CudaError;
 /// Threads of a block, with one thread for each point, or several for each node.
 const BLOCK: u32 = 128;
 
-/// What the kernels of a material work on.
+/// Stream and data for the kernels of a material.
 pub struct Queue<'a> {
     /// Where kernels are queued.
     pub stream: &'a CudaStream,
@@ -41,9 +41,8 @@ impl Queue<'_> {
     }
 }
 
-/// For a kernel that follows only one other and has one thread for each of `count` things.
-///
-/// All kernels are small, and the packings of the scene wait for them: they go before those of others.
+/// Launch of `count` threads, for a kernel that depends on the one before it only. Urgent: all kernels are
+/// small, and the packings of the scene wait for them.
 pub(super) fn each(count: usize) -> Launch {
     Launch::each(count, BLOCK).early(true).urgent()
 }

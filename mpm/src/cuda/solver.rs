@@ -121,7 +121,7 @@ impl CudaSolver {
         Ok(stream.wait(&self.until)?)
     }
 
-    /// What the next step begins with: basis functions at the points, and the points in bins.
+    /// Prepares the next step: basis functions at the points, and the points in bins.
     fn queue_bins(&self, stream: &CudaStream) -> Result<(), CudaError> {
         let (Kernels { evaluate_basis, sort_bins, .. }, m) = (&self.kernels, self.mpm);
         let points = each(self.points);
@@ -265,7 +265,7 @@ impl CudaSolver {
     }
 }
 
-/// Of the entries as many as there are places: the GPU has one more than none.
+/// Copies as many entries as there are points: the GPU has one even without points.
 fn copy<A: Copy + Into<B>, B>(to: &mut [B], from: &[A]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = (*from).into());
 }

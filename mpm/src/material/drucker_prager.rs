@@ -92,14 +92,16 @@ impl DruckerPragerParameters {
 ///
 /// With compression `p` positive, in the plane:
 ///
-/// ```text
-/// p = K max(0, -J_e),   J_e = integral of tr L dt      (J_e > 0: grains apart, no stress)
-/// s = deviator, ds/dt = 2 G dev D with the Jaumann rate
-/// |s| <= p sin phi(I),  |s| = sqrt(s : s / 2),  I = gamma d sqrt(rho_s / p),  gamma = sqrt(2 dev D : dev D)
-/// ```
+/// $$ p = K \max(0, -J), \qquad J = \int \operatorname{tr} \mathbf L \mathrm d t, $$
+/// $$ \overset{\circ}{\mathbf s} = 2 G \mathbf D', \qquad
+/// |\mathbf s| = \sqrt{\mathbf s : \mathbf s / 2} \le p \sin \varphi(I), $$
 ///
-/// A state beyond yield is scaled back along `s`. Material that was pulled apart stays free of
-/// stress until the gap `J_e` is closed again (Dunatunga & Kamrin 2015, J. Fluid Mech. 779, 483).
+/// with the deviators $\mathbf s$ and $\mathbf D'$ of stress and strain rate, the Jaumann rate of $\mathbf s$, and the
+/// inertial number $I = \dot\gamma d \sqrt{\rho_s / p}$ at the shear rate
+/// $\dot\gamma = \sqrt{2 \mathbf D' : \mathbf D'}$.
+///
+/// A state beyond yield is scaled back along $\mathbf s$. Material that was pulled apart, $J > 0$, stays free of
+/// stress until the gap is closed again (Dunatunga & Kamrin 2015, J. Fluid Mech. 779, 483).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DruckerPrager {

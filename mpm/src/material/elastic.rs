@@ -41,10 +41,29 @@ impl ElasticParameters {
 }
 
 /// Hypoelastic law in plane strain with the Jaumann rate of Cauchy stress:
-/// `dsigma/dt = lambda tr(D) I + 2 G D + W sigma - sigma W`.
 ///
-/// Hooke's law at small strain, objective under any rotation. In uniaxial strain it is
-/// `sigma = M ln F`.
+/// $$ \dot{\boldsymbol\sigma} = \lambda \operatorname{tr}(\mathbf D) \mathbf I + 2 G \mathbf D
+/// + \mathbf W \boldsymbol\sigma - \boldsymbol\sigma \mathbf W. $$
+///
+/// Hooke's law at small strain, objective under any rotation. In uniaxial strain
+/// $\sigma = M \ln F$.
+///
+/// A block that swings under its weight:
+///
+/// ```
+/// use mpm::{Domain, Elastic, ElasticParameters, Numerics, Points, Solver, Vec2, Walls};
+///
+/// let domain = Domain { size: Vec2::new(1.0, 1.0), walls: Walls::default(), cell: 0.125 };
+/// let mut points = Points::rectangle(Vec2::zeros(), Vec2::new(1.0, 0.5), 0.0625, 1000.0);
+/// let mut block = Elastic::new(ElasticParameters::default())?;
+/// let mut solver = Solver::new(domain, Numerics::default(), Vec2::new(0.0, -9.81), vec![])?;
+/// for _ in 0..20 {
+///     solver.advance(&mut points, &mut block, 2.0e-4)?;
+/// }
+/// // The lowest row of points is compressed.
+/// assert!(points.stress[0][(1, 1)] < 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Elastic {

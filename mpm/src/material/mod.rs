@@ -28,12 +28,32 @@ pub trait Material: Send {
 /// Why a material could not be made or updated.
 #[derive(Debug, thiserror::Error)]
 pub enum MaterialError {
+    /// A parameter is out of range.
     #[error("material parameter `{name}` = {value} must be {requirement}")]
-    Parameter { name: &'static str, value: f64, requirement: &'static str },
+    Parameter {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// Values it may have.
+        requirement: &'static str,
+    },
+    /// The number of points has changed.
     #[error("the material holds the state of {expected} points and was given {found}")]
-    Length { expected: usize, found: usize },
+    Length {
+        /// Points of the material.
+        expected: usize,
+        /// Points of the solver.
+        found: usize,
+    },
+    /// The response of a point could not be computed.
     #[error("material of point {point}: {reason}")]
-    Point { point: usize, reason: String },
+    Point {
+        /// Its index.
+        point: usize,
+        /// Why.
+        reason: String,
+    },
     /// An error of another library that computes the response.
     #[error(transparent)]
     Other(Box<dyn std::error::Error + Send + Sync>),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::device::Device;
-use files::write_text;
+use files::{announce, note, print_result, write_text};
 use miette::bail;
 
 use super::rollout::select_device;
@@ -73,8 +73,8 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
     write_text(&args.output.join("summary.csv"), &summary_table(&cases))?;
     let svg = chart(&cases).svg()?;
     write_text(&args.output.join("errors.svg"), &svg)?;
-    print!("{}", report(&cases));
-    println!("written: {}/{{summary.csv, frames.csv, errors.svg}}", args.output.display());
+    let _ = print_result(report(&cases));
+    announce!("written: {}/{{summary.csv, frames.csv, errors.svg}}", args.output.display());
     if args.record { record_accuracy(simulator, &cases, args) } else { Ok(()) }
 }
 
@@ -90,7 +90,7 @@ fn evaluate(args: &EvalArgs, simulator: &Simulator, path: PathBuf) -> miette::Re
         );
     }
     let per_frame = began.elapsed().as_secs_f64() / rollout.errors.len().max(1) as f64;
-    eprintln!("{}: {} frames, {per_frame:.3} s each", rollout.case, rollout.errors.len());
+    note!("{}: {} frames, {per_frame:.3} s each", rollout.case, rollout.errors.len());
     let twin = |folder: &PathBuf| folder.join(path.file_name().unwrap_or_default());
     let floor = match args.noise_floor.as_ref().map(twin).filter(|twin| twin.exists()) {
         Some(twin) => Some(noise_floor(simulator, &path, &twin, args.frames)?),
@@ -111,6 +111,6 @@ fn record_accuracy(
     };
     simulator.training.accuracy = Some(accuracy);
     simulator.save(&args.model)?;
-    println!("recorded in {}", args.model.display());
+    announce!("recorded in {}", args.model.display());
     Ok(())
 }

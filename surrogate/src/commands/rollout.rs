@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use dempm::device::Device;
 use dempm::scene::Scene;
-use files::{FileLock, INTERRUPTED, interrupt_flag, refuse_input};
+use files::{FileLock, INTERRUPTED, Interrupt, announce, note, refuse_input};
 use indicatif::ProgressBar;
 use miette::{Context, IntoDiagnostic, Report, bail};
 
@@ -57,6 +57,7 @@ pub struct RolloutArgs {
 /// If a file cannot be used or written, or the prediction fails; the output then holds the frames
 /// before.
 pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
+    let interrupt = Interrupt::install()?;
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
@@ -72,27 +73,28 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     if frames < initial.positions.len() {
         bail!("--frames {frames}: the model starts from {} frames", initial.positions.len());
     }
-    let interrupted = interrupt_flag()?;
     let checks = start_checks(&simulator, &initial);
     for warning in checks.into_iter().chain(asymmetry(&simulator, &initial)) {
-        eprintln!("{warning}");
+        note!("{warning}");
     }
 
     let output = args.output.display();
     let options = RecordingOptions { model: &args.model, output: &args.output, frames, began };
     let bar = rollout_bar(frames as u64);
-    let recorded = record(&simulator, &initial, &options, &interrupted, &mut Progress(&bar))?;
+    // From here on there is something to save.
+    let _guard = interrupt.guard();
+    let recorded = record(&simulator, &initial, &options, interrupt.flag(), &mut Progress(&bar))?;
     bar.finish_and_clear();
     let made = recorded.frames;
     if let Some(error) = recorded.failure {
         return Err(Report::new(error).wrap_err(format!("{output} holds the {made} frames before")));
     }
     if made < frames {
-        eprintln!("interrupted; {output} holds {made} of {frames} frames");
+        note!("interrupted; {output} holds {made} of {frames} frames");
         return Ok(ExitCode::from(INTERRUPTED));
     }
     let (predicted, seconds) = (made - initial.positions.len(), recorded.seconds);
-    println!("{output}: {made} frames, {predicted} of them predicted in {seconds:.2} s");
+    announce!("{output}: {made} frames, {predicted} of them predicted in {seconds:.2} s");
     Ok(ExitCode::SUCCESS)
 }
 
@@ -101,7 +103,7 @@ pub(super) fn select_device(simulator: &mut Simulator, device: Device) -> miette
     let unused = simulator.select_device(device);
     let unused: Option<CudaError> = unused.into_diagnostic().wrap_err("--device, --precision")?;
     if let Some(reason) = unused {
-        eprintln!("running on the CPU: {reason}");
+        note!("running on the CPU: {reason}");
     }
     Ok(())
 }
@@ -113,9 +115,7 @@ fn initial_frames(args: &RolloutArgs, simulator: &Simulator) -> miette::Result<I
             let scene = Scene::load(path)?;
             let (own, asked) = (simulator.training.frame_interval, scene.frame_interval);
             if !simulator.training.is_interval(asked) {
-                eprintln!(
-                    "frames are {own} s apart, as in training, not {asked} s as in the scene"
-                );
+                note!("frames are {own} s apart, as in training, not {asked} s as in the scene");
             }
             Ok(InitialFrames::from_scene(scene, simulator)?)
         }
@@ -133,6 +133,6 @@ impl RolloutObserver for Progress<'_> {
     }
 
     fn warning(&mut self, text: &str) {
-        self.0.suspend(|| eprintln!("{text}"));
+        self.0.suspend(|| note!("{text}"));
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use files::{PrintError, out};
 use miette::bail;
 
 use crate::data::{DataFolder, DataSet, Statistics, Welford, WindowShape};
@@ -33,31 +34,31 @@ pub fn stats(args: &StatsArgs) -> miette::Result<()> {
     let shape =
         WindowShape { frames: args.frames as usize, stride: args.stride as usize, before: 0 };
     let data = DataSet::open(&folder.train, shape, 0)?;
-    list(&data, "");
+    list(&data, "")?;
     for path in &folder.valid {
         let alone = DataSet::open(std::slice::from_ref(path), shape, 0)?;
-        list(&alone, "  validation");
+        list(&alone, "  validation")?;
         // Checks all frames.
         Statistics::measure(&alone, false)?;
     }
-    println!(
+    out!(
         "{} training files, {} validation files; {} windows of {} frames, {} s apart",
         folder.train.len(),
         folder.valid.len(),
         data.len(),
         shape.frames,
         data.frame_interval()
-    );
+    )?;
     let statistics = Statistics::measure(&data, false)?;
     let Statistics { velocity, acceleration } = statistics;
-    println!("{:<16}{:>14}{:>14}{:>12}", "", "mean", "deviation", "values");
+    out!("{:<16}{:>14}{:>14}{:>12}", "", "mean", "deviation", "values")?;
     let line = |name: &str, w: Welford| {
-        println!("{name:<16}{:>14.4e}{:>14.4e}{:>12}", w.mean(), w.deviation(), w.count());
+        out!("{name:<16}{:>14.4e}{:>14.4e}{:>12}", w.mean(), w.deviation(), w.count())
     };
-    line("v_x [m/frame]", velocity[0]);
-    line("v_y [m/frame]", velocity[1]);
-    line("a_x [m/frame²]", acceleration[0]);
-    line("a_y [m/frame²]", acceleration[1]);
+    line("v_x [m/frame]", velocity[0])?;
+    line("v_y [m/frame]", velocity[1])?;
+    line("a_x [m/frame²]", acceleration[0])?;
+    line("a_y [m/frame²]", acceleration[1])?;
     if velocity.iter().chain(&acceleration).all(|w| w.deviation() == 0.0) {
         bail!("{}: nothing moves in these trajectories", args.data.display());
     }
@@ -88,11 +89,11 @@ fn add_range(data: &DataSet, path: &Path) -> miette::Result<()> {
     }
     simulator.training.range = range;
     simulator.save(path)?;
-    println!("{}: the range of these data is recorded", path.display());
+    out!("{}: the range of these data is recorded", path.display())?;
     Ok(())
 }
 
-fn list(data: &DataSet, purpose: &str) {
+fn list(data: &DataSet, purpose: &str) -> Result<(), PrintError> {
     for recording in data.recordings() {
         let (path, points) = (recording.path().display(), recording.points());
         let unfinished = match recording.status() {
@@ -100,6 +101,7 @@ fn list(data: &DataSet, purpose: &str) {
             status => format!("  not finished: {status}"),
         };
         let frames = recording.frames();
-        println!("{path:<40}{points:>6} points{frames:>6} frames{purpose}{unfinished}");
+        out!("{path:<40}{points:>6} points{frames:>6} frames{purpose}{unfinished}")?;
     }
+    Ok(())
 }

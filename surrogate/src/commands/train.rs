@@ -5,13 +5,13 @@ use std::process::ExitCode;
 
 use dempm::device::Device;
 use dempm::run::checkpoint_interval;
-use files::{INTERRUPTED, interrupt_flag};
+use files::{INTERRUPTED, Interrupt, announce, note};
 use indicatif::ProgressBar;
 
 use super::progress::training_bar;
 use crate::train::{
     Outcome, Report, Session, SessionOptions, Summary, TrainConfig, TrainObserver, WARM_UP_STEPS,
-    check_new,
+    check_new, checkpoint_in,
 };
 
 /// Arguments of `surrogate train`.
@@ -45,9 +45,12 @@ pub struct TrainArgs {
 /// If the configuration or the data cannot be used, the training diverges, or a file cannot be
 /// written.
 pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
+    let interrupt = Interrupt::install()?;
     let config = TrainConfig::load(&args.config)?;
     let interval = checkpoint_interval(args.checkpoint_interval)?;
-    if !args.resume {
+    // What has not begun, or was killed before its first checkpoint, begins.
+    let resume = args.resume && checkpoint_in(&args.output).exists();
+    if !resume {
         check_new(&args.output, args.overwrite, &config, &args.config)?;
     }
     let steps = config.steps;
@@ -55,30 +58,31 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
         config_file: args.config.clone(),
         data: args.data.clone(),
         folder: args.output.clone(),
-        resume: args.resume,
+        resume,
         device: args.device,
     };
-    let interrupted = interrupt_flag()?;
     let mut session = Session::open(config, &options)?;
     let (summary, is_leader) = (session.summary().clone(), session.is_leader());
     if is_leader {
-        announce(&summary);
+        print_summary(&summary);
     }
-    let _lock = session.take_folder(args.resume)?;
+    let _lock = session.take_folder(resume)?;
     let bar = if is_leader { training_bar(steps, summary.step) } else { ProgressBar::hidden() };
-    let outcome = session.run(&interrupted, interval, &mut Progress(&bar))?;
+    // From here on there is something to save.
+    let _guard = interrupt.guard();
+    let outcome = session.run(interrupt.flag(), interval, &mut Progress(&bar))?;
     bar.finish_and_clear();
     match outcome {
         Outcome::Interrupted(step) => {
             if is_leader {
-                eprintln!("interrupted at step {step} of {steps}; --resume continues");
+                note!("interrupted at step {step} of {steps}; --resume continues");
             }
             Ok(ExitCode::from(INTERRUPTED))
         }
         Outcome::Finished(report) => {
             if is_leader {
                 print(&report, steps, &summary);
-                println!("written: {}", args.output.display());
+                announce!("written: {}", args.output.display());
             }
             Ok(ExitCode::SUCCESS)
         }
@@ -101,13 +105,13 @@ impl TrainObserver for Progress<'_> {
     }
 }
 
-fn announce(summary: &Summary) {
+fn print_summary(summary: &Summary) {
     let Summary { ranks, parameters, windows, train_files, valid_files, .. } = summary;
     if let Some(gpu) = &summary.gpu {
         let count = if *ranks > 1 { format!("{ranks} x ") } else { String::new() };
-        eprintln!("training on {count}{gpu}");
+        note!("training on {count}{gpu}");
     }
-    eprintln!(
+    note!(
         "{parameters} parameters; {windows} windows in {train_files} training files, {valid_files} \
          validation files"
     );
@@ -115,18 +119,18 @@ fn announce(summary: &Summary) {
 
 fn print(report: &Report, steps: u64, summary: &Summary) {
     let Report { made, seconds, seconds_per_step, loss, best } = report;
-    println!("{steps} steps, {made} of them now in {seconds:.1} s");
+    announce!("{steps} steps, {made} of them now in {seconds:.1} s");
     if let Some(seconds) = seconds_per_step {
-        println!("{:.3} ms per step after the first {WARM_UP_STEPS}", 1e3 * seconds);
+        announce!("{:.3} ms per step after the first {WARM_UP_STEPS}", 1e3 * seconds);
     }
     if let Some(loss) = loss {
-        println!("loss {loss:.3e}");
+        announce!("loss {loss:.3e}");
     }
     match best {
-        Some(best) => println!("best validation MSE {best:.3e} [box²]: best.safetensors"),
+        Some(best) => announce!("best validation MSE {best:.3e} [box²]: best.safetensors"),
         None if summary.valid_files == 0 => {
-            println!("no valid/ in the data, so no best.safetensors: use last.safetensors");
+            announce!("no valid/ in the data, so no best.safetensors: use last.safetensors");
         }
-        None => println!("every validation rollout failed: use last.safetensors"),
+        None => announce!("every validation rollout failed: use last.safetensors"),
     }
 }

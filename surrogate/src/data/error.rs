@@ -18,6 +18,14 @@ pub enum DataError {
         /// The error of the file system.
         source: std::io::Error,
     },
+    /// A file of the folder cannot be read.
+    #[error("{}: cannot read it", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The error of the file system.
+        source: std::io::Error,
+    },
     /// The folder has no trajectory in it.
     #[error("{}: no trajectory files (*.h5) in this folder", path.display())]
     #[diagnostic(help("make some with `dempm run SCENE.toml -o FOLDER/NAME.h5`"))]

@@ -42,7 +42,7 @@ pub fn asymmetry(simulator: &Simulator, initial: &InitialFrames) -> Option<Strin
     })
 }
 
-/// Compares a rollout with that of the mirrored initial frames, in the last of [`FRAMES`] frames
+/// Compares a rollout with that of the mirrored initial frames, in the last of `FRAMES` frames
 /// that both reach; `None` if one fails at once.
 pub fn mirror_difference(
     simulator: &Simulator,

@@ -152,7 +152,8 @@ fn add_product(a: &[f32], b: &[f32], [rows, inner, columns]: [usize; 3], out: &m
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
 fn leaky_relu(values: &mut [f32], slope: f32) {
     for x in values {
-        *x = x.max(0.0) + slope * x.min(0.0);
+        // The slope is at most 1. A NaN stays one, as both sides are.
+        *x = x.max(slope * *x);
     }
 }
 

@@ -89,7 +89,7 @@ pub enum WeightsError {
         /// The shape it should have.
         expected: Vec<usize>,
     },
-    /// A normalisation that is not finite or not positive.
+    /// Weights that are not finite, or a normalisation that is not finite or not positive.
     #[error("{path}: tensor `{name}`: {reason}")]
     Value {
         /// The file.
@@ -272,7 +272,15 @@ impl<B: Backend> ModuleMapper<B> for Fill<'_> {
         let shape = to_file_order(old.clone()).dims();
         match self.file.values(&self.names.name(), Dtype::F32, &shape) {
             Ok(bytes) => {
-                let values = bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+                let values: Vec<f32> =
+                    bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+                if values.iter().any(|value| !value.is_finite()) {
+                    self.error.get_or_insert(WeightsError::Value {
+                        path: self.file.path.into(),
+                        name: self.names.name(),
+                        reason: "holds values that are not finite",
+                    });
+                }
                 let data = TensorData::new::<f32, _>(values, shape);
                 let tensor = Tensor::<B, D>::from_data(data, &old.device());
                 param.map(|_| to_file_order(tensor).require_grad())

@@ -1,8 +1,9 @@
 //! Checkpoints: everything a training needs to continue as if it had never stopped.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use files::{WriteError, write_atomically};
+use files::{SealError, WriteError, read_sealed, seal, write_atomically};
 use gpu::ranks::Fingerprint;
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +15,7 @@ use crate::features::Normalisation;
 use crate::network::differences;
 
 const MAGIC: &str = "DEMPM surrogate training";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// State and identity of a training. Batches are a function of seed and step, so they need no
 /// state.
@@ -44,10 +45,13 @@ pub struct Identity {
     pub normalisation: Normalisation,
     /// Hash of the weights file that the training started from.
     pub start: Option<[u8; 32]>,
+    /// Names and hashes of the validation files, which `best` depends on.
+    pub valid: Vec<(String, [u8; 32])>,
 }
 
 impl Identity {
-    /// Identity of a training on `ranks` processes that starts from the weights file of hash `start`.
+    /// Identity of a training on `ranks` processes that starts from the weights file of hash `start` and
+    /// validates with the files `valid`.
     ///
     /// # Errors
     /// If a file cannot be read.
@@ -56,6 +60,7 @@ impl Identity {
         data: &DataSet,
         ranks: usize,
         start: Option<[u8; 32]>,
+        valid: &[PathBuf],
     ) -> Result<Self, DataError> {
         let mut statistics = Statistics::measure(data, config.data.subtract_gravity)?;
         if config.data.mirror {
@@ -73,6 +78,7 @@ impl Identity {
             files: files.collect(),
             normalisation: Normalisation { features_mean, features_std, ..normalisation },
             start,
+            valid: valid.iter().map(|path| name_and_hash(path)).collect::<Result<_, _>>()?,
         })
     }
 
@@ -84,19 +90,24 @@ impl Identity {
     }
 }
 
+fn name_and_hash(path: &Path) -> Result<(String, [u8; 32]), DataError> {
+    let mut hasher = blake3::Hasher::new();
+    File::open(path)
+        .and_then(|file| hasher.update_reader(file).map(drop))
+        .map_err(|source| DataError::File { path: path.to_owned(), source })?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok((name.into_owned(), *hasher.finalize().as_bytes()))
+}
+
 /// Why a checkpoint could not be used.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 pub enum CheckpointError {
-    /// The file cannot be read.
-    #[error("{}: cannot read the checkpoint", path.display())]
-    Read {
-        /// The checkpoint.
-        path: PathBuf,
-        /// The error of the file system.
-        source: std::io::Error,
-    },
+    /// The file cannot be read or is damaged.
+    #[error("cannot read the checkpoint")]
+    #[diagnostic(help("start again with --overwrite"))]
+    Seal(#[from] SealError),
     /// The file is no checkpoint of this version.
-    #[error("{}: not a checkpoint of this version of surrogate, or damaged", path.display())]
+    #[error("{}: not a checkpoint of this version of surrogate", path.display())]
     #[diagnostic(help("start again with --overwrite"))]
     Format {
         /// The checkpoint.
@@ -140,7 +151,7 @@ impl Checkpoint {
         write_atomically(path, |temporary| {
             let written = postcard::to_allocvec(self)
                 .map_err(std::io::Error::other)
-                .and_then(|bytes| std::fs::write(temporary, bytes));
+                .and_then(|bytes| std::fs::write(temporary, seal(bytes)));
             written.map_err(|source| {
                 WriteError { path: path.to_owned(), action: "write it", source }.into()
             })
@@ -152,8 +163,7 @@ impl Checkpoint {
     /// # Errors
     /// If there is none, it is damaged, or it belongs to another training.
     pub fn read(path: &Path, identity: &Identity) -> Result<Self, CheckpointError> {
-        let bytes = std::fs::read(path)
-            .map_err(|source| CheckpointError::Read { path: path.to_owned(), source })?;
+        let bytes = read_sealed(path)?;
         let format = || CheckpointError::Format { path: path.to_owned() };
         let read: Self = postcard::from_bytes(&bytes).map_err(|_| format())?;
         if read.magic != MAGIC || read.version != VERSION {
@@ -171,6 +181,9 @@ impl Checkpoint {
         }
         if read.identity.start != identity.start {
             return Err(changed("the weights of `start` have"));
+        }
+        if read.identity.valid != identity.valid {
+            return Err(changed("the validation data have"));
         }
         if read.identity != *identity {
             return Err(changed("the training data have"));

@@ -25,7 +25,7 @@ mod training_loop;
 pub use checkpoint::CheckpointError;
 pub use config::{ConfigError, Data, LossOver, Pushforward, TrainConfig, Validation};
 pub use error::TrainError;
-pub use folder::check_new;
+pub use folder::{check_new, checkpoint_in};
 pub use log::LogError;
 pub use observer::TrainObserver;
 pub use schedule::{Decay, Schedule};

@@ -162,7 +162,7 @@ impl Session {
 
         let pretrained = Pretrained::load(&config)?;
         let hash = pretrained.as_ref().map(|pretrained| pretrained.hash);
-        let identity = Identity::of(&config, &data.set, shard.ranks, hash)?;
+        let identity = Identity::of(&config, &data.set, shard.ranks, hash, &data.files.valid)?;
         if let Some(pretrained) = &pretrained {
             pretrained.check(&config, frame_interval)?;
         }

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use dempm::trajectory::Trajectory;
+use files::{note, out};
 use miette::{Context, IntoDiagnostic, bail};
 
 use crate::difference::{common_times, difference};
@@ -31,17 +32,12 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
     for path in args.runs.iter().chain([&args.reference]) {
         let file = Trajectory::open(path)?;
         if file.status() != "finished" {
-            eprintln!(
-                "{}: not finished ({}), {} frames",
-                path.display(),
-                file.status(),
-                file.frames()
-            );
+            note!("{}: not finished ({}), {} frames", path.display(), file.status(), file.frames());
         }
     }
     let rows = args.runs.iter().map(|run| rows(run, &args.reference));
     let rows: Vec<Vec<String>> = rows.collect::<miette::Result<Vec<_>>>()?.concat();
-    println!("Differences from {}:\n", args.reference.display());
+    out!("Differences from {}:\n", args.reference.display())?;
     let columns = [
         "run",
         "time [s]",
@@ -51,16 +47,16 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
         "centre of mass [m]",
         "kinetic energy",
     ];
-    println!("| {} |", columns.join(" | "));
-    println!("|{}", "---|".repeat(columns.len()));
+    out!("| {} |", columns.join(" | "))?;
+    out!("|{}", "---|".repeat(columns.len()))?;
     for row in rows {
-        println!("| {} |", row.join(" | "));
+        out!("| {} |", row.join(" | "))?;
     }
-    println!(
+    out!(
         "\nThe unit \"box\" is the width of the domain. Front: position of the foremost point. Height\n\
          profile: root mean square difference. Kinetic energy: difference as a fraction of the\n\
          reference's largest."
-    );
+    )?;
     Ok(ExitCode::SUCCESS)
 }
 

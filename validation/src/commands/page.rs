@@ -1,5 +1,6 @@
 //! `validation page`: the page of a report again, without computing anything.
 
+use files::announce;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -22,6 +23,6 @@ pub struct PageArgs {
 pub fn page(args: &PageArgs) -> miette::Result<ExitCode> {
     let (facts, chapters) = read_report(&args.report, chapter_about, section_lead)?;
     write_file(&args.report, "index.html", html::page(&facts, &chapters).as_bytes())?;
-    println!("{}", args.report.join("index.html").display());
+    announce!("{}", args.report.join("index.html").display());
     Ok(ExitCode::SUCCESS)
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use dempm::device::Device;
-use files::{INTERRUPTED, interrupt_flag};
+use files::{INTERRUPTED, announce, interrupt_flag, note};
 use miette::{IntoDiagnostic, bail};
 
 use crate::context::Context;
@@ -89,13 +89,13 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     for planned in planned {
         if !report.compute(planned)? {
             report.context.progress.finish();
-            eprintln!("interrupted; the same command continues");
+            note!("interrupted; the same command continues");
             return Ok(ExitCode::from(INTERRUPTED));
         }
         report.write()?;
     }
     report.context.progress.finish();
-    println!("{}", args.output.join("index.html").display());
+    announce!("{}", args.output.join("index.html").display());
     let all = report.chapters.iter().flat_map(|chapter| &chapter.sections);
     let failed = all.filter(|section| section.computed.as_ref().is_some_and(|c| c.failed));
     let failed: Vec<&str> = failed.map(|section| section.title.as_str()).collect();

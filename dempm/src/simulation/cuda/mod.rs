@@ -1,5 +1,5 @@
-//! A simulation on an NVIDIA GPU. Points, grid and packings stay in device memory from frame to
-//! frame, and macro steps are replayed as a CUDA graph, without work of the host in between.
+//! A simulation on an NVIDIA GPU. Points, grid and packings stay in device memory between frames, and
+//! macro steps are replayed as CUDA graphs without the host.
 
 mod material;
 mod ranked_batch;

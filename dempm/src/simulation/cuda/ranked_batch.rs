@@ -1,7 +1,7 @@
-//! One scene on several GPUs, one process (rank) a GPU. Every rank keeps all material points and
-//! makes the same MPM step; of the packings, where the work is, it advances its slice. Their states
-//! are then gathered, so that all ranks go on with the same numbers: the result does not depend on
-//! the number of ranks by a single bit.
+//! One scene on several GPUs, one process (rank) per GPU. Every rank makes the MPM step of all points and
+//! advances its slice of the packings, where most of the work is. The states of all packings are then
+//! gathered, so that all ranks continue with the same numbers: the result is bitwise independent of the
+//! number of ranks.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,12 +18,12 @@ pub struct RankedRveBatch<R: CudaReal> {
     /// The packings of this rank.
     own: CudaRveBatch<R>,
     range: Range<usize>,
-    /// How many there are on all ranks.
+    /// Packings on all ranks.
     count: usize,
     shared: Option<Shared>,
 }
 
-/// What several ranks exchange in every step, in equal parts.
+/// The data that ranks exchange in every step, in equal parts.
 struct Shared {
     ranks: Arc<Ranks>,
     states: CudaSlice<State>,
@@ -34,7 +34,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
     /// Copies the packings of this rank to its GPU; all of them without `ranks`.
     ///
     /// # Errors
-    /// More ranks than packings, or what [`CudaRveBatch::upload`] says.
+    /// If there are more ranks than packings, or [`CudaRveBatch::upload`] fails.
     pub fn upload(
         device: &Arc<Device>,
         batch: &RveBatch<R>,
@@ -126,7 +126,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
         Ok(Some(batch))
     }
 
-    /// Why a packing failed: its rank tells rank 0, the others know the rank only.
+    /// The reason why a packing failed, known to its rank and to rank 0; other ranks know the rank only.
     ///
     /// # Errors
     /// A failure of a device or of a rank.
@@ -150,7 +150,7 @@ impl<R: CudaReal> RankedRveBatch<R> {
     }
 }
 
-/// What is no failure of a packing.
+/// An error that is not the failure of a packing.
 fn failed(error: impl std::fmt::Display) -> CudaError {
     CudaError::Gpu(gpu::Error::Driver(error.to_string()))
 }

@@ -27,9 +27,9 @@ pub(crate) struct CudaSimulation {
     material: DeviceMaterial,
     /// One step and [`STEPS_PER_GRAPH`] steps.
     graphs: Option<[CudaGraph; 2]>,
-    /// Since when steps are queued beyond those that the CPU knows of.
+    /// When the steps were queued that the CPU does not know of yet.
     ahead: Option<Instant>,
-    /// The step of which the CPU has the material, too.
+    /// The step whose material the CPU has.
     recorded: usize,
     /// Before and after the last step queued outside of a graph.
     events: [CudaEvent; 2],
@@ -39,7 +39,7 @@ impl CudaSimulation {
     /// Copies the simulation of a scene to a GPU.
     ///
     /// # Errors
-    /// When it does not fit or the kernels cannot be compiled.
+    /// If it does not fit into memory or a kernel cannot be compiled.
     pub fn new(
         device: &Arc<Device>,
         solver: &Solver,
@@ -64,11 +64,11 @@ impl CudaSimulation {
         })
     }
 
-    /// Makes `steps` macro steps and copies back what frames are made of; begins with the `next`
-    /// steps, which are those of the next call. Returns the time taken.
+    /// Makes `steps` macro steps, copies back the data of a frame, and queues the `next` steps, which are
+    /// those of the next call. Returns the time of the `steps`.
     ///
     /// # Errors
-    /// When a point leaves the grid or its material fails, as on the CPU.
+    /// If a point leaves the grid or its material fails, as on the CPU.
     pub fn advance(
         &mut self,
         steps: usize,
@@ -112,10 +112,10 @@ impl CudaSimulation {
         Ok(time)
     }
 
-    /// Copies back what only checkpoints need, the state of the material, unless the CPU has it.
+    /// Copies back the state of the material, which only checkpoints need, unless the CPU has it.
     ///
     /// # Errors
-    /// A failure of the GPU.
+    /// If the GPU fails.
     ///
     /// # Panics
     /// If steps beyond `state` are queued.
@@ -133,11 +133,11 @@ impl CudaSimulation {
         Ok(())
     }
 
-    /// Queues macro steps, all but the last one as graphs: that one is timed.
+    /// Queues macro steps: all but the last as graphs, the last one timed.
     fn queue(&mut self, steps: usize) -> Result<(), CudaError> {
         let mut left = steps;
         if left > 1 && self.graphs.is_none() {
-            // Outside of a capture once, so that all kernels are loaded.
+            // Once outside of a capture, so that all kernels are loaded.
             self.solver.queue_step(self.material.as_dyn_mut())?;
             left -= 1;
             self.graphs = Some([self.capture(1)?, self.capture(STEPS_PER_GRAPH)?]);
@@ -163,13 +163,13 @@ impl CudaSimulation {
         stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
         let queued =
             (0..steps).try_for_each(|_| self.solver.queue_step(self.material.as_dyn_mut()));
-        // Ended whatever happened, or the stream is of no use any more.
+        // Always ended: a stream in capture mode is unusable.
         let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
         queued?;
         graph.ok_or_else(|| gpu::Error::Driver("an empty graph".into()).into())
     }
 
-    /// Of the last step.
+    /// Device time of the last step.
     fn time(&self) -> Result<Duration, gpu::Error> {
         elapsed(&self.events)
     }

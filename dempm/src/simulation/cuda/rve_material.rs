@@ -19,7 +19,7 @@ use super::timer::{elapsed, timer};
 use crate::simulation::rve_material::{Batch, RveMaterial, Tally};
 
 cuda_struct! {
-    /// What happened to one packing at the limits of the method, over all steps.
+    /// Counts over all steps of events of one packing at the limits of the method.
     struct DeviceTally {
         free_steps: u64,
         thin_steps: u64,
@@ -68,10 +68,10 @@ pub(super) struct CudaRveMaterial {
     response: Function<RveResponse>,
     volume_per_area: CudaSlice<f64>,
     tally: CudaSlice<DeviceTally>,
-    /// Copies of the states and of what was counted, for a frame.
+    /// Copies of states and counts, for a frame.
     frame_states: PinnedHostSlice<State>,
     frame_tally: PinnedHostSlice<DeviceTally>,
-    /// What was counted before the upload.
+    /// Counts before the upload.
     earlier: Tally,
     overlap_warning: f64,
     /// Before and after the packings in the last step queued outside of a graph.
@@ -138,7 +138,7 @@ impl CudaRveMaterial {
         })
     }
 
-    /// Queues copies of the states of the packings, and of what was counted.
+    /// Queues copies of states and counts.
     pub fn queue_fetch(&mut self) -> Result<(), CudaError> {
         let (stream, states) = (self.device.stream(), &mut self.frame_states);
         with_batch!(&self.batch, batch => stream.memcpy_dtoh(batch.device_states(), states))?;

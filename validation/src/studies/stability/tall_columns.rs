@@ -26,7 +26,7 @@ fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
     let scene = scene_messages::parse(name, text)?;
     let failed = |e: SimulationError| StudyError::Scene { name: name.into(), reason: chain(&e) };
     let mut simulation = Simulation::new(scene).map_err(failed)?;
-    let mut monitor = Monitor::default();
+    let mut monitor = Monitor::new(&simulation);
     let mut fall = Fall {
         said: scene_messages::doubts(text).into_iter().filter(|doubt| !meant(doubt)).collect(),
         error: None,
