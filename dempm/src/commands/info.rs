@@ -1,6 +1,5 @@
 //! `dempm info`: prints a summary of a trajectory file.
 
-use files::print_result;
 use std::fmt::Write;
 use std::path::Path;
 
