@@ -50,8 +50,6 @@ pub enum Promise {
 
 /// Promises that are broken today: their findings are printed, and fail nothing.
 const PENDING: &[Promise] = &[
-    // `dempm element` asks for gigabytes if the discs of `packing` are much larger than its cell.
-    Promise::Memory,
     // A training killed while it gives its last file a name leaves a copy of it.
     Promise::Tidy,
 ];
