@@ -94,6 +94,35 @@ fn a_dumped_packing_can_be_driven() {
     assert!((pressure("make.csv") / pressure("drive.csv") - 1.0).abs() < 0.01);
 }
 
+/// By whatever path and link, and before anything is computed.
+#[test]
+fn inputs_are_never_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let packing = "H,0.1,0,0,0.1\n0.05,0.05,0.04\n";
+    fs::write(path("p.csv"), packing).unwrap();
+    fs::write(path("drive.toml"), format!("packing = \"p.csv\"\n{TEST}")).unwrap();
+    std::os::unix::fs::symlink("p.csv", path("link.csv")).unwrap();
+    let names = ["p.csv", "./p.csv", "link.csv", "drive.toml"];
+    let outputs = names.into_iter().flat_map(|name| [["-o", name], ["--dump-packing", name]]);
+    for words in outputs {
+        let refused = contains("replace its own input").and(contains("packing:").not());
+        element(folder.path()).arg("drive.toml").args(words).assert().failure().stderr(refused);
+    }
+    for words in [
+        ["-o", "a.csv", "--dump-packing", "./a.csv"],
+        ["-o", "b/../a.csv", "--dump-packing", "a.csv"],
+    ] {
+        let refused = contains("two outputs in one file").and(contains("packing:").not());
+        element(folder.path()).arg("drive.toml").args(words).assert().failure().stderr(refused);
+    }
+    // The path's default name.
+    let words = ["drive.toml", "--dump-packing", "drive.csv"];
+    element(folder.path()).args(words).assert().failure().stderr(contains("two outputs"));
+    assert_eq!(fs::read_to_string(path("p.csv")).unwrap(), packing);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
+}
+
 /// Errors name the file and the key.
 #[test]
 fn errors_name_file_and_key() {

@@ -2,7 +2,8 @@
 //!
 //! - [`write_atomically`] and [`AtomicFile`]: a file appears complete under its name, or not at all;
 //! - [`FileLock`]: one process at a time writes a file;
-//! - [`refuse_input`]: an output never replaces what it is made from;
+//! - [`refuse_input`] and [`refuse_same`]: an output never replaces what it is made from, nor another
+//!   output;
 //! - [`OutputFile`]: keeps the system's reason for a failed write;
 //! - [`SealedWriter`] and [`read_sealed`]: a file that is read back shows any damage;
 //! - [`Interrupt`]: Ctrl-C and SIGTERM end a computation in order;
@@ -39,7 +40,7 @@ pub use interrupt::{
 };
 pub use lock::{FileLock, LockError};
 pub use output_file::OutputFile;
-pub use overwrite::{ReplacesInput, is_same, refuse_input};
+pub use overwrite::{ReplacesInput, SameOutput, is_same, refuse_input, refuse_same};
 pub use sealed::{SealError, SealedWriter, read_sealed, seal};
 pub use terminal::{PrintError, print_note, print_result, printable};
 pub use timestamp::utc_now;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dem::element::{Element, Row, Stage, summary};
 use dem::{Packing, Real};
-use files::{check_writable, note, refuse_input, write_text};
+use files::{check_writable, note, refuse_input, refuse_same, write_text};
 use miette::{IntoDiagnostic, miette};
 
 use super::outputs::default_output;
@@ -37,12 +37,18 @@ pub struct ElementArgs {
 pub fn element(args: &ElementArgs) -> miette::Result<()> {
     let test = ElementTest::load(&args.test)?;
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.test, ".csv"));
+    let folder = args.test.parent().unwrap_or(Path::new(""));
     // Before the test, which may take minutes.
-    for path in [Some(&output), args.dump_packing.as_ref()].into_iter().flatten() {
-        refuse_input(path, [&args.test])?;
+    let inputs: Vec<PathBuf> =
+        std::iter::once(args.test.clone()).chain(test.packing_file(folder)).collect();
+    let outputs: Vec<&Path> =
+        std::iter::once(&output).chain(&args.dump_packing).map(PathBuf::as_path).collect();
+    refuse_same(&outputs)?;
+    for path in outputs {
+        refuse_input(path, &inputs)?;
         check_writable(path)?;
     }
-    let packing = test.prepare(args.test.parent().unwrap_or(Path::new("")))?;
+    let packing = test.prepare(folder)?;
     note!("packing: {} discs, solid fraction {:.4}", packing.discs.len(), packing.solid_fraction());
     if let Some(path) = &args.dump_packing {
         write_text(path, &packing_csv(&packing))?;

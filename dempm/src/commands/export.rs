@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use files::{announce, note, refuse_input};
+use files::{announce, note};
 
 use crate::export::{self, write_data_set, write_npz, write_vtk};
 use crate::trajectory::Trajectory;
@@ -46,7 +46,6 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
         Format::Gns => folder_beside(&args.file, "gns"),
         Format::Lagrangebench => folder_beside(&args.file, "lagrangebench"),
     });
-    refuse_input(&output, [&args.file])?;
     match args.to {
         Format::Vtk => write_vtk(&Trajectory::open(&args.file)?, &output)?,
         Format::Npz => write_npz(&Trajectory::open(&args.file)?, &output)?,

@@ -1,15 +1,16 @@
 //! `dempm info`: prints a summary of a trajectory file.
 
-use files::print_result;
 use std::fmt::Write;
 use std::path::Path;
+
+use files::print_result;
 
 use crate::trajectory::{Field, Result, Trajectory};
 
 /// Prints a summary of the trajectory at `path`.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If it cannot be read, or nobody takes the summary.
 pub fn info(path: &Path) -> miette::Result<()> {
     print_result(format_args!("{}", summary(&Trajectory::open(path)?)?))?;
     Ok(())
@@ -106,14 +107,18 @@ fn ranges(trajectory: &Trajectory, text: &mut Text) -> Result<()> {
     for field in trajectory.fields() {
         let components = field.components();
         let mut bounds = vec![[f64::NAN; 2]; components.len()];
-        let mut broken = 0;
+        let (mut broken, mut first) = (0, None);
         for index in 0..trajectory.frames() {
             let values = trajectory.field::<f64>(field, index..index + 1)?;
             for (place, &value) in values.iter().flatten().enumerate() {
                 let [low, high] = &mut bounds[place % components.len()];
                 *low = low.min(value);
                 *high = high.max(value);
-                broken += usize::from(value.is_nan());
+                // Where a point deforms without pressure its inertial number is infinite.
+                if value.is_nan() || value.is_infinite() && field != Field::InertialNumber {
+                    broken += 1;
+                    first.get_or_insert((index, place / components.len()));
+                }
             }
         }
         let megabytes = trajectory.stored_bytes(field) as f64 / 1e6;
@@ -128,12 +133,17 @@ fn ranges(trajectory: &Trajectory, text: &mut Text) -> Result<()> {
             );
             let _ = writeln!(text.0, "{}", line.trim_end());
         }
-        if broken > 0 {
-            let _ = writeln!(text.0, "{:<24}{broken:>14} values are not numbers", "");
+        if let Some((frame, point)) = first {
+            let _ = writeln!(
+                text.0,
+                "{:<24}{broken:>14} values are not finite, the first at frame {frame}, point {point}",
+                ""
+            );
         }
     }
     for (name, values) in trajectory.budget() {
         let bound = |pick: fn(f64, f64) -> f64| number(values.iter().copied().fold(f64::NAN, pick));
+        let name = name.replace(char::is_control, " ");
         let _ = writeln!(text.0, "{name:<24}{:>14}{:>14}", bound(f64::min), bound(f64::max));
     }
     Ok(())
@@ -156,6 +166,7 @@ struct Text(String);
 impl Text {
     fn line(&mut self, name: &str, value: impl std::fmt::Display) {
         // Writing to a string cannot fail.
+        let value = value.to_string().replace(char::is_control, " ");
         let _ = writeln!(self.0, "{name:<14}{value}");
     }
 }

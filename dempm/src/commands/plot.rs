@@ -1,11 +1,11 @@
 //! `dempm plot`: draws or animates a trajectory.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use files::{announce, refuse_input};
+use files::{announce, note, refuse_input, refuse_same};
 use miette::{Report, WrapErr};
 
-use crate::figures::{FigureError, Options, Quantity, Selection, animate, draw};
+use crate::figures::{FigureError, Options, Quantity, Selection, Undrawn, animate, draw};
 use crate::trajectory::Trajectory;
 
 /// The arguments of `dempm plot`.
@@ -60,21 +60,37 @@ pub fn plot(args: &PlotArgs) -> miette::Result<()> {
         return Err(FigureError::Empty { path: args.file.clone() }.into());
     }
     let options = args.options();
-    if let Some(output) = &args.animate {
-        refuse_input(output, [&args.file])?;
-        animate(&trajectory, &options, args.fps, output)
-            .map_err(Report::new)
-            .wrap_err_with(|| format!("cannot write {}", output.display()))?;
-        announce!("{}", output.display());
-    }
     // Without an explicit -o, an animation comes without a figure.
-    if args.animate.is_none() || args.output.is_some() {
-        let output = args.output.clone().unwrap_or_else(|| args.file.with_extension("png"));
-        refuse_input(&output, [&args.file])?;
-        draw(&trajectory, &options, &output)
+    let figure = match (&args.output, &args.animate) {
+        (Some(output), _) => Some(output.clone()),
+        (None, None) => Some(args.file.with_extension("png")),
+        (None, Some(_)) => None,
+    };
+    let outputs: Vec<&Path> =
+        args.animate.iter().chain(figure.as_ref()).map(PathBuf::as_path).collect();
+    refuse_same(&outputs)?;
+    for output in &outputs {
+        refuse_input(output, [&args.file])?;
+    }
+    let told = |output: &Path, undrawn: Result<Undrawn, FigureError>| {
+        let undrawn = undrawn
             .map_err(Report::new)
             .wrap_err_with(|| format!("cannot write {}", output.display()))?;
+        if let Some((frame, point)) = undrawn.first {
+            note!(
+                "{}: {} positions are not finite and not drawn, the first at frame {frame}, point {point}",
+                output.display(),
+                undrawn.count
+            );
+        }
         announce!("{}", output.display());
+        miette::Result::<()>::Ok(())
+    };
+    if let Some(output) = &args.animate {
+        told(output, animate(&trajectory, &options, args.fps, output))?;
+    }
+    if let Some(output) = &figure {
+        told(output, draw(&trajectory, &options, output))?;
     }
     Ok(())
 }

@@ -132,13 +132,18 @@ impl ElementTest {
         self.stage.iter().map(Spanned::get_ref)
     }
 
+    /// The packing file to start from, if there is one; `folder` is that of the test file.
+    pub fn packing_file(&self, folder: &Path) -> Option<PathBuf> {
+        self.packing.as_ref().map(|path| folder.join(path))
+    }
+
     /// The packing at the start of the path, with scaled masses; `folder` is that of the test file.
     ///
     /// # Errors
     /// If the packing cannot be read or consolidated.
     pub fn prepare(&self, folder: &Path) -> Result<Packing<f64>, TestError> {
-        let mut packing = match &self.packing {
-            Some(path) => read_packing(&folder.join(path), &self.rve)?,
+        let mut packing = match self.packing_file(folder) {
+            Some(path) => read_packing(&path, &self.rve)?,
             None => consolidate(&self.rve, self.seed)?,
         };
         packing.scale_mass(self.rve.mass_scale);

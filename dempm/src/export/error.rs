@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use files::WriteError;
+use files::{ReplacesInput, WriteError};
 
 use crate::dataset::DatasetError;
 use crate::trajectory::{TrajectoryError, system_error};
@@ -22,6 +22,25 @@ pub enum ExportError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Dataset(#[from] DatasetError),
+    /// A file to be written is one of the inputs.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    ReplacesInput(#[from] ReplacesInput),
+    /// A position or velocity is no number.
+    #[error("{}: the {field} of point {point} at frame {frame} is not a finite number", path.display())]
+    #[diagnostic(help(
+        "`dempm info` counts such values; the run that made the file has failed there"
+    ))]
+    NotFinite {
+        /// The trajectory file.
+        path: PathBuf,
+        /// Name of the field.
+        field: &'static str,
+        /// The first such frame.
+        frame: usize,
+        /// The first such point in it.
+        point: usize,
+    },
     /// HDF5 cannot write the file.
     #[error("{}: HDF5 cannot write it", path.display())]
     Hdf5 {

@@ -1,6 +1,7 @@
 //! Trajectories and data sets in the formats of other programs.
 
 mod error;
+mod finite;
 mod gns;
 mod lagrangebench;
 mod npy;

@@ -3,19 +3,23 @@
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use files::{OutputFile, write_atomically};
+use files::{OutputFile, refuse_input, write_atomically};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::error::ExportError;
+use super::finite::check_finite;
 use super::npy::npy_header;
 use crate::trajectory::{Field, Trajectory};
 
 /// Writes all arrays of a trajectory as `.npz`.
 ///
 /// # Errors
-/// If the trajectory cannot be read or the file cannot be written.
+/// If the trajectory cannot be read, has positions or velocities that are no numbers, or is itself
+/// `output`, or the file cannot be written.
 pub fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
+    refuse_input(output, [trajectory.path()])?;
+    check_finite(trajectory)?;
     write_atomically(output, |temporary| {
         let at = ExportError::at(output);
         let mut file = OutputFile::create(temporary).map_err(&at)?;

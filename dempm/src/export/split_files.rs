@@ -1,8 +1,11 @@
 //! Data sets for learned simulators: one file for each split, and `metadata.json`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use files::{ReplacesInput, refuse_input};
 
 use super::error::ExportError;
+use super::finite::check_finite;
 use super::{gns, lagrangebench};
 use crate::dataset::{DataSet, Metadata, Split};
 use crate::trajectory::Trajectory;
@@ -16,18 +19,43 @@ pub enum Format {
     Lagrangebench,
 }
 
+/// Refuses a folder in which a file of the data set would be replaced, or that is the data set's own.
+fn refuse_inputs(
+    source: &Path,
+    set: &DataSet,
+    folder: &Path,
+    format: Format,
+) -> Result<(), ReplacesInput> {
+    if source.is_dir() {
+        let splits = set.splits.iter().map(|(split, _)| source.join(split.name()));
+        refuse_input(folder, splits.chain([source.to_owned()]))?;
+    }
+    let inputs: Vec<&PathBuf> = set.splits.iter().flat_map(|(_, files)| files).collect();
+    let ending = match format {
+        Format::Gns => "npz",
+        Format::Lagrangebench => "h5",
+    };
+    let names = set.splits.iter().map(|(split, _)| format!("{}.{ending}", split.name()));
+    for name in names.chain(["metadata.json".to_owned()]) {
+        refuse_input(&folder.join(name), &inputs)?;
+    }
+    Ok(())
+}
+
 /// Writes each split of a data set, or one trajectory as a training set, and `metadata.json` to
 /// `folder`. Returns the number of trajectories with obstacles or a plate, which these formats cannot
 /// hold, for each split that has any.
 ///
 /// # Errors
-/// If a trajectory cannot be read or is not finished, or a file cannot be written.
+/// If a trajectory cannot be read, is not finished or has positions or velocities that are no numbers,
+/// `folder` is that of the data set, or a file cannot be written.
 pub fn write(
     source: &Path,
     folder: &Path,
     format: Format,
 ) -> Result<Vec<(Split, usize)>, ExportError> {
     let set = DataSet::open(source)?;
+    refuse_inputs(source, &set, folder, format)?;
     let metadata = Metadata::of(&set)?;
     let mut lost = Vec::new();
     for (split, files) in &set.splits {
@@ -35,8 +63,12 @@ pub fn write(
             files.iter().map(|file| Trajectory::open(file)).collect::<Result<Vec<_>, _>>()?;
         // The shortest first: some readers take its length for that of all.
         trajectories.sort_by_key(Trajectory::frames);
-        let boxes = trajectories.iter().filter(|t| !matches!(t.boxes(0..1), Ok(b) if b.is_empty()));
-        let boxes = boxes.count();
+        trajectories.iter().try_for_each(check_finite)?;
+        let mut boxes = 0;
+        for trajectory in &trajectories {
+            let first = 0..trajectory.frames().min(1);
+            boxes += usize::from(trajectory.boxes(first)?.shape()[1] > 0);
+        }
         if boxes > 0 {
             lost.push((*split, boxes));
         }

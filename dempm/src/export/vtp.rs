@@ -4,23 +4,31 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use files::write_atomically;
+use files::{refuse_input, write_atomically};
 
 use super::error::ExportError;
+use super::finite::check_finite;
 use crate::trajectory::{Field, Frame, Points, Trajectory};
 
 /// Writes `output` (.pvd) and the folder `NAME_frames` of its frames beside it.
 ///
 /// # Errors
-/// If the trajectory cannot be read or a file cannot be written.
+/// If the trajectory cannot be read, has positions or velocities that are no numbers, or is itself
+/// among the files to write, or a file cannot be written.
 pub fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     let folder = format!("{stem}_frames");
+    let frame_file = |index: usize| format!("{folder}/{index:05}.vtp");
+    refuse_input(output, [trajectory.path()])?;
+    for index in 0..trajectory.frames() {
+        refuse_input(&output.with_file_name(frame_file(index)), [trajectory.path()])?;
+    }
+    check_finite(trajectory)?;
     let mut series = String::from(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n",
     );
     for (index, time) in trajectory.time().iter().enumerate() {
-        let name = format!("{folder}/{index:05}.vtp");
+        let name = frame_file(index);
         let frame = vtp(&trajectory.frame(index)?, trajectory.points());
         put(&output.with_file_name(&name), &frame)?;
         // Writing to a string cannot fail.

@@ -16,6 +16,7 @@ use super::options::Options;
 use super::panels::panels;
 use super::quantity::Evaluator;
 use super::select;
+use super::undrawn::Undrawn;
 use super::view::View;
 use crate::trajectory::Trajectory;
 
@@ -26,7 +27,8 @@ const LAST_FRAME: u16 = 200;
 /// Frames that determine the range of the colours.
 const SAMPLES: usize = 60;
 
-/// Writes an animation of the selected frames, by default all: a GIF, or an MP4 by ffmpeg.
+/// Writes an animation of the selected frames, by default all: a GIF, or an MP4 by ffmpeg. Returns the
+/// points left out.
 ///
 /// # Errors
 /// If a frame or its field is missing, ffmpeg fails or the file cannot be written.
@@ -35,7 +37,7 @@ pub fn animate(
     options: &Options,
     fps: u32,
     output: &Path,
-) -> Result<(), FigureError> {
+) -> Result<Undrawn, FigureError> {
     let is_gif = match output.extension().and_then(|suffix| suffix.to_str()) {
         Some("gif") => true,
         Some("mp4") => false,
@@ -43,7 +45,7 @@ pub fn animate(
     };
     let chosen = select::frames(trajectory, &options.frames)?
         .unwrap_or_else(|| (0..trajectory.frames()).collect());
-    let figure = layout(trajectory, options, &chosen)?;
+    let (figure, undrawn) = layout(trajectory, options, &chosen)?;
     write_atomically(output, |temporary| {
         if is_gif {
             let mut palette = Palette::new(figure.scale());
@@ -61,24 +63,29 @@ pub fn animate(
             draw_all(trajectory, options, &figure, &chosen, |image| ffmpeg.push(image))?;
             ffmpeg.finish()
         }
-    })
+    })?;
+    Ok(undrawn)
 }
 
-/// A layout for one panel in which all frames fit.
+/// A layout for one panel in which all frames fit, and the points that it leaves out.
 fn layout(
     trajectory: &Trajectory,
     options: &Options,
     chosen: &[usize],
-) -> Result<Figure, FigureError> {
+) -> Result<(Figure, Undrawn), FigureError> {
     let mut view = View::EMPTY;
+    let mut undrawn = Undrawn::default();
     for &index in chosen {
-        view.include(&trajectory.frame(index)?);
+        let frame = trajectory.frame(index)?;
+        view.include(&frame);
+        undrawn.add(index, &frame);
     }
     let samples: Vec<usize> =
         select::evenly(chosen.len(), SAMPLES).into_iter().map(|place| chosen[place]).collect();
     let samples = panels(trajectory, options.quantity, &samples)?;
     let width = options.width.unwrap_or(960);
-    Ok(Figure::with_view(trajectory.header(), options, &samples, view, 1, width))
+    let figure = Figure::with_view(trajectory.header(), options, &samples, view, 1, width);
+    Ok((figure, undrawn))
 }
 
 /// Draws frames on all cores and passes the images on in order.

@@ -8,11 +8,14 @@ use plot::{
 use super::error::FigureError;
 use super::options::Options;
 use super::quantity::{Evaluator, Quantity};
+use super::undrawn::is_drawn;
 use super::view::View;
 use crate::trajectory::{Frame, Header};
 
 const WALL: RGBColor = RGBColor(70, 70, 70);
 const BOX: RGBColor = RGBColor(196, 196, 196);
+/// Characters of a title that are looked at: more than fit into the widest figure.
+const MOST_TITLE: usize = 512;
 
 /// A frame and the values of its colours.
 pub(super) struct Panel {
@@ -24,6 +27,10 @@ impl Panel {
     pub(super) fn new(frame: Frame, evaluator: &Evaluator) -> Self {
         let values = evaluator.values(&frame);
         Self { frame, values }
+    }
+
+    pub(super) fn frame(&self) -> &Frame {
+        &self.frame
     }
 }
 
@@ -70,7 +77,7 @@ impl Figure {
         let log = options.log && classes.is_none();
         let signed = options.quantity.is_signed() && !log;
         Self {
-            title: header.title.clone(),
+            title: header.title.replace(char::is_control, " "),
             quantity: options.quantity,
             walls: header.walls.clone(),
             point_spacing: header.point_spacing,
@@ -104,11 +111,12 @@ impl Figure {
         Ok(canvas.finish())
     }
 
+    /// Draws as much of the title as fits.
     fn draw_title(&self, pen: &Pen<'_, '_>) -> Result<(), PenError> {
         let layout = &self.layout;
         let size = 1.25 * layout.font;
         let room = layout.width - layout.left - layout.font;
-        let mut title = self.title.clone();
+        let mut title: String = self.title.chars().take(MOST_TITLE).collect();
         while pen.text_width(&title, size) > room && title.pop().is_some() {
             if pen.text_width(&format!("{title}…"), size) <= room {
                 title.push('…');
@@ -138,7 +146,7 @@ impl Figure {
 
         let radius = 0.5 * self.point_spacing * layout.scale;
         for (&position, &value) in std::iter::zip(&panel.frame.position, &panel.values) {
-            if position.iter().all(|x| x.is_finite()) {
+            if is_drawn(&position) {
                 pen.disc(place(position), radius.max(0.75), self.scale.colour(value))?;
             }
         }

@@ -8,6 +8,7 @@ mod options;
 mod panels;
 mod quantity;
 mod select;
+mod undrawn;
 mod view;
 
 pub use animation::animate;
@@ -15,3 +16,4 @@ pub use error::FigureError;
 pub use options::{Options, Selection};
 pub use panels::draw;
 pub use quantity::Quantity;
+pub use undrawn::Undrawn;

@@ -9,6 +9,7 @@ use super::figure::{Figure, Panel};
 use super::options::Options;
 use super::quantity::{Evaluator, Quantity};
 use super::select;
+use super::undrawn::Undrawn;
 use crate::trajectory::Trajectory;
 
 /// Panels of a figure by default.
@@ -16,11 +17,15 @@ const PANELS: usize = 4;
 /// Most panels of a figure.
 const MOST_PANELS: usize = 64;
 
-/// Writes a PNG of the selected frames, by default four over the whole run.
+/// Writes a PNG of the selected frames, by default four over the whole run. Returns the points left out.
 ///
 /// # Errors
 /// If a frame or its field is missing or the file cannot be written.
-pub fn draw(trajectory: &Trajectory, options: &Options, output: &Path) -> Result<(), FigureError> {
+pub fn draw(
+    trajectory: &Trajectory,
+    options: &Options,
+    output: &Path,
+) -> Result<Undrawn, FigureError> {
     if output.extension().is_some_and(|suffix| !suffix.eq_ignore_ascii_case("png")) {
         return Err(FigureError::FigureFormat { path: output.to_owned() });
     }
@@ -38,8 +43,13 @@ pub fn draw(trajectory: &Trajectory, options: &Options, output: &Path) -> Result
     let image = figure.draw(&panels)?;
     // The temporary name has no suffix that tells the format.
     write_atomically(output, |temporary| {
-        Ok(image.save_with_format(temporary, image::ImageFormat::Png)?)
-    })
+        Ok::<_, FigureError>(image.save_with_format(temporary, image::ImageFormat::Png)?)
+    })?;
+    let mut undrawn = Undrawn::default();
+    for (&index, panel) in std::iter::zip(&chosen, &panels) {
+        undrawn.add(index, panel.frame());
+    }
+    Ok(undrawn)
 }
 
 /// Reads frames and evaluates the quantity in them.

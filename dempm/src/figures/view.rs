@@ -1,5 +1,6 @@
 //! The window of space that a picture shows.
 
+use super::undrawn::is_drawn;
 use crate::trajectory::{Frame, Header};
 
 /// A rectangle in metres.
@@ -16,7 +17,7 @@ impl View {
 
     /// Grows the view to where the material of a frame is.
     pub(super) fn include(&mut self, frame: &Frame) {
-        for &[x, y] in frame.position.iter().filter(|x| x[0].is_finite() && x[1].is_finite()) {
+        for &[x, y] in frame.position.iter().filter(|x| is_drawn(x)) {
             self.x = [self.x[0].min(x), self.x[1].max(x)];
             self.y = [self.y[0].min(y), self.y[1].max(y)];
         }

@@ -3,12 +3,12 @@
 use super::log::Log;
 use super::model::{Rectangle, Scene};
 use super::problem::Problem;
+use super::range::MAX_CELLS;
 
 /// Tolerance of lengths, relative to a cell or spacing.
 const TOLERANCE: f64 = 1.0e-6;
 /// More points than any machine holds RVEs for: a wrong cell size must not take all memory.
 const MAX_POINTS: f64 = 1.0e7;
-const MAX_CELLS: f64 = 1.0e8;
 /// Bodies are compared pair by pair.
 const MAX_BODIES: usize = 1000;
 

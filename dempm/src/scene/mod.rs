@@ -21,7 +21,7 @@ pub(crate) mod parameters;
 mod plausibility;
 mod points;
 mod problem;
-mod range;
+pub(crate) mod range;
 mod read;
 mod reader;
 mod stability;

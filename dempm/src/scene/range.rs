@@ -1,9 +1,20 @@
 //! Limits of numbers.
 
+/// Longest side of a domain, m.
+pub(crate) const LENGTH: f64 = 1.0e5;
+/// Most gravity along an axis, m/s².
+pub(crate) const GRAVITY: f64 = 1.0e3;
+/// Longest simulated time, s.
+pub(crate) const TIME: f64 = 1.0e5;
+/// Most cells of the background grid: a wrong cell size must not take all memory.
+pub(crate) const MAX_CELLS: f64 = 1.0e8;
+/// Most material points per cell along each direction.
+pub(crate) const MAX_POINTS_PER_CELL: usize = 8;
+
 /// The numbers that a key may have. Limits are wide: they exclude wrong units, typing errors and numbers
 /// that would overflow.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Limits {
+pub(crate) struct Limits {
     low: f64,
     low_included: bool,
     high: f64,
@@ -13,22 +24,22 @@ pub(super) struct Limits {
 }
 
 /// Above zero and at most `high`.
-pub(super) const fn positive(high: f64, unit: &'static str) -> Limits {
+pub(crate) const fn positive(high: f64, unit: &'static str) -> Limits {
     Limits { low: 0.0, low_included: false, high, unit, hint: "", example: high }
 }
 
 /// From `low` to `high`, both included.
-pub(super) const fn between(low: f64, high: f64, unit: &'static str) -> Limits {
+pub(crate) const fn between(low: f64, high: f64, unit: &'static str) -> Limits {
     Limits { low, low_included: true, high, unit, hint: "", example: high }
 }
 
 /// Zero or more, at most `high`.
-pub(super) const fn from_zero(high: f64, unit: &'static str) -> Limits {
+pub(crate) const fn from_zero(high: f64, unit: &'static str) -> Limits {
     between(0.0, high, unit)
 }
 
 /// Of either sign, at most `high` in size.
-pub(super) const fn within(high: f64, unit: &'static str) -> Limits {
+pub(crate) const fn within(high: f64, unit: &'static str) -> Limits {
     between(-high, high, unit)
 }
 

@@ -10,12 +10,12 @@ use super::model::{
 };
 use super::parameters;
 use super::problem::Problem;
-use super::range::{Limits, between, from_zero, positive, within};
+use super::range::{
+    GRAVITY, LENGTH, Limits, MAX_POINTS_PER_CELL, TIME, between, from_zero, positive, within,
+};
 use super::reader::Table;
 use crate::trajectory::Field;
 
-/// Longer than any domain that two dimensions of grains make sense for.
-const LENGTH: f64 = 1.0e5;
 const POSITION: Limits = within(LENGTH, "m").with_example(0.0);
 const SIZE: Limits = positive(LENGTH, "m").with_example(1.0);
 const SPEED: Limits = within(1.0e3, "m/s");
@@ -44,14 +44,14 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
         text: text.to_owned(),
         title: root.text("title", stem(name)),
         seed: root.integer("seed", 1, between(0.0, u32::MAX as f64, "")),
-        gravity: root.vector("gravity", Some([0.0, -9.81]), within(1.0e3, "m/s²")),
-        duration: root.number("duration", None, positive(1.0e5, "s").with_example(3.0)),
+        gravity: root.vector("gravity", Some([0.0, -9.81]), within(GRAVITY, "m/s²")),
+        duration: root.number("duration", None, positive(TIME, "s").with_example(3.0)),
         step: root.number(
             "step",
             Some(1.0e-4),
             positive(1.0, "s").with_hint("seconds: 0.1 ms is 1.0e-4"),
         ),
-        frame_interval: root.number("frame_interval", Some(0.01), positive(1.0e5, "s")),
+        frame_interval: root.number("frame_interval", Some(0.01), positive(TIME, "s")),
         domain: domain(&root),
         columns: columns(&root),
         obstacles: root.tables("obstacle", |table| {
@@ -87,7 +87,11 @@ fn domain(root: &Table<'_>) -> Domain {
     let domain = Domain {
         size: table.vector("size", None, SIZE),
         cell: table.number("cell", Some(0.125), positive(LENGTH, "m")),
-        points_per_cell: table.integer("points_per_cell", 2, between(1.0, 8.0, "points")) as usize,
+        points_per_cell: table.integer(
+            "points_per_cell",
+            2,
+            between(1.0, MAX_POINTS_PER_CELL as f64, "points"),
+        ) as usize,
         walls: faces(&table, "walls", WALLS),
     };
     table.finish();
@@ -113,7 +117,7 @@ fn plate(root: &Table<'_>) -> Option<Plate> {
     let plate = Plate {
         place: rectangle(&table, None),
         velocity: table.vector("velocity", None, SPEED.with_example(-0.1)),
-        start: table.number("start", Some(0.0), from_zero(1.0e5, "s")),
+        start: table.number("start", Some(0.0), from_zero(TIME, "s")),
         faces: faces(&table, "faces", BOX_FACES),
     };
     let given = table.is_given();

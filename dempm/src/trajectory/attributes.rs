@@ -32,7 +32,12 @@ pub(super) fn write_scalar<T: H5Type>(place: &Location, name: &str, value: &T) -
 }
 
 fn remove(place: &Location, name: &str) -> hdf5::Result<()> {
-    if place.attr(name).is_ok() { place.delete_attr(name) } else { Ok(()) }
+    if has(place, name)? { place.delete_attr(name) } else { Ok(()) }
+}
+
+/// Whether there is an attribute of that name.
+pub(super) fn has(place: &Location, name: &str) -> hdf5::Result<bool> {
+    Ok(place.attr_names()?.iter().any(|other| other == name))
 }
 
 /// Reads a text attribute: of fixed length as written here, or of variable length as h5py writes it.

@@ -64,6 +64,16 @@ pub enum TrajectoryError {
         /// What it should have been.
         expected: String,
     },
+    /// A number that cannot be.
+    #[error("{}: {item} {problem}", path.display())]
+    Value {
+        /// The trajectory file.
+        path: PathBuf,
+        /// The attribute or dataset.
+        item: String,
+        /// The number, and what it has to be.
+        problem: String,
+    },
     /// A frame that the file does not have.
     #[error("{}: there is no frame {frame}; the file has {frames} (0 is the first)", path.display())]
     NoSuchFrame {

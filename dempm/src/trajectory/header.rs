@@ -7,6 +7,7 @@ use ndarray::ArrayView1;
 
 use super::attributes::{read_all, read_pair, read_scalar, read_text, write_scalar, write_text};
 use super::layout::{FORMAT, FORMAT_VERSION, new_group};
+use super::links;
 
 /// A description of the run: enough to repeat it and to interpret its numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -92,7 +93,7 @@ impl Header {
         let number =
             |name: &str| read_scalar::<f64>(root, name).map_err(|error| (name.to_owned(), error));
         let pair = |name: &str| read_pair(root, name).map_err(|error| (name.to_owned(), error));
-        let group = |name: &str| root.group(name).map_err(|error| (name.to_owned(), error));
+        let group = |name: &str| links::group(root, name).map_err(|error| (name.to_owned(), error));
         Ok(Self {
             title: text("title")?,
             scene: text("scene")?,

@@ -7,14 +7,16 @@ use std::path::{Path, PathBuf};
 use hdf5::{Dataset, File, H5Type};
 use ndarray::{Array3, ArrayD};
 
-use super::attributes::{read_all, read_scalar, read_text};
+use super::attributes::{has, read_all, read_scalar, read_text};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, Points};
 use super::header::Header;
+use super::header_limits::implausible;
 use super::layout::{
     BOXES, BUDGET, COLUMN, FORMAT, FORMAT_VERSION, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS,
     frame_selection, unlocked,
 };
+use super::links;
 
 /// Deflate compresses at most 1032 times. A file that claims more is damaged, and allocating the claimed
 /// memory would abort the program.
@@ -60,34 +62,36 @@ impl Trajectory {
 
         let source = Source { path, file: &file, size };
         let mut header = Header::read(&file).map_err(located)?;
-        header.walls = source
-            .find(WALLS)
-            .map(|dataset| source.rows::<f64, 4>(&dataset?, WALLS))
-            .transpose()?
-            .unwrap_or_default();
+        if let Some(dataset) = source.find(WALLS)? {
+            header.walls = source.rows::<f64, 4>(&dataset, WALLS)?;
+        }
+        if let Some((item, problem)) = implausible(&header) {
+            return Err(source.value_error(item, problem));
+        }
         let points =
             Points { mass: source.whole(MASS, None)?, column: source.whole(COLUMN, None)? };
         source.expect_length(COLUMN, points.column.len(), points.mass.len())?;
         let time: Vec<f64> = source.whole(TIME, None)?;
+        source.check_numbers(&points.mass, &time)?;
 
         let mut fields = Vec::new();
         for field in Field::ALL {
-            if Field::OPTIONAL.contains(&field) && !file.link_exists(field.name()) {
-                continue;
-            }
-            let dataset = source.open(field.name())?;
+            let dataset = match source.find(field.name())? {
+                Some(dataset) => dataset,
+                None if Field::OPTIONAL.contains(&field) => continue,
+                None => source.open(field.name())?,
+            };
             let shape = field.shape(time.len(), points.mass.len());
             source.expect_shape(field.name(), &dataset, &shape)?;
             fields.push((field, dataset));
         }
-        let boxes = source.find(BOXES).transpose()?;
+        let boxes = source.find(BOXES)?;
         if let Some(dataset) = &boxes {
             let count = dataset.shape().get(1).copied().unwrap_or(0);
             source.expect_shape(BOXES, dataset, &[time.len(), count, 4])?;
         }
         let mut budget = BTreeMap::new();
-        let names = file
-            .group(BUDGET)
+        let names = links::group(&file, BUDGET)
             .and_then(|group| group.member_names())
             .map_err(TrajectoryError::at(path, BUDGET))?;
         for name in names {
@@ -95,13 +99,11 @@ impl Trajectory {
             budget.insert(name, values);
         }
         let status = read_text(&file, "status").map_err(TrajectoryError::at(path, "status"))?;
-        let names = file.attr_names().map_err(TrajectoryError::at(path, WARNINGS))?;
-        let warnings = names
-            .iter()
-            .any(|name| name == WARNINGS)
-            .then(|| read_text(&file, WARNINGS).map_err(TrajectoryError::at(path, WARNINGS)))
-            .transpose()?;
-        let wall_time = file.group(WALL_TIME).map_err(TrajectoryError::at(path, WALL_TIME))?;
+        let warnings = has(&file, WARNINGS)
+            .and_then(|has| has.then(|| read_text(&file, WARNINGS)).transpose())
+            .map_err(TrajectoryError::at(path, WARNINGS))?;
+        let wall_time =
+            links::group(&file, WALL_TIME).map_err(TrajectoryError::at(path, WALL_TIME))?;
         let wall_time = read_all(&wall_time, read_scalar).map_err(located)?;
         Ok(Self {
             path: path.to_owned(),
@@ -322,7 +324,12 @@ impl Trajectory {
 
 /// Refuses other HDF5 files and trajectories of later formats.
 fn check_format(path: &Path, file: &File) -> Result<()> {
-    if read_text(file, "format").ok().as_deref() != Some(FORMAT) {
+    // Damage must not pass for another kind of file.
+    let format = match has(file, "format").map_err(TrajectoryError::at(path, "the attributes"))? {
+        true => read_text(file, "format").map_err(TrajectoryError::at(path, "format"))?,
+        false => String::new(),
+    };
+    if format != FORMAT {
         return Err(TrajectoryError::NotATrajectory { path: path.to_owned() });
     }
     let version: u64 =
@@ -351,7 +358,8 @@ struct Source<'a> {
 
 impl Source<'_> {
     fn open(&self, name: &str) -> Result<Dataset> {
-        let dataset = self.file.dataset(name).map_err(TrajectoryError::at(self.path, name))?;
+        let dataset =
+            links::dataset(self.file, name).map_err(TrajectoryError::at(self.path, name))?;
         let bytes = dataset
             .shape()
             .iter()
@@ -364,8 +372,37 @@ impl Source<'_> {
         Ok(dataset)
     }
 
-    fn find(&self, name: &str) -> Option<Result<Dataset>> {
-        self.file.link_exists(name).then(|| self.open(name))
+    /// Opens a dataset that may be absent.
+    fn find(&self, name: &str) -> Result<Option<Dataset>> {
+        match links::exists(self.file, name).map_err(TrajectoryError::at(self.path, name))? {
+            true => self.open(name).map(Some),
+            false => Ok(None),
+        }
+    }
+
+    /// Refuses masses that are not above zero, and times that do not follow each other.
+    fn check_numbers(&self, mass: &[f64], time: &[f64]) -> Result<()> {
+        if let Some(point) = mass.iter().position(|m| !(*m > 0.0 && m.is_finite())) {
+            let problem = format!("of point {point} is {} kg/m, it must be above 0", mass[point]);
+            return Err(self.value_error(MASS, problem));
+        }
+        let follows = |&frame: &usize| {
+            time[frame].is_finite() && (frame == 0 || time[frame] > time[frame - 1])
+        };
+        match (0..time.len()).find(|frame| !follows(frame)) {
+            Some(frame) => {
+                let problem = format!(
+                    "of frame {frame} is {} s, it must be later than the frame before",
+                    time[frame]
+                );
+                Err(self.value_error(TIME, problem))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn value_error(&self, item: &str, problem: String) -> TrajectoryError {
+        TrajectoryError::Value { path: self.path.to_owned(), item: item.to_owned(), problem }
     }
 
     /// Reads a one-dimensional dataset.

@@ -10,6 +10,7 @@ use hdf5::{Extents, File, Group, H5Type, Hyperslab, SliceOrIndex};
 use ndarray::{Array1, Array2, ArrayView1};
 
 use super::layout::{COLUMN, Field, MASS, TIME, new_group};
+use super::links;
 
 pub(super) const GROUP: &str = "VTKHDF";
 
@@ -18,7 +19,7 @@ const VERSION: [i64; 2] = [2, 0];
 
 /// Writes `/VTKHDF` for a file with `frames` frames, replacing an older one.
 pub(super) fn write(file: &File, frames: usize, points: usize) -> hdf5::Result<()> {
-    if file.link_exists(GROUP) {
+    if links::exists(file, GROUP)? {
         file.unlink(GROUP)?;
     }
     if frames == 0 {
@@ -38,7 +39,7 @@ pub(super) fn write(file: &File, frames: usize, points: usize) -> hdf5::Result<(
     let mut series = vec![Field::Velocity.name()];
     map.create::<f64>(&data, Field::Velocity.name(), Field::Velocity, &[(0, 0), (1, 1)], Some(3))?;
     for field in Field::OPTIONAL {
-        if !file.link_exists(field.name()) {
+        if !links::exists(file, field.name())? {
             continue;
         }
         if field == Field::Stress {

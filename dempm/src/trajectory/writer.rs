@@ -12,10 +12,12 @@ use super::attributes::{write_scalar, write_text};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::header::Header;
+use super::header_limits::implausible;
 use super::layout::{
     BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, create_growing,
     new_group, set_frames, unlocked, write_frames, write_whole,
 };
+use super::links;
 use super::reader::Trajectory;
 use super::vtk;
 use super::write_through::WriteThrough;
@@ -73,6 +75,11 @@ impl TrajectoryWriter {
                 points.mass.len(),
                 points.column.len()
             )));
+        }
+        // Nobody could open it.
+        if let Some((item, problem)) = implausible(header) {
+            let (path, item) = (path.to_owned(), item.to_owned());
+            return Err(TrajectoryError::Value { path, item, problem });
         }
         write_atomically(path, |temporary| {
             let file = WriteThrough::create(temporary, version_110)
@@ -272,14 +279,14 @@ impl TrajectoryWriter {
     fn create_chosen(&self, file: &File, shape: &FrameShape) -> hdf5::Result<()> {
         // A resume before the first frame may find those of an earlier attempt.
         for field in Field::OPTIONAL {
-            if file.link_exists(field.name()) {
+            if links::exists(file, field.name())? {
                 file.unlink(field.name())?;
             }
             if shape.fields.contains(&field.name()) {
                 create_growing::<f32>(file, field.name(), &field.shape(0, self.points)[1..])?;
             }
         }
-        if file.link_exists(BOXES) {
+        if links::exists(file, BOXES)? {
             file.unlink(BOXES)?;
         }
         if shape.boxes > 0 {
@@ -381,8 +388,10 @@ fn for_each_growing<E>(
     for name in file.group(BUDGET)?.member_names()? {
         names.push(format!("{BUDGET}/{name}"));
     }
-    for name in names.iter().filter(|name| file.link_exists(name)) {
-        if let Err(error) = act(&file.dataset(name)?, name) {
+    for name in &names {
+        if links::exists(file, name)?
+            && let Err(error) = act(&file.dataset(name)?, name)
+        {
             return Ok(Err(error));
         }
     }

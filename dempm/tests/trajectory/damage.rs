@@ -4,30 +4,35 @@ use std::error::Error as _;
 use std::fs;
 use std::path::Path;
 
-use dempm::trajectory::{Trajectory, TrajectoryError, TrajectoryWriter};
+use dempm::trajectory::{Header, Trajectory, TrajectoryError, TrajectoryWriter};
 use proptest::prelude::*;
 use tempfile::tempdir;
 
 use crate::synthetic::Collapse;
 
-/// Reads all there is. Any error will do; a panic or worse will not.
-fn read_all(path: &Path) -> Result<(), TrajectoryError> {
-    let trajectory = Trajectory::open(path)?;
-    for index in 0..trajectory.frames() {
-        trajectory.frame(index)?;
+/// Reads all there is, as text. Any error will do; a panic or worse will not.
+fn read_all(path: &Path) -> Result<String, TrajectoryError> {
+    let t = Trajectory::open(path)?;
+    // Debug text, as absent boxes are NaN; the shortest decimals tell all other numbers apart.
+    let mut text = format!("{:?}", (t.header(), t.points(), t.time(), t.status()));
+    text += &format!("{:?}", (t.budget(), t.wall_time(), t.fields().collect::<Vec<_>>()));
+    for index in 0..t.frames() {
+        text += &format!("{:?}", t.frame(index)?);
     }
-    Ok(())
+    Ok(text)
 }
 
 fn intact() -> Vec<u8> {
     let directory = tempdir().unwrap();
     let path = directory.path().join("run.h5");
-    Collapse::new(3).write(&path, 3);
+    // The same bytes in every run of the tests.
+    let header = Header { created: String::new(), ..Collapse::new(3).header() };
+    Collapse::new(3).write_with(&path, &header, 3);
     fs::read(&path).unwrap()
 }
 
 /// What reading `bytes` as a file gives.
-fn outcome(bytes: &[u8]) -> Result<(), TrajectoryError> {
+fn outcome(bytes: &[u8]) -> Result<String, TrajectoryError> {
     let directory = tempdir().unwrap();
     let path = directory.path().join("damaged.h5");
     fs::write(&path, bytes).unwrap();
@@ -52,7 +57,7 @@ fn other_files_are_named_in_the_error() {
 }
 
 /// Opens a good file, spoils it with `spoil` and reports what reading says then.
-fn spoiled(spoil: impl FnOnce(&hdf5::File)) -> String {
+pub fn spoiled(spoil: impl FnOnce(&hdf5::File)) -> String {
     let directory = tempdir().unwrap();
     let path = directory.path().join("spoiled.h5");
     fs::write(&path, intact()).unwrap();
@@ -92,6 +97,28 @@ fn a_file_cut_short_is_refused() {
     let bytes = intact();
     for length in (0..bytes.len()).step_by(97) {
         assert!(outcome(&bytes[..length]).is_err(), "accepted at {length} bytes");
+    }
+}
+
+/// Wherever a byte changes, the file is refused, or the byte was in a gap and nothing read has changed.
+#[test]
+fn a_changed_byte_is_an_error_or_changes_nothing() {
+    /// The headers of the file and of the groups that are made first.
+    const METADATA: usize = 2500;
+    let bytes = intact();
+    let whole = outcome(&bytes).unwrap();
+    let mut random = 0x9e37_79b9_7f4a_7c15_u64;
+    for place in 0..bytes.len() {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        if place > METADATA && (random >> 57) > 11 {
+            continue;
+        }
+        let mut damaged = bytes.clone();
+        damaged[place] ^= ((random >> 33) % 255) as u8 + 1;
+        match outcome(&damaged) {
+            Ok(read) => assert!(read == whole, "byte {place} changes what is read, silently"),
+            Err(error) => assert!(error.to_string().contains("damaged.h5"), "{error}"),
+        }
     }
 }
 

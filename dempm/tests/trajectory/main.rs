@@ -1,5 +1,6 @@
 //! The trajectory file and what is made of it.
 
+mod crafted;
 mod damage;
 mod formats;
 #[cfg(unix)]

@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use assert_cmd::cargo::cargo_bin_cmd;
 use clap::Parser;
 use dempm::commands::export::{ExportArgs, export};
 use dempm::commands::info::info;
 use dempm::commands::plot::{PlotArgs, plot};
+use dempm::trajectory::{Header, TrajectoryWriter};
 use tempfile::{TempDir, tempdir};
 
 use crate::python;
@@ -37,8 +39,15 @@ fn run_plot(path: &Path, options: &[&str]) -> miette::Result<()> {
 }
 
 fn run_export(path: &Path, format: &str) {
-    let words = ["export", path.to_str().unwrap(), "--to", format];
-    export(&Export::try_parse_from(words).unwrap().args).unwrap();
+    try_export(path, format, None).unwrap();
+}
+
+fn try_export(path: &Path, format: &str, output: Option<&Path>) -> miette::Result<()> {
+    let mut words = vec!["export", path.to_str().unwrap(), "--to", format];
+    if let Some(output) = output {
+        words.extend(["-o", output.to_str().unwrap()]);
+    }
+    export(&Export::try_parse_from(words).unwrap().args)
 }
 
 #[test]
@@ -110,8 +119,7 @@ fn what_cannot_be_drawn_is_explained() {
     let bare = directory.path().join("bare.h5");
     let collapse = Collapse::new(3);
     let mut writer =
-        dempm::trajectory::TrajectoryWriter::create(&bare, &collapse.header(), &collapse.points())
-            .unwrap();
+        TrajectoryWriter::create(&bare, &collapse.header(), &collapse.points()).unwrap();
     writer.commit().unwrap();
     assert!(format!("{:?}", run_plot(&bare, &[]).unwrap_err()).contains("no frames"));
     let mut frame = collapse.frame(0);
@@ -129,8 +137,7 @@ fn points_lost_to_nan_do_not_stop_a_picture() {
     let path = directory.path().join("lost.h5");
     let collapse = Collapse::new(4);
     let mut writer =
-        dempm::trajectory::TrajectoryWriter::create(&path, &collapse.header(), &collapse.points())
-            .unwrap();
+        TrajectoryWriter::create(&path, &collapse.header(), &collapse.points()).unwrap();
     let mut frame = collapse.frame(3);
     frame.position[0] = [f64::NAN; 2];
     frame.position[1] = [f64::INFINITY, 1e300];
@@ -141,7 +148,81 @@ fn points_lost_to_nan_do_not_stop_a_picture() {
     for options in [&[][..], &["--log"], &["--field", "displacement"]] {
         run_plot(&path, options).unwrap();
     }
-    info(&path).unwrap();
+    let words = |command: &str| {
+        let output = cargo_bin_cmd!("dempm").arg(command).arg(&path).assert().success();
+        let output = output.get_output();
+        String::from_utf8([&output.stdout[..], &output.stderr[..]].concat()).unwrap()
+    };
+    let (told, seen) = (words("info"), words("plot"));
+    let first = "the first at frame 0, point 0";
+    assert!(told.contains(&format!("3 values are not finite, {first}")), "{told}");
+    assert!(seen.contains(&format!("2 positions are not finite and not drawn, {first}")), "{seen}");
+    for format in ["npz", "vtk", "gns", "lagrangebench"] {
+        // The formats of data sets take finished runs only.
+        let mut writer = TrajectoryWriter::resume(&path, 1).unwrap();
+        writer.set_wall_time("rve", 1.0);
+        writer.finish("finished").unwrap();
+        let error = try_export(&path, format, None).unwrap_err().to_string();
+        let named = "the position of point 0 at frame 0 is not";
+        assert!(error.contains(named), "{error}");
+    }
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 2, "an export was begun");
+}
+
+#[test]
+fn a_long_title_costs_no_time() {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("title.h5");
+    let title = "\u{1b}]0;owned\u{7}\n".to_owned() + &"i".repeat(60_000);
+    let header = Header { title, ..Collapse::new(4).header() };
+    Collapse::new(4).write_with(&path, &header, 2);
+    let begin = std::time::Instant::now();
+    run_plot(&path, &[]).unwrap();
+    assert!(begin.elapsed().as_secs() < 10, "{:?}", begin.elapsed());
+    let info = cargo_bin_cmd!("dempm").arg("info").arg(&path).assert().success();
+    let text = String::from_utf8(info.get_output().stdout.clone()).unwrap();
+    assert!(text.contains("\nscene         "), "{text}");
+    assert!(!text.contains(['\u{1b}', '\u{7}']) && !text.contains("\niii"));
+}
+
+/// By whatever path and link, nothing that is read is written to, nor one output over another.
+#[test]
+fn inputs_are_never_replaced() {
+    let (directory, path) = trajectory();
+    let at = |name: &str| directory.path().join(name);
+    std::os::unix::fs::symlink(&path, at("link.png")).unwrap();
+    std::fs::create_dir(at("x_frames")).unwrap();
+    let as_frame = at("x_frames/00003.vtp");
+    std::fs::hard_link(&path, &as_frame).unwrap();
+    std::fs::create_dir_all(at("set/train")).unwrap();
+    let case = at("set/train/train.h5");
+    std::fs::copy(&path, &case).unwrap();
+    let before = std::fs::read(&path).unwrap();
+
+    let explained = |result: miette::Result<()>| {
+        let report = result.unwrap_err().to_string();
+        assert!(report.contains("replace its own input"), "{report}");
+    };
+    explained(run_plot(&path, &["-o", at("link.png").to_str().unwrap()]));
+    explained(run_plot(&path, &["--animate", path.to_str().unwrap()]));
+    explained(try_export(&path, "npz", Some(&at("./run.h5"))));
+    explained(try_export(&as_frame, "vtk", Some(&at("x.pvd"))));
+    for format in ["gns", "lagrangebench"] {
+        for folder in ["set", "set/train", "./set/../set"] {
+            explained(try_export(&at("set"), format, Some(&at(folder))));
+        }
+    }
+    explained(try_export(&case, "lagrangebench", Some(&at("set/train"))));
+    let film = at("film.gif");
+    std::os::unix::fs::symlink(&film, at("film.png")).unwrap();
+    let picture = at("film.png");
+    let words = ["--animate", film.to_str().unwrap(), "-o", picture.to_str().unwrap()];
+    let report = run_plot(&path, &words).unwrap_err().to_string();
+    assert!(report.contains("two outputs in one file"), "{report}");
+
+    assert!(std::fs::read(&path).unwrap() == before && std::fs::read(&case).unwrap() == before);
+    assert_eq!(std::fs::read_dir(at("set")).unwrap().count(), 1);
+    assert!(!film.exists());
 }
 
 #[test]

@@ -95,7 +95,12 @@ impl Collapse {
 
     /// Writes `frames` frames, evenly over the collapse.
     pub fn write(&self, path: &Path, frames: usize) {
-        let mut writer = TrajectoryWriter::create(path, &self.header(), &self.points()).unwrap();
+        self.write_with(path, &self.header(), frames);
+    }
+
+    /// As [`write`](Self::write), with another header.
+    pub fn write_with(&self, path: &Path, header: &Header, frames: usize) {
+        let mut writer = TrajectoryWriter::create(path, header, &self.points()).unwrap();
         for index in 0..frames {
             writer.push(self.frame(index * (FRAMES - 1) / (frames - 1).max(1))).unwrap();
         }
