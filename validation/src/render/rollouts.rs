@@ -132,7 +132,7 @@ pub fn snapshots(rollout: &Rollout) -> miette::Result<Option<Block>> {
     let images: Vec<_> = pairs.pairs.iter().map(|(_, p, t)| view.draw(&p.position, t)).collect();
     let times: Vec<String> = pairs.pairs.iter().map(|(time, ..)| format!("{time:.2}")).collect();
     let caption = format!(
-        "At {} s, row by row. Grey: the truth. Coloured: predicted points, by their squared distance \
+        "At {} s, row by row. Grey: the solver. Coloured: predicted points, by their squared distance \
          from the truth (box width 1), from {:.0e} and below (dark blue) to {:.0e} and above (dark \
          red); each colour spans half a decade.",
         times.join(", "),
@@ -153,7 +153,7 @@ pub fn animation(rollout: &Rollout) -> miette::Result<Option<Figure>> {
     }
     let pairs = Pairs::read(&rollout.output, &rollout.truth, MOST_PICTURES)?;
     let title = format!("{} on {}, animated", rollout.model, rollout.case);
-    let caption = "Grey: the truth. Coloured: predicted points, from blue (close to the truth) over \
+    let caption = "Grey: the solver. Coloured: predicted points, from blue (close to the solver) over \
                    yellow to red (far from it).";
     Ok(Some(Figure::new(title, pairs.animated()?, caption)))
 }
