@@ -108,6 +108,27 @@ struct Metadata {
     format: u32,
     config: ModelConfig,
     extra: BTreeMap<String, String>,
+    /// [`digest`] of all else; none in files of other programs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    hash: Option<String>,
+}
+
+impl Metadata {
+    /// BLAKE3 hash (hexadecimal) of the other metadata and of name, type, shape and bytes of every
+    /// tensor, in the order of their names.
+    fn digest(
+        &self,
+        mut tensors: Vec<(&str, Dtype, &[usize], &[u8])>,
+    ) -> serde_json::Result<String> {
+        tensors.sort_unstable_by_key(|tensor| tensor.0);
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(serde_json::to_string(&(self.format, &self.config, &self.extra))?.as_bytes());
+        for (name, dtype, shape, bytes) in tensors {
+            hasher.update(format!("{name} {dtype:?} {shape:?}").as_bytes());
+            hasher.update(bytes);
+        }
+        Ok(hasher.finalize().to_hex().to_string())
+    }
 }
 
 /// Writes a weights file, in place: to survive a crash, write to a temporary name and rename.
@@ -122,9 +143,7 @@ pub fn save<B: Backend>(
     normalisation: &Normalisation,
     extra: BTreeMap<String, String>,
 ) -> Result<(), WeightsError> {
-    let metadata = Metadata { format: FORMAT, config: config.clone(), extra };
-    let json = serde_json::to_string(&metadata)
-        .map_err(|e| WeightsError::Metadata { path: path.into(), reason: e.to_string() })?;
+    let mut metadata = Metadata { format: FORMAT, config: config.clone(), extra, hash: None };
     let mut collect = Collect::default();
     model.visit(&mut collect);
     let mut tensors = collect.tensors;
@@ -135,6 +154,11 @@ pub fn save<B: Backend>(
         let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         tensors.push(Stored { name, dtype: Dtype::F64, shape: vec![values.len()], bytes });
     }
+    let parts = tensors.iter().map(|t| (&*t.name, t.dtype, &*t.shape, &*t.bytes)).collect();
+    let unwritable =
+        |e: serde_json::Error| WeightsError::Metadata { path: path.into(), reason: e.to_string() };
+    metadata.hash = Some(metadata.digest(parts).map_err(unwritable)?);
+    let json = serde_json::to_string(&metadata).map_err(unwritable)?;
     let format = |source| WeightsError::Format { path: path.into(), source };
     let views = tensors
         .iter()
@@ -167,16 +191,18 @@ pub fn load<B: Backend>(
     if metadata.format != FORMAT {
         return Err(file.metadata(format!("format {}, not {FORMAT}", metadata.format)));
     }
-    let config = metadata.config;
+    let config = metadata.config.clone();
     config.validate().map_err(|source| WeightsError::Config { path: path.into(), source })?;
     let normalisation = file.normalisation(&config)?;
     file.check_size(&config)?;
     let mut fill = Fill { names: Names::default(), file: &file, error: None };
     let model = Model::new(&config, 0, device).map(&mut fill);
-    match fill.error {
-        Some(error) => Err(error),
-        None => Ok((model, config, normalisation, metadata.extra)),
+    if let Some(error) = fill.error {
+        return Err(error);
     }
+    // Last: what else is wrong says more.
+    file.check_hash(&metadata)?;
+    Ok((model, config, normalisation, metadata.extra))
 }
 
 /// The normalisation as tensors: unlike JSON, they keep every bit of float64.
@@ -308,6 +334,20 @@ struct File<'a> {
 impl<'a> File<'a> {
     fn metadata(&self, reason: String) -> WeightsError {
         WeightsError::Metadata { path: self.path.into(), reason }
+    }
+
+    /// Checks the hash, if the file has one.
+    fn check_hash(&self, metadata: &Metadata) -> Result<(), WeightsError> {
+        let Some(expected) = &metadata.hash else { return Ok(()) };
+        let tensors: Vec<_> = self.tensors.iter().collect();
+        let parts = tensors.iter().map(|(name, t)| (*name, t.dtype(), t.shape(), t.data()));
+        let parts = parts.collect();
+        match metadata.digest(parts) {
+            Ok(found) if found == *expected => Ok(()),
+            _ => Err(self.metadata(
+                "damaged, or changed by another program, which has to leave out `hash`".into(),
+            )),
+        }
     }
 
     /// Checks the number of parameters before anything of the network's size is allocated.

@@ -53,13 +53,16 @@ pub fn check_new(
     }
 }
 
-/// Creates `folder` and keeps other trainings out of it until the lock is dropped.
+/// Creates `folder` and keeps other trainings out of it until the lock is dropped. Removes what a killed
+/// training has left.
 ///
 /// # Errors
 /// If another training holds it, or no file can be written.
 pub fn lock(folder: &Path) -> Result<FileLock, TrainError> {
-    FileLock::take(&checkpoint_in(folder))
-        .map_err(|source| TrainError::Folder { folder: folder.to_owned(), source })
+    let lock = FileLock::take(&checkpoint_in(folder))
+        .map_err(|source| TrainError::Folder { folder: folder.to_owned(), source })?;
+    FILES.iter().for_each(|name| lock.remove_leftovers_of(&folder.join(name)));
+    Ok(lock)
 }
 
 /// Removes the files of an old training from `folder`.

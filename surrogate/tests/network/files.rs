@@ -37,6 +37,25 @@ fn bits<B: Backend>(model: &Model<B>) -> Vec<u32> {
     bits.0
 }
 
+/// Any flipped bit is found: in the header, in the metadata and in the tensors.
+#[test]
+fn damaged_weights_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    saved(&path, &small("baseline"));
+    let whole = std::fs::read(&path).unwrap();
+    let header = 8 + u64::from_le_bytes(whole[..8].try_into().unwrap()) as usize;
+    let places = (0..header).step_by(7).chain((header..whole.len()).step_by(whole.len() / 200));
+    for place in places {
+        let mut damaged = whole.clone();
+        damaged[place] ^= 1 << (place % 8);
+        std::fs::write(&path, damaged).unwrap();
+        assert!(load(&path).is_err(), "byte {place} of {}", whole.len());
+    }
+    std::fs::write(&path, whole).unwrap();
+    load(&path).unwrap();
+}
+
 #[rstest]
 fn weights_survive_a_file_to_the_bit(
     #[values("baseline", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
