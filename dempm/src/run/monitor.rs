@@ -155,7 +155,8 @@ impl Monitor {
         let full = scene.domain.points_per_cell.pow(2);
         let crowded = soundness::crowding(&frame.position, scene.domain.cell, full);
         let projected = scalar(frame, "points_projected");
-        let held = soundness::held_at_walls(self.projected, projected, scene.steps_per_frame());
+        let (steps, all) = (scene.steps_per_frame(), frame.position.len());
+        let held = soundness::held_at_walls(self.projected, projected, steps, all);
         self.projected = projected;
         let kinds =
             [(grown, &mut self.energy), (crowded, &mut self.crowded), (held, &mut self.held)];
