@@ -109,6 +109,8 @@ fn place(
     }
     let device = device.open_for_rank(local_rank).into_diagnostic()?;
     let scene = blake3::hash(scene.text.as_bytes());
-    let ranks = Ranks::join(environment, &device, scene.as_bytes())?;
+    let ranks = Ranks::join(environment, &device, scene.as_bytes(), |ranks| {
+        note!("waiting for {ranks}");
+    })?;
     Ok(Place { device: Some(device), ranks: Some(Arc::new(ranks)) })
 }

@@ -149,11 +149,16 @@ impl Beginning {
 
 impl Session {
     /// Opens the data, joins the other processes, sets the device up and starts to
-    /// prepare batches. Nothing is written.
+    /// prepare batches. Nothing is written. A long wait for others is reported to `waiting` as by
+    /// [`rendezvous`](gpu::ranks::rendezvous).
     ///
     /// # Errors
     /// If data, checkpoint, pretrained model, device or other processes do not allow the training.
-    pub fn open(config: TrainConfig, options: &SessionOptions) -> Result<Self, TrainError> {
+    pub fn open(
+        config: TrainConfig,
+        options: &SessionOptions,
+        waiting: impl FnOnce(&str),
+    ) -> Result<Self, TrainError> {
         let environment = Environment::read()?;
         let shard = Shard { rank: environment.rank, ranks: environment.size };
         let model = config.model();
@@ -175,7 +180,7 @@ impl Session {
         let beginning = Beginning::find(options, &config, &identity, pretrained.as_ref())?;
         let step = beginning.step();
         let fingerprint = identity.fingerprint(step, device.is_some());
-        let (ranks, gpus) = ranks::join(environment, device.as_ref(), &fingerprint)?;
+        let (ranks, gpus) = ranks::join(environment, device.as_ref(), &fingerprint, waiting)?;
         let points = config.batch * data.most_points();
         let mut backend = Backend::new(device.as_ref(), gpus, &model, &config, points)?;
         if let Some(state) = beginning.state
