@@ -12,7 +12,7 @@ use super::backend::{Backend, BackendBatch, open_device};
 use super::checkpoint::{Checkpoint, Identity};
 use super::config::TrainConfig;
 use super::error::TrainError;
-use super::folder::{checkpoint_in, clear, lock};
+use super::folder::{checkpoint_in, clear, lock, refuse_inputs};
 use super::input::InputSpec;
 use super::log::Log;
 use super::pretrained::{Lineage, Pretrained};
@@ -22,7 +22,7 @@ use crate::cuda::CudaError;
 use crate::data::{DataFolder, DataSet, Examples, Prefetch, Recipe, Shard, WindowShape};
 use crate::diagnostics::TrainingRange;
 use crate::network::parameters::weights;
-use crate::network::{ModelConfig, Precision};
+use crate::network::{Initialisation, ModelConfig, Precision};
 use crate::rollout::InitialFrames;
 use crate::simulator::{Simulator, Training};
 
@@ -163,6 +163,13 @@ impl Session {
         let shard = Shard { rank: environment.rank, ranks: environment.size };
         let model = config.model();
         let data = OpenedData::open(&config, &model, &options.data)?;
+        let start = match &config.start {
+            Initialisation::Weights(path) => Some(path),
+            Initialisation::Random | Initialisation::Identity => None,
+        };
+        let files = data.files.train.iter().chain(&data.files.valid);
+        let inputs: Vec<&PathBuf> = files.chain([&options.config_file]).chain(start).collect();
+        refuse_inputs(&options.folder, &inputs)?;
         let frame_interval = data.set.frame_interval();
 
         let pretrained = Pretrained::load(&config)?;
