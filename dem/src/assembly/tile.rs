@@ -366,7 +366,7 @@ fn integrate<R: Real>(
             let resistance = [mass, mass, inertia].map(|m| m * step.drag);
             for (k, velocity) in [old.u[0], old.u[1], old.w].into_iter().enumerate() {
                 let resisting = f[k] - damp(f[k], velocity, alpha) + resistance[k] * velocity;
-                f[k] = f[k] - resisting;
+                f[k] -= resisting;
                 lost += resisting * velocity;
             }
         }
@@ -380,6 +380,6 @@ fn integrate<R: Real>(
         sum += speed2 + new.w * new.w;
         sums.damping += lost;
     }
-    let finite = (sum - sum) == zero;
+    let finite = sum.to_f64().is_finite();
     sums.fastest = if finite { fastest.sqrt() } else { R::from_f64(f64::NAN) };
 }
