@@ -292,6 +292,19 @@ fn a_folder_that_is_not_there_is_refused() {
 }
 
 #[test]
+fn a_report_does_not_go_into_the_folders_that_it_reads() {
+    let directory = TempDir::new().unwrap();
+    fixture(directory.path());
+    for into in [["-o", "data"], ["-o", "models"], ["--work", "./data"]] {
+        let given = ["--data", "data", "--models", "models", "--only", PAPER];
+        let output = report(directory.path(), &[&given[..], &into].concat());
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success(), "{into:?}");
+        assert!(error.contains("would replace its own input"), "{error}");
+    }
+}
+
+#[test]
 fn a_section_that_there_is_not_is_refused() {
     let directory = TempDir::new().unwrap();
     let output = report(directory.path(), &["--only", "table 7,scalling"]);

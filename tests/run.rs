@@ -160,11 +160,21 @@ fn nothing_is_overwritten_by_accident() {
     plot.arg("plot").args(kept);
     let mut export = dempm(directory.path());
     export.args(["export", "--to", "npz"]).args(kept);
-    for command in [&mut into_scene, &mut plot, &mut export] {
+    let [checkpoint, list] =
+        ["other.h5.ckpt", "scenes.csv"].map(|name| directory.path().join(name));
+    std::fs::copy(&scene, &checkpoint).unwrap();
+    let mut into_checkpoint = dempm(directory.path());
+    into_checkpoint.arg("run").arg(&checkpoint).args(["-o", "other.h5", "--overwrite"]);
+    let name = scene.file_name().unwrap().to_str().unwrap();
+    std::fs::write(&list, format!("scene = {name:?}\n[[train]]\n")).unwrap();
+    let mut dataset = dempm(directory.path());
+    dataset.arg("dataset").arg(&list).args(["-o", "."]);
+    for command in [&mut into_scene, &mut plot, &mut export, &mut into_checkpoint, &mut dataset] {
         let error = fails(command, 1);
         assert!(error.contains("would replace its own input"), "{error}");
     }
     assert_eq!(text, std::fs::read(&scene).unwrap());
+    assert_eq!(text, std::fs::read(&checkpoint).unwrap());
     Trajectory::open(&directory.path().join("kept.h5")).unwrap();
 }
 

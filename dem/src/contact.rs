@@ -46,11 +46,34 @@ impl<R: Real> ContactLaw<R> {
         }
     }
 
+    /// Normal and tangential force (N) of a contact after one step, from its overlap (m), its normal and
+    /// tangential velocity (m/s), its dashpot (kg/s), its tangential force before, and its friction.
+    #[inline(always)]
+    pub(crate) fn forces(
+        &self,
+        overlap: R,
+        [vn, vt]: [R; 2],
+        dashpot: R,
+        tangential: R,
+        friction: R,
+    ) -> [R; 2] {
+        // The dashpot must not pull: f_n >= 0.
+        let normal = (self.normal_stiffness * overlap - dashpot * vn).max(R::default());
+        let limit = friction * normal;
+        let trial = tangential - self.tangential_stiffness * self.dt * vt;
+        [normal, trial.max(-limit).min(limit)]
+    }
+
     /// Normal dashpot of a pair (kg/s): $2 \zeta \sqrt{m_\text{eff} k_n}$ with
     /// $m_\text{eff} = m_i m_j / (m_i + m_j)$.
     pub fn dashpot(&self, a: &Disc<R>, b: &Disc<R>) -> R {
         let two = R::from_f64(2.0);
         two * self.damping_ratio * (self.normal_stiffness / (a.inv_mass + b.inv_mass)).sqrt()
+    }
+
+    /// Normal dashpot of a disc and a rigid body (kg/s), with the mass of the disc.
+    pub(crate) fn body_dashpot(&self, disc: &Disc<R>) -> R {
+        R::from_f64(2.0) * self.damping_ratio * (self.normal_stiffness / disc.inv_mass).sqrt()
     }
 }
 
@@ -185,7 +208,6 @@ fn evaluate<R: Real>(
     let zero = R::default();
     let half = R::from_f64(0.5);
     let one = R::from_f64(1.0);
-    let spring = law.tangential_stiffness * law.dt;
     let Forces { on_disc, touching, branch } = forces;
     on_disc.clear();
     on_disc.resize(discs.len(), [zero; 4]);
@@ -227,10 +249,8 @@ fn evaluate<R: Real>(
             let vn = vx * nx + vy * ny;
             let vt = vy * nx - vx * ny - arm_i * wi[k] - arm_j * wj[k];
 
-            // The dashpot must not pull: f_n >= 0.
-            let normal = (law.normal_stiffness * overlap - dashpot[k] * vn).max(zero);
-            let limit = law.friction * normal;
-            let ft = (tangential[k] - spring * vt).max(-limit).min(limit);
+            let [normal, ft] =
+                law.forces(overlap, [vn, vt], dashpot[k], tangential[k], law.friction);
             tangential[k] = ft;
 
             fx[k] = normal * nx - ft * ny;

@@ -62,7 +62,7 @@ pub fn integrate<R: Real>(
 /// Local damping (Cundall 1987): a force that speeds a disc up is reduced by the fraction `alpha`, one that slows it
 /// down is raised by it.
 #[inline(always)]
-fn damp<R: Real>(force: R, velocity: R, alpha: R) -> R {
+pub(crate) fn damp<R: Real>(force: R, velocity: R, alpha: R) -> R {
     let power = force * velocity;
     if power > R::default() {
         force - alpha * force

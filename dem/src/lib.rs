@@ -24,6 +24,7 @@
 
 #![warn(missing_docs)]
 
+pub mod assembly;
 mod batch;
 pub mod cell;
 mod contact;

@@ -32,7 +32,7 @@ pub trait Real:
     + 'static
 {
     /// Fixed-point fraction of a cell period.
-    type Fraction: Copy + Debug + Default + PartialEq + Send + Sync + Serialize + DeserializeOwned;
+    type Fraction: Copy + Debug + Default + PartialOrd + Send + Sync + Serialize + DeserializeOwned;
 
     /// Name as written in scene files and outputs.
     const NAME: &'static str;

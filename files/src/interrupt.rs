@@ -78,16 +78,6 @@ impl Interrupt {
     }
 }
 
-/// Handles the signals with a flag alone.
-///
-/// # Errors
-/// If the process already has a handler.
-pub fn interrupt_flag() -> Result<Arc<AtomicBool>, InterruptError> {
-    let interrupt = Interrupt::install()?;
-    std::mem::forget(interrupt.guard());
-    Ok(interrupt.requested)
-}
-
 /// A section of work that ends in order after a request to stop; see [`Interrupt`].
 #[derive(Debug)]
 pub struct Guard(Arc<AtomicUsize>);

@@ -35,9 +35,7 @@ pub use atomic::{
     AtomicFile, WriteError, check_writable, path_beside, write_atomically, write_text,
 };
 pub use csv::csv_cell;
-pub use interrupt::{
-    Guard, INTERRUPTED, Interrupt, InterruptError, interrupt_flag, report_size_limits_as_errors,
-};
+pub use interrupt::{Guard, INTERRUPTED, Interrupt, InterruptError, report_size_limits_as_errors};
 pub use lock::{FileLock, LockError};
 pub use output_file::OutputFile;
 pub use overwrite::{ReplacesInput, SameOutput, is_same, refuse_input, refuse_same};

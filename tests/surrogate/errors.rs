@@ -71,6 +71,16 @@ fn errors_name_the_file_and_what_is_wrong() {
         &fails(surrogate(here).args(short).args(into)),
         &["last.safetensors", "the output would replace its own input"],
     );
+    std::fs::create_dir(here.join("tables")).unwrap();
+    std::fs::copy(here.join("run/last.safetensors"), here.join("tables/summary.csv")).unwrap();
+    let eval = ["eval", "tables/summary.csv", "--data", "data/valid", "-o", "tables"];
+    let replaces = "summary.csv: the output would replace its own input";
+    expect(&fails(surrogate(here).args(eval)), &[replaces]);
+    std::fs::copy(&good, here.join("tables/log.csv")).unwrap();
+    let mut command = train(here, &here.join("tables/log.csv"), "tables");
+    let replaces = "log.csv: the output would replace its own input";
+    expect(&fails(command.arg("--overwrite")), &[replaces]);
+    assert_eq!(model, std::fs::read(here.join("tables/summary.csv")).unwrap());
     let eval = ["eval", "run/last.safetensors", "--data", "data/test", "--frames", "2", "--record"];
     std::fs::create_dir(data.join("test")).unwrap();
     std::fs::copy(data.join("valid/between.h5"), data.join("test/between.h5")).unwrap();

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use files::{INTERRUPTED, Interrupt, announce, note, print_result};
+use files::{INTERRUPTED, Interrupt, announce, note, print_result, refuse_input};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Report, bail};
 
@@ -52,6 +52,10 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     let all = dataset::cases(&args.scenes)?;
     dataset::check_intervals(&all, &args.scenes)?;
     let selected = dataset::select(&all, &args.only, &args.scenes)?;
+    let tables = ["scenes.csv", "metadata.json"].map(|name| args.output.join(name));
+    for output in tables.into_iter().chain(selected.iter().map(|case| case.file(&args.output))) {
+        refuse_input(&output, [&args.scenes])?;
+    }
     let selection = args.device.select_all().into_diagnostic()?;
     report_device(&selection, verbose);
     let usual = if selection.gpus.is_empty() { 1 } else { JOBS_ON_A_GPU };

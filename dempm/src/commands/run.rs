@@ -14,7 +14,7 @@ use super::outputs::default_output;
 use super::progress::SceneProgress;
 use super::summary::summary;
 use crate::device::Device;
-use crate::run::{Options, Outcome, checkpoint_interval, run_scene};
+use crate::run::{Options, Outcome, checkpoint, checkpoint_interval, run_scene};
 use crate::scene::{Material, Scene};
 
 /// Arguments of `dempm run`.
@@ -52,7 +52,9 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         note!("{report:?}");
     }
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.scene, ".h5"));
-    refuse_input(&output, [&args.scene])?;
+    for path in [&output, &checkpoint::path_beside(&output)] {
+        refuse_input(path, [&args.scene])?;
+    }
     let Place { device, ranks } = place(&scene, args.device, &environment, verbose)?;
     let bars = MultiProgress::new();
     if !is_first {
@@ -109,6 +111,8 @@ fn place(
     }
     let device = device.open_for_rank(local_rank).into_diagnostic()?;
     let scene = blake3::hash(scene.text.as_bytes());
-    let ranks = Ranks::join(environment, &device, scene.as_bytes())?;
+    let ranks = Ranks::join(environment, &device, scene.as_bytes(), |ranks| {
+        note!("waiting for {ranks}");
+    })?;
     Ok(Place { device: Some(device), ranks: Some(Arc::new(ranks)) })
 }

@@ -5,7 +5,9 @@ use plot::{
     Anchor, Canvas, ColourScale, INK, Pen, PenError, RGBColor, Range, minus, tick_texts, ticks,
 };
 
+use super::colour_bar::draw_colour_bar;
 use super::error::FigureError;
+use super::layout::Layout;
 use super::options::Options;
 use super::quantity::{Evaluator, Quantity};
 use super::undrawn::is_drawn;
@@ -106,7 +108,7 @@ impl Figure {
             for (index, panel) in panels.iter().enumerate() {
                 self.draw_panel(pen, index, panels.len(), panel)?;
             }
-            self.draw_bar(pen)
+            draw_colour_bar(pen, &self.layout, &self.scale, self.quantity)
         })?;
         Ok(canvas.finish())
     }
@@ -207,85 +209,6 @@ impl Figure {
         }
         Ok(())
     }
-
-    fn draw_bar(&self, pen: &Pen<'_, '_>) -> Result<(), PenError> {
-        let layout = &self.layout;
-        let (font, thin) = (layout.font, 0.06 * layout.font);
-        let range = self.scale.range;
-        let (left, top) = (layout.left, layout.bar_top);
-        let (right, bottom) = (left + layout.bar_width, layout.bar_top + 1.1 * font);
-        let steps = layout.bar_width.ceil() as usize;
-        for step in 0..steps {
-            let part = [step, step + 1].map(|s| s as f64 / steps as f64);
-            let x = part.map(|part| left + part * layout.bar_width);
-            let colour = self.scale.at(0.5 * (part[0] + part[1]));
-            pen.rectangle([[x[0], top], [x[1], bottom]], colour)?;
-        }
-        // Arrowheads where values go on beyond the colours.
-        let (middle, tip) = (0.5 * (top + bottom), 0.8 * font);
-        let mut outline = vec![[left, top], [right, top]];
-        if range.cut[1] {
-            let corners = [[right, top], [right + tip, middle], [right, bottom]];
-            pen.polygon(&corners, self.scale.at(1.0))?;
-            outline.push([right + tip, middle]);
-        }
-        outline.extend([[right, bottom], [left, bottom]]);
-        if range.cut[0] {
-            let corners = [[left, top], [left - tip, middle], [left, bottom]];
-            pen.polygon(&corners, self.scale.at(0.0))?;
-            outline.push([left - tip, middle]);
-        }
-        outline.push([left, top]);
-        pen.line(&outline, thin, INK)?;
-
-        let (name, unit) = self.quantity.label();
-        // Thousands of pascals are easier to read as kilopascals.
-        let kilo = unit == "Pa" && !self.scale.log && range.low.abs().max(range.high) >= 2000.0;
-        let factor = if kilo { 1e-3 } else { 1.0 };
-        for (fraction, text) in self.bar_ticks(factor) {
-            let x = left + fraction * layout.bar_width;
-            pen.line(&[[x, bottom], [x, bottom + 0.3 * font]], thin, INK)?;
-            pen.text(&text, [x, bottom + 0.45 * font], 0.9 * font, Anchor::Below)?;
-        }
-        let label = match (unit, kilo) {
-            ("", _) => name.to_owned(),
-            (_, true) => format!("{name} (k{unit})"),
-            (_, false) => format!("{name} ({unit})"),
-        };
-        let x = right + 2.2 * font;
-        pen.text(&label, [x, middle], font, Anchor::Left)?;
-        let note = match range.cut {
-            [false, false] => None,
-            [true, true] => Some("colours from the 1st to the 99th percentile"),
-            [true, false] => Some("colours begin at the 1st percentile"),
-            [false, true] => Some("colours end at the 99th percentile"),
-        };
-        if let Some(note) = note {
-            pen.text(note, [x, middle + 1.35 * font], 0.75 * font, Anchor::Left)?;
-        }
-        Ok(())
-    }
-
-    /// Ticks of the colour bar: where they are, from 0 to 1, and their text.
-    fn bar_ticks(&self, factor: f64) -> Vec<(f64, String)> {
-        let Range { low, high, .. } = self.scale.range;
-        let wanted = (self.layout.bar_width / (4.5 * self.layout.font)).min(8.0);
-        if let Some(classes) = self.scale.classes {
-            let every = (classes as f64 / wanted).ceil().max(1.0) as usize;
-            let at = |class: usize| (self.scale.range.fraction(class as f64), class.to_string());
-            return (0..classes).step_by(every).map(at).collect();
-        }
-        if self.scale.log {
-            return log_ticks(low, high, wanted)
-                .into_iter()
-                .map(|(logarithm, text)| (self.scale.range.fraction(logarithm), text))
-                .collect();
-        }
-        let ticks = ticks(factor * low, factor * high, wanted);
-        let texts = tick_texts(&ticks);
-        let at = |tick: &f64| self.scale.range.fraction(tick / factor);
-        std::iter::zip(ticks.iter().map(at), texts).collect()
-    }
 }
 
 /// Decimals of a time: hundredths of a second, or finer if needed.
@@ -295,125 +218,9 @@ fn decimals(time: f64) -> usize {
         .unwrap_or(5) as usize
 }
 
-/// Powers of ten between two logarithms; over less than two decades, round multiples of them.
-fn log_ticks(low: f64, high: f64, wanted: f64) -> Vec<(f64, String)> {
-    let decades = high.floor() - low.ceil();
-    if decades >= 2.0 {
-        let step = (decades / wanted).ceil().max(1.0) as usize;
-        let (first, last) = (low.ceil() as i32, high.floor() as i32);
-        return (first..=last)
-            .step_by(step)
-            .map(|power| (f64::from(power), format!("10{}", superscript(power))))
-            .collect();
-    }
-    let mut marks = Vec::new();
-    for power in low.floor() as i32..=high.ceil() as i32 {
-        for digit in [1.0_f64, 2.0, 5.0] {
-            let logarithm = f64::from(power) + digit.log10();
-            if (low..=high).contains(&logarithm) {
-                let text = match power {
-                    -3..=5 => (digit * 10_f64.powi(power)).to_string(),
-                    _ => format!("{digit}·10{}", superscript(power)),
-                };
-                marks.push((logarithm, text));
-            }
-        }
-    }
-    marks
-}
-
-fn superscript(number: i32) -> String {
-    let raised = |digit: char| match digit {
-        '-' => '⁻',
-        '1' => '¹',
-        '2' => '²',
-        '3' => '³',
-        digit => {
-            char::from_u32(u32::from(digit) - u32::from('0') + u32::from('⁰')).unwrap_or(digit)
-        }
-    };
-    number.to_string().chars().map(raised).collect()
-}
-
-/// Where things are, pixels from the upper left corner of the picture.
-struct Layout {
-    width: f64,
-    height: f64,
-    font: f64,
-    /// Left edge of the first column of panels.
-    left: f64,
-    /// Top edge of the first row of panels.
-    top: f64,
-    columns: usize,
-    /// Width and height of a panel.
-    panel: [f64; 2],
-    /// From one panel to the next.
-    pitch: [f64; 2],
-    /// Pixels a metre.
-    scale: f64,
-    bar_top: f64,
-    bar_width: f64,
-}
-
-impl Layout {
-    /// The arrangement in rows and columns whose picture is nearest to 8 : 5.
-    fn new(width: f64, view: View, count: usize) -> Self {
-        let unlike = |layout: &Self| (layout.height / layout.width * 1.6).ln().abs();
-        (2..=count).map(|columns| Self::in_columns(width, view, count, columns)).fold(
-            Self::in_columns(width, view, count, 1),
-            |best, other| {
-                if unlike(&other) < unlike(&best) { other } else { best }
-            },
-        )
-    }
-
-    fn in_columns(width: f64, view: View, count: usize, columns: usize) -> Self {
-        let font = 9.5 + 0.0065 * width;
-        let (left, right, gap) = (4.6 * font, 1.2 * font, [1.4 * font, 2.6 * font]);
-        let top = 2.6 * font + 1.6 * font;
-        let rows = count.div_ceil(columns) as f64;
-        let across = (width - left - right - gap[0] * (columns - 1) as f64) / columns as f64;
-        // A tower would make an endless picture: rather leave room at its sides.
-        let scale = (across / view.width()).min(1.4 * width / (rows * view.height()));
-        let panel = [across, scale * view.height()];
-        let panel = [panel[0].min(scale * view.width()), panel[1]];
-        let bar_top = top + rows * panel[1] + (rows - 1.0) * gap[1] + 4.4 * font;
-        Self {
-            width,
-            height: bar_top + 3.6 * font,
-            font,
-            left,
-            top,
-            columns,
-            panel,
-            pitch: [panel[0] + gap[0], panel[1] + gap[1]],
-            scale,
-            bar_top,
-            bar_width: (0.42 * width).min(width - left - 22.0 * font).max(8.0 * font),
-        }
-    }
-
-    /// The upper left corner of a panel.
-    fn corner(&self, index: usize) -> [f64; 2] {
-        [
-            self.left + (index % self.columns) as f64 * self.pitch[0],
-            self.top + (index / self.columns) as f64 * self.pitch[1],
-        ]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ticks_of_logarithms() {
-        let texts = |low, high| -> Vec<String> {
-            log_ticks(low, high, 6.0).into_iter().map(|(_, text)| text).collect()
-        };
-        assert_eq!(texts(-3.2, 0.1), ["10⁻³", "10⁻²", "10⁻¹", "10⁰"]);
-        assert_eq!(texts(-1.1, 0.1), ["0.1", "0.2", "0.5", "1"]);
-    }
 
     #[test]
     fn times_show_what_tells_them_apart() {

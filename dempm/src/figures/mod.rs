@@ -2,8 +2,10 @@
 //! [`Quantity`].
 
 mod animation;
+mod colour_bar;
 mod error;
 mod figure;
+mod layout;
 mod options;
 mod panels;
 mod quantity;

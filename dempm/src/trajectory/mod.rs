@@ -5,6 +5,7 @@
 //! and readable and holds whole frames only, and a resumed run continues it as if it had never stopped.
 
 mod attributes;
+mod checked_file;
 mod error;
 mod frame;
 mod header;

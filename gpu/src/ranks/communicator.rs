@@ -33,7 +33,8 @@ unsafe impl Sync for Ranks {}
 
 impl Ranks {
     /// Joins the other ranks and waits until all have joined. From then on this process ends if
-    /// another rank ends before [`all_done`](Self::all_done). Collective.
+    /// another rank ends before [`all_done`](Self::all_done). A long wait is reported to `waiting` as by
+    /// [`rendezvous`]. Collective.
     ///
     /// # Errors
     /// NCCL is missing, ranks are missing, or their fingerprints differ.
@@ -41,12 +42,13 @@ impl Ranks {
         environment: &Environment,
         device: &Arc<Device>,
         fingerprint: &Fingerprint,
+        waiting: impl FnOnce(&str),
     ) -> Result<Self, RanksError> {
         // SAFETY: loads the library, whose initialisers have no preconditions, and unloads it.
         if !unsafe { sys::is_culib_present() } {
             return Err(RanksError::NcclMissing);
         }
-        let mut peers = rendezvous(environment, fingerprint)?;
+        let mut peers = rendezvous(environment, fingerprint, waiting)?;
         let mut id = sys::ncclUniqueId { internal: [0; 128] };
         if environment.rank == 0 {
             id = result::get_uniqueid().map_err(RanksError::nccl("creating an id"))?;

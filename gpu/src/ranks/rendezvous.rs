@@ -1,7 +1,7 @@
 //! How ranks find each other: rank 0 listens, and all others connect to it.
 
 use std::io::{self, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -17,8 +17,10 @@ const HELLO: &[u8; 8] = b"DEMPM 02";
 const TIMEOUT: Duration = Duration::from_secs(120);
 /// Between attempts to connect.
 const PAUSE: Duration = Duration::from_millis(50);
-/// How long rank 0 waits for the first bytes of a connection.
+/// How long an attempt to connect may take, and how long rank 0 waits for the first bytes of a connection.
 const HELLO_TIMEOUT: Duration = Duration::from_secs(5);
+/// Longer waits are reported.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Why rank 0 refuses a rank. It answers 0 or an index in this list plus one.
 const REASONS: [&str; 3] = [
@@ -28,40 +30,91 @@ const REASONS: [&str; 3] = [
 ];
 
 /// Waits until all ranks are there, with the same fingerprint. Returns the connections: on rank 0
-/// to ranks 1, 2, ..., on the others to rank 0.
+/// to ranks 1, 2, ..., on the others to rank 0. After two seconds, `waiting` is called once with the
+/// ranks that are missing, in words.
 ///
 /// # Errors
 /// A rank is missing after two minutes, or does not belong to the others.
 pub fn rendezvous(
     environment: &Environment,
     fingerprint: &Fingerprint,
+    waiting: impl FnOnce(&str),
 ) -> Result<Vec<TcpStream>, RanksError> {
-    rendezvous_until(environment, fingerprint, Instant::now() + TIMEOUT)
+    rendezvous_with(environment, fingerprint, Wait::new(PATIENCE, TIMEOUT, waiting))
 }
 
-fn rendezvous_until(
+/// A wait for other ranks, which is reported once if it is long.
+struct Wait<F> {
+    report_at: Instant,
+    deadline: Instant,
+    report: Option<F>,
+}
+
+impl<F: FnOnce(&str)> Wait<F> {
+    fn new(patience: Duration, timeout: Duration, report: F) -> Self {
+        let now = Instant::now();
+        Self { report_at: now + patience, deadline: now + timeout, report: Some(report) }
+    }
+
+    /// Pauses, and reports for whom if it is time to; false after the deadline.
+    fn pause(&mut self, whom: impl FnOnce() -> String) -> bool {
+        let now = Instant::now();
+        if now >= self.deadline {
+            return false;
+        }
+        if now >= self.report_at {
+            self.report(whom);
+        }
+        sleep(PAUSE);
+        true
+    }
+
+    fn report(&mut self, whom: impl FnOnce() -> String) {
+        if let Some(report) = self.report.take() {
+            report(&whom());
+        }
+    }
+}
+
+fn rendezvous_with(
     environment: &Environment,
     fingerprint: &Fingerprint,
-    deadline: Instant,
+    mut wait: Wait<impl FnOnce(&str)>,
 ) -> Result<Vec<TcpStream>, RanksError> {
     if environment.size == 1 {
         return Ok(Vec::new());
     }
     if environment.rank == 0 {
-        return receive(environment, fingerprint, deadline);
+        return receive(environment, fingerprint, wait);
     }
-    let (mut stream, answer) = connect(environment, fingerprint, deadline)
+    let (mut stream, answer) = connect(environment, fingerprint, &mut wait)
         .map_err(failed(environment, "cannot reach rank 0 at"))?;
     if answer > 0 {
         let why = REASONS.get(usize::from(answer) - 1).unwrap_or(&"rank 0 refused it");
         return Err(RanksError::Refused { rank: environment.rank, why });
     }
-    // Rank 0 writes this byte once all have connected.
-    let mut complete = [0];
-    stream
-        .read_exact(&mut complete)
+    until_complete(&mut stream, wait)
         .map_err(failed(environment, "lost the connection to rank 0 at"))?;
     Ok(vec![stream])
+}
+
+/// Waits for the byte that rank 0 writes once all have connected.
+fn until_complete(stream: &mut TcpStream, mut wait: Wait<impl FnOnce(&str)>) -> io::Result<()> {
+    let patience = wait.report_at.saturating_duration_since(Instant::now());
+    // A timeout of zero is none.
+    stream.set_read_timeout(Some(patience.max(PAUSE)))?;
+    let mut complete = [0];
+    let in_time = stream.read_exact(&mut complete);
+    stream.set_read_timeout(None)?;
+    match in_time {
+        Err(error)
+            if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) =>
+        {
+            wait.report(|| "other ranks to connect to rank 0".to_owned());
+            stream.read_exact(&mut complete)
+        }
+        in_time => in_time,
+    }
 }
 
 fn failed(environment: &Environment, action: &'static str) -> impl FnOnce(io::Error) -> RanksError {
@@ -70,28 +123,42 @@ fn failed(environment: &Environment, action: &'static str) -> impl FnOnce(io::Er
     move |source| RanksError::Rendezvous { rank, action, address, source }
 }
 
+/// "2 of 4 ranks" and "ranks 1, 3" for connections to ranks 1, 2, ..., of which two are missing.
+fn missing(peers: &[Option<TcpStream>]) -> [String; 2] {
+    let absent = |(peer, stream): (usize, &Option<TcpStream>)| stream.is_none().then_some(peer + 1);
+    let ranks: Vec<String> =
+        peers.iter().enumerate().filter_map(absent).map(|rank| rank.to_string()).collect();
+    let noun = if ranks.len() == 1 { "rank" } else { "ranks" };
+    let size = peers.len() + 1;
+    [format!("{} of {size} ranks", ranks.len()), format!("{noun} {}", ranks.join(", "))]
+}
+
 /// Rank 0 waits for the others.
 fn receive(
     environment: &Environment,
     fingerprint: &Fingerprint,
-    deadline: Instant,
+    mut wait: Wait<impl FnOnce(&str)>,
 ) -> Result<Vec<TcpStream>, RanksError> {
     let listener = TcpListener::bind(("0.0.0.0", environment.address.1))
         .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
         .map_err(failed(environment, "cannot listen at"))?;
     let mut peers: Vec<Option<TcpStream>> = (1..environment.size).map(|_| None).collect();
-    while let Some(missing) = peers.iter().position(Option::is_none) {
+    while peers.iter().any(Option::is_none) {
         let mut stream = match listener.accept() {
             Ok((stream, _)) => stream,
             Err(error) if error.kind() != io::ErrorKind::WouldBlock => {
                 return Err(failed(environment, "cannot listen at")(error));
             }
-            Err(_) if Instant::now() < deadline => {
-                sleep(PAUSE);
-                continue;
-            }
             Err(_) => {
-                let text = format!("rank {} did not connect", missing + 1);
+                let to_connect = || {
+                    let [count, ranks] = missing(&peers);
+                    format!("{count} to connect ({ranks})")
+                };
+                if wait.pause(to_connect) {
+                    continue;
+                }
+                let [count, ranks] = missing(&peers);
+                let text = format!("{count} did not connect ({ranks})");
                 let late = io::Error::new(io::ErrorKind::TimedOut, text);
                 return Err(failed(environment, "gave up waiting at")(late));
             }
@@ -141,15 +208,15 @@ fn read_hello(stream: &mut TcpStream) -> io::Result<(usize, usize, Fingerprint)>
     Ok((rank, size, fingerprint))
 }
 
-/// Connects to rank 0, with retries until `deadline`, and returns the connection and its answer.
+/// Connects to rank 0, with retries until the deadline, and returns the connection and its answer.
 fn connect(
     environment: &Environment,
     fingerprint: &Fingerprint,
-    deadline: Instant,
+    wait: &mut Wait<impl FnOnce(&str)>,
 ) -> io::Result<(TcpStream, u8)> {
     let (host, port) = &environment.address;
     loop {
-        let answer = TcpStream::connect((host.as_str(), *port)).and_then(|mut stream| {
+        let answer = dial(host, *port).and_then(|mut stream| {
             stream.set_nodelay(true)?;
             stream.write_all(HELLO)?;
             stream.write_all(&(environment.rank as u64).to_le_bytes())?;
@@ -159,11 +226,22 @@ fn connect(
             stream.read_exact(&mut answer)?;
             Ok((stream, answer[0]))
         });
-        match answer {
-            Err(_) if Instant::now() < deadline => sleep(PAUSE),
-            answer => return answer,
+        if answer.is_ok() || !wait.pause(|| format!("rank 0 at {host}:{port}")) {
+            return answer;
         }
     }
+}
+
+/// As [`TcpStream::connect`], but an attempt ends after [`HELLO_TIMEOUT`].
+fn dial(host: &str, port: u16) -> io::Result<TcpStream> {
+    let mut failure = io::Error::new(io::ErrorKind::NotFound, "the host has no address");
+    for address in (host, port).to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, HELLO_TIMEOUT) {
+            Ok(stream) => return Ok(stream),
+            Err(error) => failure = error,
+        }
+    }
+    Err(failure)
 }
 
 #[cfg(test)]
@@ -171,6 +249,8 @@ mod tests {
     use std::thread;
 
     use super::*;
+
+    fn quiet(_: &str) {}
 
     /// Ranks at a port that was free a moment ago.
     fn environments(size: usize) -> Vec<Environment> {
@@ -188,14 +268,14 @@ mod tests {
         thread::scope(|scope| {
             for environment in &all[1..] {
                 scope.spawn(|| {
-                    let mut peers = rendezvous(environment, &[7; 32]).unwrap();
+                    let mut peers = rendezvous(environment, &[7; 32], quiet).unwrap();
                     assert_eq!(peers.len(), 1);
                     peers[0].write_all(&[environment.rank as u8]).unwrap();
                 });
             }
             // After the others, and with another program among them.
             sleep(Duration::from_millis(100));
-            let first = scope.spawn(|| rendezvous(&all[0], &[7; 32]).unwrap());
+            let first = scope.spawn(|| rendezvous(&all[0], &[7; 32], quiet).unwrap());
             let _ = TcpStream::connect(("127.0.0.1", port))
                 .and_then(|mut stranger| stranger.write_all(b"GET / HTTP/1.1\r\n"));
             for (peer, stream) in first.join().unwrap().iter_mut().enumerate() {
@@ -211,8 +291,9 @@ mod tests {
         let refused = |change: fn(&mut Environment), fingerprint: Fingerprint| {
             let [first, mut second] = environments(2).try_into().unwrap();
             change(&mut second);
-            let other = thread::spawn(move || rendezvous(&second, &fingerprint).unwrap_err());
-            let errors = [rendezvous(&first, &[1; 32]).unwrap_err(), other.join().unwrap()];
+            let other =
+                thread::spawn(move || rendezvous(&second, &fingerprint, quiet).unwrap_err());
+            let errors = [rendezvous(&first, &[1; 32], quiet).unwrap_err(), other.join().unwrap()];
             errors.map(|error| error.to_string())
         };
         for error in refused(|_| {}, [2; 32]) {
@@ -224,10 +305,26 @@ mod tests {
     }
 
     #[test]
-    fn waiting_for_a_missing_rank_ends() {
-        for environment in environments(2) {
-            let error = rendezvous_until(&environment, &[0; 32], Instant::now()).unwrap_err();
-            assert!(matches!(error, RanksError::Rendezvous { .. }), "{error}");
-        }
+    fn a_wait_names_the_missing_ranks_and_ends() {
+        let all = environments(4);
+        let milliseconds = Duration::from_millis;
+        // What a rank reports while it waits, and the error in the end.
+        let wait = |environment: &Environment, patience, timeout| {
+            let mut reports = Vec::new();
+            let wait = Wait::new(patience, timeout, |whom: &str| reports.push(whom.to_owned()));
+            let error = rendezvous_with(environment, &[0; 32], wait).unwrap_err();
+            let RanksError::Rendezvous { source, .. } = error else { panic!("{error}") };
+            (reports, source.to_string())
+        };
+        let port = all[0].address.1;
+        let (reports, _) = wait(&all[1], milliseconds(0), milliseconds(100));
+        assert_eq!(reports, [format!("rank 0 at 127.0.0.1:{port}")]);
+        thread::scope(|scope| {
+            let second = scope.spawn(|| wait(&all[2], milliseconds(100), milliseconds(5000)));
+            let (reports, error) = wait(&all[0], milliseconds(500), milliseconds(1000));
+            assert_eq!(reports, ["2 of 4 ranks to connect (ranks 1, 3)"]);
+            assert_eq!(error, "2 of 4 ranks did not connect (ranks 1, 3)");
+            assert_eq!(second.join().unwrap().0, ["other ranks to connect to rank 0"]);
+        });
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::device::Device;
-use files::{announce, note, print_result, write_text};
+use files::{announce, note, print_result, refuse_input, write_text};
 use miette::bail;
 
 use super::rollout::select_device;
@@ -56,6 +56,10 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     select_device(&mut simulator, args.device)?;
     let paths = trajectories_in(&args.data)?;
+    let outputs = ["frames.csv", "summary.csv", "errors.svg"].map(|name| args.output.join(name));
+    for output in &outputs {
+        refuse_input(output, paths.iter().chain([&args.model]))?;
+    }
     let cases: Vec<Case> = paths
         .into_iter()
         .map(|path| evaluate(args, &simulator, path))
@@ -69,10 +73,10 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
             args.data.display()
         );
     }
-    write_text(&args.output.join("frames.csv"), &frames_table(&cases))?;
-    write_text(&args.output.join("summary.csv"), &summary_table(&cases))?;
-    let svg = chart(&cases).svg()?;
-    write_text(&args.output.join("errors.svg"), &svg)?;
+    let [frames, summary, errors] = &outputs;
+    write_text(frames, &frames_table(&cases))?;
+    write_text(summary, &summary_table(&cases))?;
+    write_text(errors, &chart(&cases).svg()?)?;
     let _ = print_result(report(&cases));
     announce!("written: {}/{{summary.csv, frames.csv, errors.svg}}", args.output.display());
     if args.record { record_accuracy(simulator, &cases, args) } else { Ok(()) }

@@ -61,7 +61,7 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
         resume,
         device: args.device,
     };
-    let mut session = Session::open(config, &options)?;
+    let mut session = Session::open(config, &options, |ranks| note!("waiting for {ranks}"))?;
     let (summary, is_leader) = (session.summary().clone(), session.is_leader());
     if is_leader {
         print_summary(&summary);

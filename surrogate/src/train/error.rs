@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use files::LockError;
+use files::{LockError, ReplacesInput};
 use gpu::ranks::{EnvironmentError, RanksError};
 
 use super::checkpoint::CheckpointError;
@@ -19,6 +19,10 @@ pub enum TrainError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Data(#[from] DataError),
+    /// A file of the training would replace an input.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    ReplacesInput(#[from] ReplacesInput),
     /// The checkpoint cannot be used or written.
     #[error(transparent)]
     #[diagnostic(transparent)]

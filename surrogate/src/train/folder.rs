@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use files::{FileLock, is_same};
+use files::{FileLock, ReplacesInput, is_same, refuse_input};
 
 use super::config::TrainConfig;
 use super::error::TrainError;
@@ -51,6 +51,14 @@ pub fn check_new(
         }
         _ => Ok(()),
     }
+}
+
+/// Refuses a folder in which a file of the training would replace one of its inputs.
+///
+/// # Errors
+/// If there is such a file.
+pub fn refuse_inputs(folder: &Path, inputs: &[&PathBuf]) -> Result<(), ReplacesInput> {
+    FILES.iter().try_for_each(|name| refuse_input(&folder.join(name), inputs))
 }
 
 /// Creates `folder` and keeps other trainings out of it until the lock is dropped. Removes what a killed

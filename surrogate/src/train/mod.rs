@@ -5,6 +5,8 @@ mod all_reduce;
 mod backend;
 mod checkpoint;
 mod config;
+mod config_error;
+mod config_file;
 mod cpu;
 mod cuda;
 mod error;
@@ -23,7 +25,8 @@ mod tcp;
 mod training_loop;
 
 pub use checkpoint::CheckpointError;
-pub use config::{ConfigError, Data, LossOver, Pushforward, TrainConfig, Validation};
+pub use config::{Data, LossOver, Pushforward, TrainConfig, Validation};
+pub use config_error::ConfigError;
 pub use error::TrainError;
 pub use folder::{check_new, checkpoint_in};
 pub use log::LogError;

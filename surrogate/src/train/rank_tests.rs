@@ -152,7 +152,7 @@ fn compare_means([first, second]: [(State, Vec<f64>); 2], alone: [(State, Vec<f6
 #[test]
 fn ranks_hold_equal_weights_and_learn_like_one() {
     let [first, second] = two_ranks(|environment, windows| {
-        let mut ranks = Tcp::join(environment, &[0; 32]).unwrap();
+        let mut ranks = Tcp::join(environment, &[0; 32], |_| ()).unwrap();
         [config(), own_losses()].map(|config| train(&config, windows.clone(), &mut ranks))
     });
     let [[first, first_mean], [second, second_mean]] = [first, second];
@@ -178,7 +178,7 @@ fn a_loss_of_its_own_changes_nothing_for_one() {
 #[test]
 fn one_rank_on_a_gpu_is_alone() {
     let Some(device) = gpu::for_tests() else { return };
-    let ranks = match Ranks::join(&environments(1)[0], &device, &[0; 32]) {
+    let ranks = match Ranks::join(&environments(1)[0], &device, &[0; 32], |_| ()) {
         Err(RanksError::NcclMissing) => {
             eprintln!("skipped: {}", RanksError::NcclMissing);
             return;
@@ -199,7 +199,7 @@ fn gpus_hold_equal_weights_and_learn_like_one() {
     let two = |config: &TrainConfig| {
         two_ranks(|environment, windows| {
             let device = Device::new(environment.rank).unwrap();
-            let ranks = Arc::new(Ranks::join(&environment, &device, &[0; 32]).unwrap());
+            let ranks = Arc::new(Ranks::join(&environment, &device, &[0; 32], |_| ()).unwrap());
             let learnt = train_on(&device, config, windows, Some(ranks.clone()));
             ranks.all_done();
             learnt

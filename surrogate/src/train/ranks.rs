@@ -31,7 +31,8 @@ impl AllReduce for Arc<Ranks> {
 /// Sums on the host, and the GPUs that sum among themselves, if there are any.
 pub type Joined = (Box<dyn AllReduce>, Option<Arc<Ranks>>);
 
-/// Joins the other processes of a training. All must have the same fingerprint of what they train.
+/// Joins the other processes of a training. All must have the same fingerprint of what they train. A long
+/// wait is reported to `waiting` as by [`rendezvous`](gpu::ranks::rendezvous).
 ///
 /// # Errors
 /// If they do not rendezvous, or are about to train different things.
@@ -39,12 +40,13 @@ pub fn join(
     environment: Environment,
     device: Option<&Arc<Device>>,
     fingerprint: &Fingerprint,
+    waiting: impl FnOnce(&str),
 ) -> Result<Joined, RanksError> {
     match device {
         _ if !environment.is_shared() => Ok((Box::new(SingleProcess), None)),
-        None => Ok((Box::new(Tcp::join(environment, fingerprint)?), None)),
+        None => Ok((Box::new(Tcp::join(environment, fingerprint, waiting)?), None)),
         Some(device) => {
-            let gpus = Arc::new(Ranks::join(&environment, device, fingerprint)?);
+            let gpus = Arc::new(Ranks::join(&environment, device, fingerprint, waiting)?);
             Ok((Box::new(gpus.clone()), Some(gpus)))
         }
     }

@@ -12,7 +12,7 @@ use super::backend::{Backend, BackendBatch, open_device};
 use super::checkpoint::{Checkpoint, Identity};
 use super::config::TrainConfig;
 use super::error::TrainError;
-use super::folder::{checkpoint_in, clear, lock};
+use super::folder::{checkpoint_in, clear, lock, refuse_inputs};
 use super::input::InputSpec;
 use super::log::Log;
 use super::pretrained::{Lineage, Pretrained};
@@ -22,7 +22,7 @@ use crate::cuda::CudaError;
 use crate::data::{DataFolder, DataSet, Examples, Prefetch, Recipe, Shard, WindowShape};
 use crate::diagnostics::TrainingRange;
 use crate::network::parameters::weights;
-use crate::network::{ModelConfig, Precision};
+use crate::network::{Initialisation, ModelConfig, Precision};
 use crate::rollout::InitialFrames;
 use crate::simulator::{Simulator, Training};
 
@@ -149,15 +149,27 @@ impl Beginning {
 
 impl Session {
     /// Opens the data, joins the other processes, sets the device up and starts to
-    /// prepare batches. Nothing is written.
+    /// prepare batches. Nothing is written. A long wait for others is reported to `waiting` as by
+    /// [`rendezvous`](gpu::ranks::rendezvous).
     ///
     /// # Errors
     /// If data, checkpoint, pretrained model, device or other processes do not allow the training.
-    pub fn open(config: TrainConfig, options: &SessionOptions) -> Result<Self, TrainError> {
+    pub fn open(
+        config: TrainConfig,
+        options: &SessionOptions,
+        waiting: impl FnOnce(&str),
+    ) -> Result<Self, TrainError> {
         let environment = Environment::read()?;
         let shard = Shard { rank: environment.rank, ranks: environment.size };
         let model = config.model();
         let data = OpenedData::open(&config, &model, &options.data)?;
+        let start = match &config.start {
+            Initialisation::Weights(path) => Some(path),
+            Initialisation::Random | Initialisation::Identity => None,
+        };
+        let files = data.files.train.iter().chain(&data.files.valid);
+        let inputs: Vec<&PathBuf> = files.chain([&options.config_file]).chain(start).collect();
+        refuse_inputs(&options.folder, &inputs)?;
         let frame_interval = data.set.frame_interval();
 
         let pretrained = Pretrained::load(&config)?;
@@ -175,7 +187,7 @@ impl Session {
         let beginning = Beginning::find(options, &config, &identity, pretrained.as_ref())?;
         let step = beginning.step();
         let fingerprint = identity.fingerprint(step, device.is_some());
-        let (ranks, gpus) = ranks::join(environment, device.as_ref(), &fingerprint)?;
+        let (ranks, gpus) = ranks::join(environment, device.as_ref(), &fingerprint, waiting)?;
         let points = config.batch * data.most_points();
         let mut backend = Backend::new(device.as_ref(), gpus, &model, &config, points)?;
         if let Some(state) = beginning.state

@@ -17,12 +17,17 @@ pub struct Tcp {
 }
 
 impl Tcp {
-    /// Waits until all processes have met; all must have the same fingerprint.
+    /// Waits until all processes have met; all must have the same fingerprint. A long wait is reported
+    /// to `waiting` as by [`rendezvous`].
     ///
     /// # Errors
     /// If they do not rendezvous, or are about to train different things.
-    pub fn join(environment: Environment, fingerprint: &Fingerprint) -> Result<Self, RanksError> {
-        let peers = rendezvous(&environment, fingerprint)?;
+    pub fn join(
+        environment: Environment,
+        fingerprint: &Fingerprint,
+        waiting: impl FnOnce(&str),
+    ) -> Result<Self, RanksError> {
+        let peers = rendezvous(&environment, fingerprint, waiting)?;
         Ok(Self { environment, peers, buffer: Vec::new() })
     }
 }
@@ -81,7 +86,7 @@ mod tests {
                 let environment = Environment { rank, size: 3, local_rank: rank, address };
                 thread::spawn(move || {
                     let number = rank as f32;
-                    let mut ranks = Tcp::join(environment, &[7; 32]).unwrap();
+                    let mut ranks = Tcp::join(environment, &[7; 32], |_| ()).unwrap();
                     let mut values = vec![number + 1.0, 0.1 * (number + 1.0), -number];
                     ranks.sum(&mut values).unwrap();
                     ranks.sum(&mut values[2..]).unwrap();

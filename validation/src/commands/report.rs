@@ -4,12 +4,10 @@ use std::cell::RefCell;
 use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use dempm::device::Device;
-use files::{INTERRUPTED, announce, interrupt_flag, note};
+use files::{INTERRUPTED, Interrupt, announce, note, refuse_input};
 use miette::{IntoDiagnostic, bail};
 
 use crate::context::Context;
@@ -74,10 +72,10 @@ type Planned<'s> = (&'s dyn Section, [usize; 2]);
 /// # Errors
 /// If folders cannot be read or written, or a section failed, which the page then says.
 pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
-    let interrupted = interrupt_flag()?;
+    let interrupt = Interrupt::install()?;
     let chapters = sections::all();
     check_only(&args.only, &chapters)?;
-    let context = context(args, interrupted)?;
+    let context = context(args, interrupt)?;
     let mut report = Report { args, context, chapters: Vec::new(), absent: Vec::new() };
     let planned = report.plan(&chapters);
     let total = planned.iter().map(|(section, _)| section.estimate(&report.context)).sum();
@@ -198,7 +196,7 @@ fn failure(error: &miette::Report) -> Block {
     Block::missing("This section", chain.join(": "), "")
 }
 
-fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Context> {
+fn context(args: &ReportArgs, interrupt: Interrupt) -> miette::Result<Context> {
     for folder in [&args.data, &args.models].into_iter().flatten() {
         if !folder.is_dir() {
             bail!("{}: there is no such folder", folder.display());
@@ -225,13 +223,16 @@ fn context(args: &ReportArgs, interrupted: Arc<AtomicBool>) -> miette::Result<Co
     });
     let shipped = Some(PathBuf::from("models")).filter(|folder| folder.is_dir());
     let models = args.models.clone().or(shipped);
+    for output in [&args.output, &work] {
+        refuse_input(output, args.data.iter().chain(&models))?;
+    }
     let program = std::env::current_exe().into_diagnostic()?;
     let absolute = |folder: &PathBuf| fs::canonicalize(folder).into_diagnostic();
     Ok(Context {
         suite: args.suite,
         device: name,
         device_name,
-        cache: RunCache::open(&work, program, gpu.is_some(), interrupted)?,
+        cache: RunCache::open(&work, program, gpu.is_some(), interrupt)?,
         progress: Progress::hidden(),
         data: args.data.as_ref().map(absolute).transpose()?,
         models: models.as_ref().map(absolute).transpose()?.map_or(vec![], |f| models_in(&f)),

@@ -1,13 +1,10 @@
 //! The work directory: runs in `runs/`, computed values in `values/`.
 
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use files::INTERRUPTED;
-use files::write_atomically;
+use files::{FileLock, INTERRUPTED, Interrupt, note, write_atomically};
 use miette::{IntoDiagnostic, WrapErr};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -23,15 +20,13 @@ use crate::machine::load_per_core;
 
 /// Part of all hashes; changes when results of earlier versions become invalid.
 const VERSION: u32 = 2;
-/// Time between two attempts to lock a folder.
-const RETRY: Duration = Duration::from_millis(200);
 
 /// The work directory and the program that makes its runs.
 pub struct RunCache {
     root: PathBuf,
     program: Program,
     build: String,
-    interrupted: Arc<AtomicBool>,
+    interrupt: Interrupt,
     /// Runs used since they were last taken, in the order of use.
     used: Vec<Run>,
 }
@@ -46,7 +41,7 @@ impl RunCache {
         root: &Path,
         program: PathBuf,
         gpu: bool,
-        interrupted: Arc<AtomicBool>,
+        interrupt: Interrupt,
     ) -> miette::Result<Self> {
         let failed = || format!("cannot use the work directory {}", root.display());
         let build = hash_of_file(&program).into_diagnostic().wrap_err_with(failed)?;
@@ -55,7 +50,7 @@ impl RunCache {
             .into_diagnostic()
             .wrap_err_with(failed)?;
         let program = Program { path: program, gpu };
-        Ok(Self { root, program, build, interrupted, used: Vec::new() })
+        Ok(Self { root, program, build, interrupt, used: Vec::new() })
     }
 
     /// The directory.
@@ -78,16 +73,12 @@ impl RunCache {
         &self.build
     }
 
-    fn is_interrupted(&self) -> bool {
-        self.interrupted.load(Ordering::Relaxed)
-    }
-
     /// Checks for an interruption.
     ///
     /// # Errors
     /// If the user wants to stop.
     pub fn check(&self) -> Result<(), Interrupted> {
-        if self.is_interrupted() { Err(Interrupted) } else { Ok(()) }
+        if self.interrupt.requested() { Err(Interrupted) } else { Ok(()) }
     }
 
     /// Whether a job has been done, successfully or not.
@@ -147,33 +138,13 @@ impl RunCache {
             return Ok(run);
         }
         let folder = self.folder(job);
-        let _lock = self.lock(&folder)?;
+        let _lock = FileLock::wait(&folder.join(RECORD), |holder| {
+            note!("waiting for {holder}, which makes the same run");
+        })?;
         // Another report may have made it meanwhile.
         match self.record(job) {
             Some(run) => Ok(run),
             None => self.make(job, &folder, tick),
-        }
-    }
-
-    /// Waits until no other report makes a run in this folder. The lock lasts as long as the returned
-    /// file, also if the process is killed.
-    fn lock(&self, folder: &Path) -> miette::Result<File> {
-        let failed = || format!("cannot use {}", folder.display());
-        let file = fs::create_dir_all(folder)
-            .and_then(|()| File::create(folder.join("lock")))
-            .into_diagnostic()
-            .wrap_err_with(failed)?;
-        loop {
-            match file.try_lock() {
-                Ok(()) => return Ok(file),
-                Err(TryLockError::WouldBlock) => {
-                    self.check()?;
-                    std::thread::sleep(RETRY);
-                }
-                Err(TryLockError::Error(error)) => {
-                    return Err(error).into_diagnostic().wrap_err_with(failed);
-                }
-            }
         }
     }
 
@@ -228,6 +199,8 @@ impl RunCache {
 
     fn make(&self, job: &Job, folder: &Path, tick: impl Fn(Duration)) -> miette::Result<Run> {
         self.check()?;
+        // The program that runs has something to save.
+        let _guard = self.interrupt.guard();
         let failed = || format!("cannot run {} {}", job.program, job.subcommand);
         forget_differences(folder).into_diagnostic().wrap_err_with(failed)?;
         let output = folder.join(job.output);
@@ -243,7 +216,7 @@ impl RunCache {
         }
         let Ended { status, seconds, processor_seconds } = self
             .program
-            .run(&arguments, folder, || self.is_interrupted(), tick)
+            .run(&arguments, folder, || self.interrupt.requested(), tick)
             .into_diagnostic()
             .wrap_err_with(failed)?;
         self.check()?;
@@ -292,7 +265,7 @@ mod tests {
     fn a_run_whose_trajectory_is_gone_is_not_done() {
         let root = tempfile::tempdir().unwrap();
         let program = std::env::current_exe().unwrap();
-        let cache = RunCache::open(root.path(), program, false, Arc::default()).unwrap();
+        let cache = RunCache::open(root.path(), program, false, Interrupt::default()).unwrap();
         let job = Job {
             subcommand: "run",
             program: "dempm",
@@ -322,7 +295,7 @@ mod tests {
         assert!(cache.has(&job));
         write_json(&folder.join(RECORD), &done(true)).unwrap();
         assert!(!cache.has(&job));
-        File::create(folder.join("trajectory.h5")).unwrap();
+        fs::File::create(folder.join("trajectory.h5")).unwrap();
         assert_eq!(cache.record(&job).unwrap().output, folder.join("trajectory.h5"));
     }
 }

@@ -167,7 +167,7 @@ mod tests {
         let Some(device) = gpu::for_tests() else { return };
         let environment =
             Environment { rank: 0, size: 1, local_rank: 0, address: ("127.0.0.1".to_owned(), 0) };
-        let ranks = match Ranks::join(&environment, &device, &[0; 32]) {
+        let ranks = match Ranks::join(&environment, &device, &[0; 32], |_| ()) {
             Ok(ranks) => Arc::new(ranks),
             Err(RanksError::NcclMissing) => {
                 eprintln!("skipped: {}", RanksError::NcclMissing);

@@ -1,0 +1,24 @@
+//! Whole scenes: every disc between walls, boxes and a floor, by the discrete element method
+//! (Cundall & Strack 1979, Géotechnique 29, 47).
+//!
+//! Grains and their contact law are those of the periodic packings. [`prepare_column`] fills a column with
+//! grains at rest; [`Assembly`] advances them.
+
+mod boundary;
+mod coordinates;
+mod energy;
+mod error;
+mod memory;
+mod output;
+mod packed;
+mod prepare;
+mod search;
+mod solver;
+mod tile;
+
+pub use boundary::{Boundary, Faces, Floor, RigidBox};
+pub use energy::{Energy, Losses};
+pub use error::{AssemblyError, GrainFailure};
+pub use packed::{Grain, GrainState, Packed, PackedContact, Partner};
+pub use prepare::{Advance, ColumnBox, prepare_column};
+pub use solver::Assembly;

@@ -1,0 +1,180 @@
+//! What an assembly reports: states of its grains and its energy.
+
+use nalgebra::{Matrix2, Vector2};
+use rayon::prelude::*;
+
+use super::boundary::Body;
+use super::energy::Energy;
+use super::packed::GrainState;
+use super::solver::Assembly;
+use super::tile::{History, Tile};
+use crate::contact::ContactLaw;
+use crate::disc::Disc;
+use crate::real::Real;
+
+/// A touching pair at the present positions.
+struct Contact {
+    /// Force on the partner (N).
+    force: Vector2<f64>,
+    /// From the grain to the partner.
+    normal: Vector2<f64>,
+    overlap: f64,
+    tangential: f64,
+}
+
+impl<R: Real> Assembly<R> {
+    /// The state of each grain, in the order of [`Packed::grains`](super::Packed::grains).
+    pub fn states(&self) -> Vec<GrainState> {
+        let law = self.law();
+        let bodies = self.bodies_now();
+        let tiles: Vec<Vec<GrainState>> =
+            self.tiles.par_iter().map(|tile| self.tile_states(tile, &law, &bodies)).collect();
+        let mut states = vec![GrainState::default(); self.mobile];
+        for (state, &id) in tiles.into_iter().flatten().zip(&self.ids) {
+            if let Some(place) = states.get_mut(id as usize) {
+                *place = state;
+            }
+        }
+        states
+    }
+
+    /// States of the own discs of a tile.
+    fn tile_states(
+        &self,
+        tile: &Tile<R>,
+        law: &ContactLaw<R>,
+        bodies: &[Body<R>],
+    ) -> Vec<GrainState> {
+        let own = &self.discs[tile.first as usize..tile.end as usize];
+        let mut states: Vec<GrainState> = own
+            .iter()
+            .map(|disc| GrainState {
+                x: self.region.decode::<R>(disc.s),
+                v: disc.u.map(R::to_f64),
+                w: disc.w.to_f64(),
+                r: disc.r.to_f64(),
+                mass: 1.0 / (disc.inv_mass.to_f64() * self.grains.mass_scale),
+                ..GrainState::default()
+            })
+            .collect();
+        let place = |k: u16| tile.place_of(k);
+        for pair in tile.inner.iter().chain(&tile.outer) {
+            let (a, b) = (&self.discs[place(pair.i)], &self.discs[place(pair.j)]);
+            let Some(contact) = self.contact(law, a, b, pair.contact, pair.dashpot) else {
+                continue;
+            };
+            for (k, r) in [(pair.i, a.r), (pair.j, b.r)] {
+                if let Some(state) = states.get_mut(usize::from(k)) {
+                    state.add(&contact, r.to_f64() - 0.5 * contact.overlap);
+                }
+            }
+        }
+        for pair in &tile.bodies {
+            let disc = &own[usize::from(pair.disc)];
+            let body = &bodies[usize::from(pair.body)];
+            if let Some(contact) = self.body_contact(law, disc, body, pair.contact, pair.dashpot) {
+                let arm = disc.r.to_f64() - contact.overlap;
+                states[usize::from(pair.disc)].add(&contact, arm);
+            }
+        }
+        states
+    }
+
+    fn contact(
+        &self,
+        law: &ContactLaw<R>,
+        a: &Disc<R>,
+        b: &Disc<R>,
+        history: History<R>,
+        dashpot: R,
+    ) -> Option<Contact> {
+        let unit = self.region.unit::<R>();
+        let branch = Vector2::from([0, 1].map(|k| R::nearest(a.s[k], b.s[k]).to_f64() * unit));
+        let velocity = Vector2::from([0, 1].map(|k| (b.u[k] - a.u[k]).to_f64()));
+        let reach = a.r.to_f64() + b.r.to_f64();
+        Contact::new(law, branch, reach, velocity, history, dashpot)
+    }
+
+    fn body_contact(
+        &self,
+        law: &ContactLaw<R>,
+        disc: &Disc<R>,
+        body: &Body<R>,
+        history: History<R>,
+        dashpot: R,
+    ) -> Option<Contact> {
+        let unit = self.region.unit::<R>();
+        let branch = Vector2::from(body.branch(disc.s).map(|x| x.to_f64() * unit));
+        let velocity = Vector2::from([0, 1].map(|k| (body.velocity[k] - disc.u[k]).to_f64()));
+        Contact::new(law, branch, disc.r.to_f64(), velocity, history, dashpot)
+    }
+
+    /// The energy of the grains (J).
+    pub fn energy(&self) -> Energy {
+        let mut energy = Energy { losses: self.losses, ..Energy::default() };
+        for disc in self.discs.iter().filter(|disc| disc.inv_mass != R::default()) {
+            let mass = 1.0 / disc.inv_mass.to_f64();
+            let inertia = 1.0 / disc.inv_inertia.to_f64();
+            let [u, v] = disc.u.map(R::to_f64);
+            energy.kinetic += 0.5 * (mass * (u * u + v * v) + inertia * disc.w.to_f64().powi(2));
+            let [x, y] = self.region.decode::<R>(disc.s);
+            energy.potential -= mass * (self.gravity[0] * x + self.gravity[1] * y);
+        }
+        let law = self.law();
+        let bodies = self.bodies_now();
+        let stored = |contact: &Contact| {
+            let (kn, kt) = (self.grains.normal_stiffness, self.grains.tangential_stiffness);
+            0.5 * kn * contact.overlap.powi(2) + 0.5 * contact.tangential.powi(2) / kt
+        };
+        for tile in &self.tiles {
+            for (pairs, weight) in [(&tile.inner, 1.0), (&tile.outer, 0.5)] {
+                for pair in pairs {
+                    let a = &self.discs[tile.place_of(pair.i)];
+                    let b = &self.discs[tile.place_of(pair.j)];
+                    let contact = self.contact(&law, a, b, pair.contact, pair.dashpot);
+                    energy.elastic += weight * contact.as_ref().map_or(0.0, stored);
+                }
+            }
+            for pair in &tile.bodies {
+                let disc = &self.discs[tile.place_of(pair.disc)];
+                let body = &bodies[usize::from(pair.body)];
+                let contact = self.body_contact(&law, disc, body, pair.contact, pair.dashpot);
+                energy.elastic += contact.as_ref().map_or(0.0, stored);
+            }
+        }
+        energy
+    }
+}
+
+impl Contact {
+    fn new<R: Real>(
+        law: &ContactLaw<R>,
+        branch: Vector2<f64>,
+        reach: f64,
+        velocity: Vector2<f64>,
+        history: History<R>,
+        dashpot: R,
+    ) -> Option<Self> {
+        let length = branch.norm();
+        let overlap = reach - length;
+        if overlap <= 0.0 || length == 0.0 {
+            return None;
+        }
+        let normal = branch / length;
+        let tangent = Vector2::new(-normal.y, normal.x);
+        let elastic = law.normal_stiffness.to_f64() * overlap;
+        let force = (elastic - dashpot.to_f64() * velocity.dot(&normal)).max(0.0);
+        let tangential = history.tangential.to_f64();
+        Some(Self { force: force * normal + tangential * tangent, normal, overlap, tangential })
+    }
+}
+
+impl GrainState {
+    /// Adds a contact at the end of an arm of this length (m). Seen from either disc, force and arm have
+    /// the same sign.
+    fn add(&mut self, contact: &Contact, arm: f64) {
+        self.contacts += 1;
+        let virial: Matrix2<f64> = contact.force * (arm * contact.normal).transpose();
+        self.virial += virial;
+    }
+}

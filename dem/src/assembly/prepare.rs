@@ -1,0 +1,186 @@
+//! Filling a column with grains at rest: rain, settle, cut to height, relax with the friction of flow.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::boundary::{Boundary, Faces, RigidBox};
+use super::error::AssemblyError;
+use super::packed::{Grain, Packed, Partner};
+use super::solver::Assembly;
+use crate::grains::Grains;
+use crate::real::Real;
+
+/// A rectangle to be filled with grains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColumnBox {
+    /// Lower left corner (m).
+    pub corner: [f64; 2],
+    /// Width and height (m).
+    pub size: [f64; 2],
+    /// Whether it carries its weight. Otherwise its grains hardly press on each other, as in the air.
+    pub loaded: bool,
+}
+
+/// Advances an assembly by some steps, on a processor of the caller's choice.
+pub type Advance<'a, R> = dyn FnMut(&mut Assembly<R>, usize) -> Result<(), AssemblyError> + 'a;
+
+/// Solid fraction of settled grains, at most: sets how many are rained.
+const DENSEST: f64 = 0.88;
+/// More grains than fill the column, as the top layer is cut.
+const OVERFILL: f64 = 1.04;
+/// Decay of velocities (1/s) while grains fall, and while they settle.
+const FALLING_DRAG: f64 = 2.0;
+const SETTLING_DRAG: f64 = 20.0;
+/// Time (s) between two looks at the motion.
+const LOOK: f64 = 0.01;
+/// Grains are at rest below this mean kinetic energy, in units of the mean weight times the mean diameter.
+const AT_REST: f64 = 1.0e-6;
+/// Shortest settling, in looks, and longest, in times of a free fall from the top of the column.
+const SHORTEST: usize = 5;
+const LONGEST: f64 = 30.0;
+/// Solid fraction for the weight of a column.
+const SOLID_FRACTION: f64 = 0.85;
+/// Pressure at the base of a column that is not loaded (Pa).
+const UNLOADED: f64 = 2.0e3;
+/// The floor's index among bodies.
+const FLOOR: u32 = 2;
+
+/// Fills a column with grains that are at rest within frictionless sides, on the floor of the domain if it
+/// stands there. Grains are dropped with the friction of preparation; then what is above the column is
+/// taken away, and the rest relaxes with the friction of flow.
+///
+/// # Errors
+/// The column is too small for the grains, they do not come to rest, or a step fails.
+pub fn prepare_column<R: Real>(
+    grains: &Grains,
+    boundary: &Boundary,
+    gravity: [f64; 2],
+    place: &ColumnBox,
+    seed: u64,
+    advance: &mut Advance<'_, R>,
+) -> Result<Packed, AssemblyError> {
+    let error = |reason: String| AssemblyError::Preparation { corner: place.corner, reason };
+    let [width, height] = place.size;
+    let largest = 2.0 * grains.radius_max;
+    if width < largest || height < largest {
+        return Err(error(format!("a grain of {largest} m is larger than {width} m x {height} m")));
+    }
+    // Grains settle under gravity even where the scene has none.
+    let weight = if gravity[1] < 0.0 { gravity[1] } else { -9.81 };
+    let rain = rain(grains, place, seed);
+    let silo = silo(grains, boundary, place, &rain);
+    let dt = preparation_step(grains);
+
+    let mut smooth = grains.clone();
+    smooth.friction = grains.preparation_friction;
+    let mut assembly = Assembly::new(&smooth, &silo, [0.0, weight], dt, &rain)?;
+    assembly.set_drag(FALLING_DRAG);
+    let fall = (2.0 * silo.size[1] / -weight).sqrt();
+    advance(&mut assembly, (fall / dt).ceil() as usize)?;
+    settle(&mut assembly, weight, place, advance)?;
+
+    let mut packed = assembly.packed();
+    let top = place.corner[1] + height;
+    let highest = packed.grains.iter().map(|grain| grain.x[1]).fold(f64::MIN, f64::max);
+    if highest < top - grains.mean_diameter() {
+        return Err(error(format!("grains settle to {:.3} m only", highest - place.corner[1])));
+    }
+    packed.retain(|grain| grain.x[1] < top);
+
+    // Then the weight that the grains carry in the scene, with the friction of flow.
+    let bulk_density = SOLID_FRACTION * grains.grain_density;
+    let carried = if place.loaded { weight } else { -UNLOADED / (bulk_density * height) };
+    let mut assembly = Assembly::new(grains, &silo, [0.0, carried], dt, &packed)?;
+    settle(&mut assembly, weight, place, advance)?;
+    let mut packed = assembly.packed();
+    packed.retain(|grain| grain.x[1] < top);
+    for grain in &mut packed.grains {
+        (grain.v, grain.w) = ([0.0; 2], 0.0);
+    }
+    // The sides of the silo are no bodies of the scene.
+    let floor = Partner::Body(FLOOR);
+    packed.contacts.retain(|c| !matches!(c.partner, Partner::Body(_)) || c.partner == floor);
+    Ok(packed)
+}
+
+/// DEM step (s) of preparations: always the default, so that a packing does not depend on the step of flow.
+fn preparation_step(grains: &Grains) -> f64 {
+    Grains { step_factor: Grains::default().step_factor, mass_scale: 1.0, ..grains.clone() }.step()
+}
+
+/// Advances with drag until the grains are at rest under a `weight` (m/s²).
+fn settle<R: Real>(
+    assembly: &mut Assembly<R>,
+    weight: f64,
+    place: &ColumnBox,
+    advance: &mut Advance<'_, R>,
+) -> Result<(), AssemblyError> {
+    assembly.set_drag(SETTLING_DRAG);
+    let look = (LOOK / assembly.dt()).ceil() as usize;
+    let longest = LONGEST * (2.0 * place.size[1] / -weight).sqrt();
+    let looks = (longest / LOOK).ceil() as usize + SHORTEST;
+    for k in 1..=looks {
+        advance(assembly, look)?;
+        if k >= SHORTEST && assembly.agitation(-weight) < AT_REST {
+            return Ok(());
+        }
+    }
+    let reason = format!("the grains are not at rest after {longest:.1} s");
+    Err(AssemblyError::Preparation { corner: place.corner, reason })
+}
+
+/// Grains above each other in staggered rows that do not touch, slightly out of order.
+fn rain(grains: &Grains, place: &ColumnBox, seed: u64) -> Packed {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let [width, height] = place.size;
+    let (a, b) = (grains.radius_min, grains.radius_max);
+    let mean_square = (a * a + a * b + b * b) / 3.0;
+    let area = OVERFILL * width * (height + 2.0 * b);
+    let count = (DENSEST * area / (std::f64::consts::PI * mean_square)).ceil() as usize;
+    let spacing = 2.02 * b;
+    let shift = 0.25 * spacing;
+    let in_row = ((width - 2.0 * b - 2.0 * shift) / spacing + 1.0).floor().max(1.0) as usize;
+    let row_height = 0.87 * spacing;
+    let mut grain = |k: usize| {
+        let (row, column) = (k / in_row, k % in_row);
+        let stagger = if row.is_multiple_of(2) { -shift } else { shift };
+        // Rows fill the width evenly.
+        let pitch = (width - 2.0 * b - 2.0 * shift) / (in_row.max(2) - 1) as f64;
+        let middle = if in_row == 1 { 0.5 * width - b - shift } else { column as f64 * pitch };
+        let r = rng.random_range(a..=b);
+        // Drawn in this order for each grain: radius, then motion.
+        let kick = rng.random_range(-0.01..0.01);
+        Grain {
+            x: [
+                place.corner[0] + b + shift + middle + stagger,
+                place.corner[1] + b + row as f64 * row_height,
+            ],
+            v: [kick, 0.0],
+            w: 0.0,
+            r,
+        }
+    };
+    Packed { grains: (0..count).map(&mut grain).collect(), contacts: Vec::new() }
+}
+
+/// The box in which a column is prepared: frictionless sides, and the floor of the domain below a column that
+/// stands on it.
+fn silo(grains: &Grains, boundary: &Boundary, place: &ColumnBox, rain: &Packed) -> Boundary {
+    let highest = rain.grains.iter().map(|grain| grain.x[1]).fold(0.0, f64::max);
+    let stands = place.corner[1] <= 0.0;
+    let [left, bottom] = place.corner;
+    let right = left + place.size[0];
+    let far = f64::INFINITY;
+    let side = |min, max| RigidBox::fixed(min, max, Faces::default());
+    let mut boxes = vec![side([-far, -far], [left, far]), side([right, -far], [far, far])];
+    if !stands {
+        boxes.push(side([-far, -far], [far, bottom]));
+    }
+    Boundary {
+        size: [boundary.size[0].max(right), highest + 2.0 * grains.radius_max],
+        walls: Faces { bottom: boundary.walls.bottom, ..Faces::default() },
+        floor: boundary.floor,
+        boxes,
+        seed: boundary.seed,
+    }
+}
