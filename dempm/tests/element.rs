@@ -151,7 +151,8 @@ fn keys_that_have_moved_are_named() {
         ("discs = 40\npreparation.friction = 0.5", "`preparation_friction` in [grains]"),
         ("discs = 40\ngrains = {}", "a table of their own, [grains]"),
     ] {
-        let text = TEST.replace("discs = 40", key).replace("[rve.preparation]\npressure = 20e3\n", "");
+        let text =
+            TEST.replace("discs = 40", key).replace("[rve.preparation]\npressure = 20e3\n", "");
         fs::write(folder.path().join("test.toml"), text).unwrap();
         element(folder.path()).arg("test.toml").assert().failure().stderr(contains(place));
     }

@@ -65,7 +65,9 @@ impl Log {
 /// The error for an unknown key, with the valid key that was probably meant.
 fn unknown_key(keys: &BTreeSet<String>, table: &str, key: &str, place: Place) -> Problem {
     if let Some(moved) = new_place(&format!("{table}.{key}")) {
-        return Problem::error(moved).at(Some(place), "no longer here").help("move it there; a trajectory of the old scene has to be made again");
+        return Problem::error(moved)
+            .at(Some(place), "no longer here")
+            .help("move it there; a trajectory of the old scene has to be made again");
     }
     let here = |path: &&String| parent(path) == table;
     let siblings: Vec<&str> = keys.iter().filter(here).map(|path| leaf(path)).collect();
