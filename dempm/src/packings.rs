@@ -52,7 +52,7 @@ const LEAST_STRESS: f64 = 100.0;
 
 /// Mass of grains over volume of packing (kg/m³).
 pub fn bulk_density(p: &RveParameters, packing: &Packing<f64>) -> f64 {
-    p.grain_density * packing.solid_fraction()
+    p.grains.grain_density * packing.solid_fraction()
 }
 
 /// The value kept in `file`, or a new one, which is then kept.

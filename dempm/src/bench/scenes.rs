@@ -116,7 +116,7 @@ fn measure(
     let points = simulation.state.points.len();
     let rate = match &simulation.scene.material {
         Material::Rve(rve) => {
-            let substeps = rve.parameters.substeps(simulation.scene.step);
+            let substeps = rve.parameters.grains.substeps(simulation.scene.step);
             format!("{:.1}", 1e-6 * (points * discs * substeps) as f64 / step)
         }
         Material::MuI(_) | Material::Elastic(_) => "-".to_owned(),

@@ -150,7 +150,7 @@ impl Needs {
                      2 % of a diameter; a larger normal_stiffness or a smaller thickness helps",
                     rve.stiffness_number
                 ));
-            } else if overlap > p.overlap_warning {
+            } else if overlap > p.grains.overlap_warning {
                 warnings.push(format!(
                     "impacts may press discs {:.0} % of a radius into each other, more than \
                      overlap_warning",
@@ -217,9 +217,9 @@ impl RveNeeds {
         disc_steps_per_second: f64,
     ) -> Self {
         let p = &rve.parameters;
-        let substeps = p.substeps(scene.step);
-        let inertia = p.mass_scale * p.disc_mass(p.radius_min);
-        let stiffness = p.normal_stiffness.max(p.tangential_stiffness);
+        let substeps = p.grains.substeps(scene.step);
+        let inertia = p.grains.mass_scale * p.grains.disc_mass(p.grains.radius_min);
+        let stiffness = p.grains.normal_stiffness.max(p.grains.tangential_stiffness);
         Self {
             discs: p.discs,
             side: rve.side(),
@@ -227,7 +227,7 @@ impl RveNeeds {
             substeps,
             step: scene.step / substeps as f64,
             step_limit: UNSTABLE_STEP * (inertia / stiffness).sqrt(),
-            stiffness_number: p.stiffness_number(base_pressure),
+            stiffness_number: p.grains.stiffness_number(base_pressure),
             disc_steps: point_steps * substeps as f64 * p.discs as f64,
             rate: disc_steps_per_second,
         }
@@ -247,7 +247,7 @@ fn peak_velocity(scene: &Scene, gravity: f64) -> f64 {
 fn inertial_number(scene: &Scene, rate: f64, pressure: f64) -> Option<f64> {
     let (diameter, density) = scene.material.grain();
     let mass_scale = match &scene.material {
-        Material::Rve(rve) => rve.parameters.mass_scale,
+        Material::Rve(rve) => rve.parameters.grains.mass_scale,
         _ => 1.0,
     };
     (diameter > 0.0 && pressure > 0.0)
@@ -337,10 +337,10 @@ mod tests {
     #[test]
     fn scenes_outside_the_sound_region_are_warned_about() {
         for (lines, expected) in [
-            ("[rve]\nthickness = 0.075", "discs are soft: kappa = 20"),
-            ("[rve]\noverlap_warning = 0.01", "impacts may press discs 4 % of a radius"),
+            ("[grains]\nthickness = 0.075", "discs are soft: kappa = 20"),
+            ("[grains]\noverlap_warning = 0.01", "impacts may press discs 4 % of a radius"),
             ("[rve]\npreparation.pressure = 1e5", "over-consolidated"),
-            ("[rve]\nmass_scale = 1000", "collisional"),
+            ("[grains]\nmass_scale = 1000", "collisional"),
         ] {
             let warnings = needs(&format!("{COLUMN}{lines}")).warnings;
             assert!(warnings.iter().any(|w| w.contains(expected)), "{expected}: {warnings:?}");

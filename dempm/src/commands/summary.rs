@@ -45,7 +45,7 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
     if let SceneMaterial::Rve(rve) = &simulation.state.material {
         let tally = &rve.tally;
         let p = rve.parameters();
-        let disc_steps = tally.steps as f64 * p.discs as f64 * p.substeps(scene.step) as f64;
+        let disc_steps = tally.steps as f64 * p.discs as f64 * p.grains.substeps(scene.step) as f64;
         let rate = disc_steps / times.get("rve").copied().unwrap_or(f64::NAN);
         line("disc-steps", format!("{disc_steps:.2e}, {rate:.2e} per second"));
         let share = |count: u64| 100.0 * count as f64 / tally.steps.max(1) as f64;
@@ -59,7 +59,7 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
             "largest overlap",
             format!(
                 "{:.2} of a radius, {} RVE steps above {}",
-                tally.max_overlap, tally.overlap_steps, p.overlap_warning
+                tally.max_overlap, tally.overlap_steps, p.grains.overlap_warning
             ),
         );
     }

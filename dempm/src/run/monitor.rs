@@ -33,7 +33,7 @@ pub fn thin(diameters: f64, width: f64) -> String {
 
 /// The warning for a pressure (Pa), described by `what`, that f32 does not resolve in packings.
 pub fn unresolved(what: &str, pressure: f64, p: &RveParameters) -> Option<String> {
-    let limit = p.single_precision_pressure();
+    let limit = p.grains.single_precision_pressure();
     (pressure > 0.0 && pressure < limit).then(|| {
         format!(
             "{what} is {pressure:.0} Pa, but under {limit:.0} Pa f32 may be a per cent or more \
@@ -114,7 +114,7 @@ impl Monitor {
             let (tally, p) = (&rve.tally, rve.parameters());
             if tally.overlap_steps > 0 && !self.overlap {
                 self.overlap = true;
-                warn(overlap(tally.max_overlap, p.overlap_warning));
+                warn(overlap(tally.max_overlap, p.grains.overlap_warning));
             }
             if tally.thin_steps > 0 && !self.thin {
                 self.thin = true;

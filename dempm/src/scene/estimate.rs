@@ -18,7 +18,7 @@ impl Material {
     /// Bulk density (kg/m³).
     pub fn density(&self) -> f64 {
         match self {
-            Self::Rve(rve) => rve.parameters.grain_density * SOLID_FRACTION,
+            Self::Rve(rve) => rve.parameters.grains.grain_density * SOLID_FRACTION,
             Self::MuI(law) => law.density,
             Self::Elastic(law) => law.density,
         }
@@ -33,7 +33,8 @@ impl Material {
             Self::Rve(rve) => {
                 let p = &rve.parameters;
                 let fabric = 2.0 * COORDINATION * SOLID_FRACTION / std::f64::consts::PI;
-                (3.0 * p.normal_stiffness + p.tangential_stiffness) / 8.0 * fabric / p.thickness
+                (3.0 * p.grains.normal_stiffness + p.grains.tangential_stiffness) / 8.0 * fabric
+                    / p.grains.thickness
             }
             Self::MuI(law) => law.wave_modulus(),
             Self::Elastic(law) => ElasticParameters::from(law).wave_modulus(),
@@ -50,7 +51,9 @@ impl Material {
     /// Diameter (m) and density (kg/m³) of grains for the inertial number; zero without grains.
     pub fn grain(&self) -> (f64, f64) {
         match self {
-            Self::Rve(rve) => (rve.parameters.mean_diameter(), rve.parameters.grain_density),
+            Self::Rve(rve) => {
+                (rve.parameters.grains.mean_diameter(), rve.parameters.grains.grain_density)
+            }
             Self::MuI(law) => (law.grain_diameter, law.grain_density),
             Self::Elastic(_) => (0.0, 0.0),
         }
@@ -61,7 +64,7 @@ impl Rve {
     /// Side of the square RVE (m): `N pi <r²> / phi` is its area.
     pub fn side(&self) -> f64 {
         let p = &self.parameters;
-        let (a, b) = (p.radius_min, p.radius_max);
+        let (a, b) = (p.grains.radius_min, p.grains.radius_max);
         let mean_square = (a * a + a * b + b * b) / 3.0;
         (p.discs as f64 * std::f64::consts::PI * mean_square / SOLID_FRACTION).sqrt()
     }

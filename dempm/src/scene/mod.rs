@@ -15,8 +15,10 @@
 mod convert;
 mod estimate;
 mod geometry;
+mod grains;
 mod log;
 mod model;
+pub(crate) mod moved;
 pub(crate) mod parameters;
 mod plausibility;
 mod points;
@@ -81,6 +83,7 @@ impl Scene {
         }
         geometry::validate(&scene, &log);
         stability::validate(&scene, &log);
+        grains::validate(&scene, &log);
         plausibility::validate(&scene, &log);
         let problems = log.take();
         if problems.iter().any(|problem| problem.severity == Severity::Error) {

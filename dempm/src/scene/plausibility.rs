@@ -113,7 +113,7 @@ fn calming(scene: &Scene, log: &Log) {
 /// The key that sets the speed of waves.
 fn stiffness_key(scene: &Scene) -> &'static str {
     match scene.material {
-        Material::Rve(_) => "rve.normal_stiffness",
+        Material::Rve(_) => "grains.normal_stiffness",
         Material::MuI(_) => "mu-i.bulk_modulus",
         Material::Elastic(_) => "elastic.young_modulus",
     }

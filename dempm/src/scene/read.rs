@@ -178,9 +178,9 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
     table.finish();
 
     // All tables are read, so that one scene can hold several materials and choose by `kind`.
-    let rve = parameters::read(log, root.table("rve"));
-    let mu_i = parameters::read(log, root.table("mu-i"));
-    let elastic = parameters::read(log, root.table("elastic"));
+    let rve = parameters::read_rve(log, root);
+    let mu_i = parameters::read(log, root.table("mu-i"), &[]);
+    let elastic = parameters::read(log, root.table("elastic"), &[]);
     let material = match kind {
         Kind::Rve => Material::Rve(Rve { parameters: rve, packings, precision, neighbours }),
         Kind::MuI => Material::MuI(mu_i),

@@ -27,9 +27,9 @@ impl Simulation {
             }
             // Stress scales with 1/thickness, cost with discs and substeps.
             parameters.insert(text("rve_discs"), p.discs as f64);
-            parameters.insert(text("rve_thickness"), p.thickness);
-            parameters.insert(text("rve_step"), scene.step / p.substeps(scene.step) as f64);
-            parameters.insert(text("rve_substeps"), p.substeps(scene.step) as f64);
+            parameters.insert(text("rve_thickness"), p.grains.thickness);
+            parameters.insert(text("rve_step"), scene.step / p.grains.substeps(scene.step) as f64);
+            parameters.insert(text("rve_substeps"), p.grains.substeps(scene.step) as f64);
         }
         Header {
             title: scene.title.clone(),

@@ -87,7 +87,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             parameter: "vertical stress, Pa, at least".into(),
             measured: Threshold::of_sweep(sweep),
             theory: Some((
-                p.single_precision_pressure(),
+                p.grains.single_precision_pressure(),
                 "δ = ε d / 0.01, one contact alone".into(),
             )),
             beyond: bad.unwrap_or(Outcome::Stable),
