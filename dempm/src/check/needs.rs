@@ -248,6 +248,7 @@ fn inertial_number(scene: &Scene, rate: f64, pressure: f64) -> Option<f64> {
     let (diameter, density) = scene.material.grain();
     let mass_scale = match &scene.material {
         Material::Rve(rve) => rve.parameters.grains.mass_scale,
+        Material::Discs(discs) => discs.grains.mass_scale,
         _ => 1.0,
     };
     (diameter > 0.0 && pressure > 0.0)
