@@ -192,7 +192,7 @@ fn checkpoints_change_places(#[values("rve", "mu-i")] material: &str) {
     assert_frames_close(&next_frame(&mut gpu).unwrap(), &expected, TOLERANCE);
 
     gpu.record().unwrap();
-    let state = copy(directory.path(), &scene, &gpu.state);
+    let state = copy(directory.path(), &scene, &gpu.state());
     let mut back = Simulation::resume(scene, state).unwrap();
     let expected = next_frame(&mut cpu).unwrap();
     assert_frames_close(&next_frame(&mut back).unwrap(), &expected, TOLERANCE);

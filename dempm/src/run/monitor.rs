@@ -1,6 +1,6 @@
 //! Warnings of a running simulation when it leaves the validity of the method.
 
-use dem::RveParameters;
+use dem::Grains;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{Material, Precision};
@@ -34,8 +34,8 @@ pub fn thin(diameters: f64, width: f64) -> String {
 }
 
 /// The warning for a pressure (Pa), described by `what`, that f32 does not resolve in packings.
-pub fn unresolved(what: &str, pressure: f64, p: &RveParameters) -> Option<String> {
-    let limit = p.grains.single_precision_pressure();
+pub fn unresolved(what: &str, pressure: f64, grains: &Grains) -> Option<String> {
+    let limit = grains.single_precision_pressure();
     (pressure > 0.0 && pressure < limit).then(|| {
         format!(
             "{what} is {pressure:.0} Pa, but under {limit:.0} Pa f32 may be a per cent or more \
@@ -131,7 +131,7 @@ impl Monitor {
                 && asked.precision == Precision::F32
                 && let Some(pressure) = median_pressure(rve.states())
                 && let Some(warning) =
-                    unresolved("the pressure in half of the packings", pressure, p)
+                    unresolved("the pressure in half of the packings", pressure, &p.grains)
             {
                 self.unresolved += 1;
                 if self.unresolved == UNRESOLVED {
