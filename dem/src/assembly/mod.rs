@@ -24,3 +24,6 @@ pub use error::{AssemblyError, GrainFailure};
 pub use packed::{Grain, GrainState, Packed, PackedContact, Partner};
 pub use prepare::{Advance, ColumnBox, prepare_column};
 pub use solver::Assembly;
+
+pub(crate) use memory::ContactMemory;
+pub(crate) use tile::History;
