@@ -5,6 +5,7 @@
 //! grains at rest; [`Assembly`] advances them.
 
 mod boundary;
+mod coarse_grain;
 mod coordinates;
 mod energy;
 mod error;
@@ -17,6 +18,7 @@ mod solver;
 mod tile;
 
 pub use boundary::{Boundary, Faces, Floor, RigidBox};
+pub use coarse_grain::{CoarseGraining, Continuum, free_share};
 pub use energy::{Energy, Losses};
 pub use error::{AssemblyError, GrainFailure};
 pub use packed::{Grain, GrainState, Packed, PackedContact, Partner};

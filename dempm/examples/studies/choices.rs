@@ -23,7 +23,7 @@ pub fn study(scene: &Scene) -> miette::Result<()> {
 fn row(name: &str, base: &Run, run: &Run, scene: &Scene) {
     let distance = base.distance(run, scene.domain.size[0]).join(" | ");
     let (front, height, scatter) = (run.front(), run.height(), run.scatter);
-    let dempm::simulation::SceneMaterial::Rve(rve) = &run.state.material else {
+    let Some(rve) = run.simulation.packings() else {
         return;
     };
     let share = |n: u64| 100.0 * n as f64 / rve.tally.steps as f64;
@@ -65,7 +65,9 @@ fn changes() -> Vec<Change> {
 fn rve(scene: &mut Scene) -> &mut Rve {
     match &mut scene.material {
         Material::Rve(rve) => rve,
-        Material::MuI(_) | Material::Elastic(_) => panic!("the scene's material must be rve"),
+        Material::Discs(_) | Material::MuI(_) | Material::Elastic(_) => {
+            panic!("the scene's material must be rve")
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use dem::Grains;
 
 use super::log::{Log, Place};
-use super::model::{Material, Rve, Scene};
+use super::model::{Discs, Material, Rve, Scene};
 use super::problem::Problem;
 
 /// More DEM steps than this in a macro step can only be a mistake.
@@ -14,11 +14,27 @@ const LATTICE_STEP: f64 = 0.4;
 /// Width of cells (mean diameters) below which discs cannot pass each other: `sin phi` was measured to
 /// jump from 0.3 to 0.7 and more.
 const LOCKED: f64 = 2.0;
+/// Smallest side of a column of discs, in mean diameters.
+const NARROW: f64 = 4.0;
+/// Sides of the squares of points, in mean diameters: below the first a square may stay empty, below the
+/// second its mean scatters.
+const EMPTY: f64 = 2.0;
+const FEW: f64 = 4.0;
+/// Most discs of a scene.
+const MAX_DISCS: f64 = 1.0e9;
 /// Relative difference of radii below which discs form lattices.
 const EQUAL: f64 = 0.1;
 
 pub(super) fn validate(scene: &Scene, log: &Log) {
     match &scene.material {
+        Material::Discs(discs) => {
+            if radii(&discs.grains, log) {
+                columns(scene, &discs.grains, log);
+                points(scene, &discs.grains, log);
+                count(scene, discs, log);
+                grains(&discs.grains, scene.step, log);
+            }
+        }
         Material::Rve(rve) => {
             if radii(&rve.parameters.grains, log) {
                 size(rve, log);
@@ -70,6 +86,62 @@ fn grains(grains: &Grains, step: f64, log: &Log) {
                     ),
                 )
                 .help("check the units: radii in m, stiffnesses in N/m, step in s"),
+        );
+    }
+}
+
+/// Columns are at least some grains wide and high.
+fn columns(scene: &Scene, grains: &Grains, log: &Log) {
+    let diameter = grains.mean_diameter();
+    for (k, column) in scene.columns.iter().enumerate() {
+        let [width, height] = column.place.size;
+        let across = width.min(height) / diameter;
+        if across < NARROW {
+            log.report(
+                Problem::error("the column is too small for its grains")
+                    .at(
+                        log.place(&format!("column[{k}].size")),
+                        format!("{across:.1} mean diameters of {diameter} m across"),
+                    )
+                    .help(format!(
+                        "at least {NARROW} mean diameters; smaller grains or a larger column"
+                    )),
+            );
+        }
+    }
+}
+
+/// The squares of points hold enough grains for a mean.
+fn points(scene: &Scene, grains: &Grains, log: &Log) {
+    let spacing = scene.domain.spacing();
+    let across = spacing / grains.mean_diameter();
+    let label = format!("squares of {spacing} m are {across:.1} mean diameters wide");
+    let place = log.place("domain.cell").or(log.place("domain.size"));
+    if across < EMPTY {
+        log.report(
+            Problem::error("the squares of points may hold no grain").at(place, label).help(
+                format!(
+                    "at least {EMPTY} mean diameters: a larger `cell` or fewer `points_per_cell`"
+                ),
+            ),
+        );
+    } else if across < FEW {
+        log.report(
+            Problem::warning("the points are means over few grains")
+                .at(place, label)
+                .help("stresses scatter; eight mean diameters hold some seventy grains"),
+        );
+    }
+}
+
+/// Grains have indices of 32 bits.
+fn count(scene: &Scene, discs: &Discs, log: &Log) {
+    let count = discs.count_in(scene.point_area() * scene.point_count() as f64);
+    if count > MAX_DISCS {
+        log.report(
+            Problem::error(format!("{count:.3e} discs are too many"))
+                .at(place(log, "radius_max").or(log.place("column[0].size")), "their size")
+                .help(format!("at most {MAX_DISCS:e}; larger grains or smaller columns")),
         );
     }
 }
