@@ -11,9 +11,9 @@
 use nalgebra::Matrix2;
 
 use crate::disc::Disc;
+use crate::grains::Grains;
 use crate::neighbours::{Image2, Pair};
 use crate::packing::Packing;
-use crate::parameters::RveParameters;
 use crate::real::Real;
 
 /// The contact law and the step, in working precision.
@@ -35,13 +35,13 @@ pub struct ContactLaw<R: Real> {
 
 impl<R: Real> ContactLaw<R> {
     /// The law at a DEM step of `dt` (s), with the friction and damping of flow.
-    pub fn new(p: &RveParameters, dt: f64) -> Self {
+    pub fn new(grains: &Grains, dt: f64) -> Self {
         Self {
-            normal_stiffness: R::from_f64(p.normal_stiffness),
-            tangential_stiffness: R::from_f64(p.tangential_stiffness),
-            friction: R::from_f64(p.friction),
-            damping_ratio: R::from_f64(p.damping_ratio),
-            local_damping: R::from_f64(p.local_damping),
+            normal_stiffness: R::from_f64(grains.normal_stiffness),
+            tangential_stiffness: R::from_f64(grains.tangential_stiffness),
+            friction: R::from_f64(grains.friction),
+            damping_ratio: R::from_f64(grains.damping_ratio),
+            local_damping: R::from_f64(grains.local_damping),
             dt: R::from_f64(dt),
         }
     }

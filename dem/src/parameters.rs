@@ -1,43 +1,17 @@
-//! Parameters of an RVE: grains, contact law, numerics and preparation.
+//! Parameters of an RVE: its grains, homogenisation and preparation.
 
 use serde::{Deserialize, Serialize};
 
-/// Grains, contact law and integration of a representative volume element (RVE).
-///
-/// All units are SI. Discs are cylinders of height [`thickness`](Self::thickness), so masses are
-/// true masses (kg) and stresses true stresses (Pa).
+use crate::grains::Grains;
+
+/// A representative volume element (RVE): its grains, its size, its limits and its preparation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RveParameters {
+    /// Grains and contact law.
+    pub grains: Grains,
     /// Discs in one RVE.
     pub discs: usize,
-    /// Smallest disc radius (m); radii are uniform in `[radius_min, radius_max]`.
-    pub radius_min: f64,
-    /// Largest disc radius (m).
-    pub radius_max: f64,
-    /// Density of the grain material (kg/m³).
-    pub grain_density: f64,
-    /// Out-of-plane thickness `t` (m). Stress is force per length divided by `t`; the default is
-    /// the mean disc diameter, one layer of grains.
-    pub thickness: f64,
-    /// Normal contact stiffness `kn` (N/m).
-    pub normal_stiffness: f64,
-    /// Tangential contact stiffness `kt` (N/m).
-    pub tangential_stiffness: f64,
-    /// Coulomb friction coefficient between grains.
-    pub friction: f64,
-    /// Contact dashpot `zeta`, as a fraction of critical damping of a pair.
-    pub damping_ratio: f64,
-    /// Cundall local damping `alpha` in flow. Not neutral in flow (it raises the shear strength at
-    /// high inertial number), hence 0 by default.
-    pub local_damping: f64,
-    /// Grain mass is multiplied by this in the equations of motion (not in the bulk density): a
-    /// larger step at the price of a larger inertial number. 1 is physical.
-    pub mass_scale: f64,
-    /// DEM step as a fraction of `sqrt(m_min / max(kn, kt))`. A packing becomes unstable near 0.55.
-    pub step_factor: f64,
-    /// Verlet skin as a fraction of the largest radius.
-    pub skin: f64,
     /// Trailing part of the substeps of one macro step over which stress is averaged.
     pub stress_window: f64,
     /// Adds the kinetic (Reynolds) part to the stress.
@@ -48,11 +22,7 @@ pub struct RveParameters {
     /// Below this perpendicular width of the cell, in mean diameters, a loaded cell is not
     /// thinned further: only the volumetric part and the spin of the velocity gradient act on it.
     pub thin_width: f64,
-    /// Overlaps larger than this fraction of the smaller radius are counted and reported.
-    pub overlap_warning: f64,
-    /// An overlap larger than this fraction of the smaller radius ends the run.
-    pub overlap_limit: f64,
-    /// How the initial packing is made.
+    /// How the initial packing is made, with the grains' friction of preparation.
     pub preparation: Preparation,
 }
 
@@ -62,9 +32,6 @@ pub struct RveParameters {
 pub struct Preparation {
     /// Isotropic pressure the servo consolidates to (Pa).
     pub pressure: f64,
-    /// Friction during isotropic consolidation: about 0 gives a dense packing, 0.1 a medium one,
-    /// the flow friction a loose one.
-    pub friction: f64,
     /// Solid fraction of the initial cloud of non-touching discs.
     pub cloud_solid_fraction: f64,
     /// Cundall local damping while preparing.
@@ -76,26 +43,12 @@ pub struct Preparation {
 impl Default for RveParameters {
     fn default() -> Self {
         Self {
+            grains: Grains::default(),
             discs: 400,
-            radius_min: 2.5e-3,
-            radius_max: 5.0e-3,
-            grain_density: 2650.0,
-            thickness: 7.5e-3,
-            normal_stiffness: 1.0e5,
-            tangential_stiffness: 1.0e5,
-            friction: 0.5,
-            damping_ratio: 0.2,
-            local_damping: 0.0,
-            mass_scale: 1.0,
-            // At 0.2, 1e-4 s would take 8.004 steps, which is 9.
-            step_factor: 0.201,
-            skin: 0.3,
             stress_window: 0.5,
             kinetic_stress: true,
             free_solid_fraction: 0.70,
             thin_width: 3.0,
-            overlap_warning: 0.15,
-            overlap_limit: 1.0,
             preparation: Preparation::default(),
         }
     }
@@ -103,56 +56,6 @@ impl Default for RveParameters {
 
 impl Default for Preparation {
     fn default() -> Self {
-        Self {
-            pressure: 2.0e3,
-            friction: 1.0e-3,
-            cloud_solid_fraction: 0.3,
-            local_damping: 0.2,
-            ladder_rate: 0.02,
-        }
-    }
-}
-
-impl RveParameters {
-    /// Mass of a disc of radius `r` (kg): `rho pi r² t`.
-    pub fn disc_mass(&self, r: f64) -> f64 {
-        self.grain_density * std::f64::consts::PI * r * r * self.thickness
-    }
-
-    /// Largest DEM step used (s): `step_factor * sqrt(mass_scale m_min / max(kn, kt))`.
-    ///
-    /// The rotation of the lightest grain governs; packings were found unstable above
-    /// `0.55 sqrt(m_min / kn)`.
-    pub fn step(&self) -> f64 {
-        let m_min = self.mass_scale * self.disc_mass(self.radius_min);
-        self.step_factor * (m_min / self.normal_stiffness.max(self.tangential_stiffness)).sqrt()
-    }
-
-    /// Substeps in a macro step of `dt`: `ceil(dt / step())`, at least 1.
-    pub fn substeps(&self, dt: f64) -> usize {
-        // The tolerance keeps dt = n * step() from becoming n + 1 by round-off.
-        ((dt / self.step() - 1.0e-9).ceil() as usize).max(1)
-    }
-
-    /// Mean disc diameter (m).
-    pub fn mean_diameter(&self) -> f64 {
-        self.radius_min + self.radius_max
-    }
-
-    /// Pressure (Pa) under which stress in f32 may be more than a per cent wrong.
-    ///
-    /// Overlaps come from distances of about a diameter, known to `eps d`. At this pressure, the mean
-    /// overlap `delta` of `p t = Z phi kn delta / (2 pi r)`, with `Z = 4` and `phi = 0.84`, is a
-    /// hundred times that. Errors of many contacts cancel in part: packings were measured to be a
-    /// per cent wrong at 10 to 100 Pa where this gives 170 Pa.
-    pub fn single_precision_pressure(&self) -> f64 {
-        let fabric = 4.0 * 0.84 / (2.0 * std::f64::consts::PI);
-        let overlap = 100.0 * f64::from(f32::EPSILON) * self.mean_diameter();
-        fabric * self.normal_stiffness * overlap / (0.5 * self.mean_diameter() * self.thickness)
-    }
-
-    /// Stiffness number `kappa = kn / (p t)` at pressure `p` (Pa).
-    pub fn stiffness_number(&self, p: f64) -> f64 {
-        self.normal_stiffness / (p * self.thickness)
+        Self { pressure: 2.0e3, cloud_solid_fraction: 0.3, local_damping: 0.2, ladder_rate: 0.02 }
     }
 }

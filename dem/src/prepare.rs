@@ -9,6 +9,7 @@ use crate::cell::Cell;
 use crate::disc::PlainDisc;
 use crate::element::{Element, Stage, StageError, Until};
 use crate::error::Error;
+use crate::grains::Grains;
 use crate::packing::Packing;
 use crate::parameters::RveParameters;
 
@@ -53,8 +54,8 @@ pub fn consolidate(p: &RveParameters, seed: u64) -> Result<Packing<f64>, Error> 
     let fail = |reason: String| Error::Preparation { seed, reason };
     let stage = Stage::Isotropic { pressure: p.preparation.pressure, duration: None };
     let mut element = start(p, cloud(p, seed).map_err(fail)?).map_err(|e| fail(e.to_string()))?;
-    for friction in [p.preparation.friction, p.friction] {
-        element.parameters.friction = friction;
+    for friction in [p.grains.preparation_friction, p.grains.friction] {
+        element.parameters.grains.friction = friction;
         element.run(&stage, f64::INFINITY, |_| ()).map_err(|e| fail(e.to_string()))?;
     }
     Ok(element.rve.packing)
@@ -100,20 +101,23 @@ pub fn ladder(
 /// that of flow: packings would differ with the step, by more than flows do.
 fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, StageError> {
     let p = RveParameters {
-        local_damping: p.preparation.local_damping,
+        grains: Grains {
+            local_damping: p.preparation.local_damping,
+            mass_scale: 1.0,
+            step_factor: Grains::default().step_factor,
+            ..p.grains
+        },
         free_solid_fraction: 0.0,
-        mass_scale: 1.0,
-        step_factor: RveParameters::default().step_factor,
         ..p.clone()
     };
-    Element::new(packing, &p, CONTROL_STEPS * p.step())
+    Element::new(packing, &p, CONTROL_STEPS * p.grains.step())
 }
 
 /// Random non-overlapping discs, radii uniform in `[radius_min, radius_max]`, in a square cell.
 fn cloud(p: &RveParameters, seed: u64) -> Result<Packing<f64>, String> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut radii: Vec<f64> =
-        (0..p.discs).map(|_| rng.random_range(p.radius_min..=p.radius_max)).collect();
+        (0..p.discs).map(|_| rng.random_range(p.grains.radius_min..=p.grains.radius_max)).collect();
     // Large discs first: they find a place more easily.
     radii.sort_by(|a, b| b.total_cmp(a));
     let solid: f64 = radii.iter().map(|r| std::f64::consts::PI * r * r).sum();
@@ -140,7 +144,7 @@ fn cloud(p: &RveParameters, seed: u64) -> Result<Packing<f64>, String> {
         })?;
         discs.push(PlainDisc { x, r });
     }
-    Ok(Packing::new(Cell::square(side), &discs, |r| p.disc_mass(r)))
+    Ok(Packing::new(Cell::square(side), &discs, |r| p.grains.disc_mass(r)))
 }
 
 #[cfg(test)]
@@ -150,7 +154,11 @@ mod tests {
     #[test]
     fn a_packing_does_not_depend_on_the_step_of_flow() {
         let made = |step_factor| {
-            let p = RveParameters { discs: 30, step_factor, ..RveParameters::default() };
+            let p = RveParameters {
+                grains: Grains { step_factor, ..Grains::default() },
+                discs: 30,
+                ..RveParameters::default()
+            };
             prepare(&p, 1, &[5.0e3]).unwrap()
         };
         assert_eq!(made(0.1), made(0.4));

@@ -29,11 +29,11 @@ pub struct Substepping<R: Real> {
 impl<R: Real> Substepping<R> {
     /// Physical-time coupling: `ceil(dt / dt_DEM)` equal substeps make up `dt` (s).
     pub fn new(p: &RveParameters, dt: f64) -> Self {
-        let substeps = p.substeps(dt);
+        let substeps = p.grains.substeps(dt);
         let trailing = (p.stress_window * substeps as f64).ceil() as usize;
         let dt = dt / substeps as f64;
         Self {
-            law: ContactLaw::new(p, dt),
+            law: ContactLaw::new(&p.grains, dt),
             dt,
             substeps,
             samples: trailing.max(MIN_SAMPLES).min(substeps),
@@ -126,7 +126,7 @@ impl<R: Real> Rve<R> {
             if n + sub.samples >= sub.substeps {
                 // Sampled after the move, with the forces of this substep.
                 state.stress +=
-                    homogenise::stress(&self.packing, &sums, p.thickness, p.kinetic_stress)
+                    homogenise::stress(&self.packing, &sums, p.grains.thickness, p.kinetic_stress)
                         / sub.samples as f64;
             }
             state.coordination = 2.0 * f64::from(sums.contacts) / self.packing.discs.len() as f64;
@@ -149,7 +149,7 @@ impl<R: Real> Rve<R> {
     ) -> Result<ContactSums, Failure> {
         let sums = contact_forces(&mut self.packing, &sub.law, drive, forces);
         state.relative_overlap = state.relative_overlap.max(sums.relative_overlap);
-        if sums.relative_overlap > p.overlap_limit {
+        if sums.relative_overlap > p.grains.overlap_limit {
             return Err(Failure::Overlap(sums.relative_overlap));
         }
         let fastest = integrate(&mut self.packing, &sub.law, drive, increment, &forces.on_disc);
@@ -171,7 +171,7 @@ impl<R: Real> Rve<R> {
     ) {
         let Packing { cell, discs, neighbours, .. } = &mut self.packing;
         if neighbours.outdated(cell, discs, moved) || cell.reduction().is_some() {
-            self.packing.search(p.skin * p.radius_max, |a, b| sub.law.dashpot(a, b));
+            self.packing.search(p.grains.skin * p.grains.radius_max, |a, b| sub.law.dashpot(a, b));
             state.searches += 1;
         }
     }
@@ -182,7 +182,7 @@ impl<R: Real> Rve<R> {
     fn drive(&self, l: &Matrix2<f64>, p: &RveParameters, dt: f64) -> (Matrix2<f64>, bool) {
         let cell = self.packing.cell;
         let width = cell.min_width();
-        if width >= p.thin_width * p.mean_diameter() {
+        if width >= p.thin_width * p.grains.mean_diameter() {
             return (*l, false);
         }
         let next = cell::Cell { h: cell::exp(&(l * dt)) * cell.h };

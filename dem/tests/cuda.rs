@@ -21,7 +21,7 @@ const DT: f64 = 1.0e-4;
 fn random_packing<R: Real>(discs: usize, seed: u64, p: &RveParameters) -> Packing<R> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let columns = (discs as f64).sqrt().ceil() as usize;
-    let spacing = 1.9 * 0.5 * (p.radius_min + p.radius_max);
+    let spacing = 1.9 * 0.5 * (p.grains.radius_min + p.grains.radius_max);
     let plain: Vec<PlainDisc> = (0..discs)
         .map(|k| {
             let mut jitter = || rng.random_range(-0.1..0.1);
@@ -30,12 +30,12 @@ fn random_packing<R: Real>(discs: usize, seed: u64, p: &RveParameters) -> Packin
                     spacing * ((k % columns) as f64 + jitter()),
                     spacing * ((k / columns) as f64 + jitter()),
                 ],
-                r: rng.random_range(p.radius_min..=p.radius_max),
+                r: rng.random_range(p.grains.radius_min..=p.grains.radius_max),
             }
         })
         .collect();
     let cell = Cell::square(spacing * columns as f64);
-    let mut packing = Packing::new(cell, &plain, |r| p.disc_mass(r));
+    let mut packing = Packing::new(cell, &plain, |r| p.grains.disc_mass(r));
     for d in &mut packing.discs {
         let mut velocity = |scale: f64| R::from_f64(rng.random_range(-scale..scale));
         d.u = [velocity(0.3), velocity(0.3)];
@@ -114,7 +114,7 @@ fn assert_states_close(gpu: &RveState, cpu: &RveState, tolerance: f64) {
 fn one_substep<R: CudaReal>(discs: usize, epsilon: f64) {
     let Some(device) = gpu::for_tests() else { return };
     let p = RveParameters { discs, free_solid_fraction: 0.0, ..RveParameters::default() };
-    let dt = p.step();
+    let dt = p.grains.step();
     let packings: Vec<Packing<R>> = (0..3).map(|seed| random_packing(discs, seed, &p)).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(discs as u64);
     let gradients: Vec<_> = packings.iter().map(|_| random_gradient(&mut rng, 20.0)).collect();
@@ -221,7 +221,7 @@ fn thin_packing<R: Real>(p: &RveParameters, width: f64) -> Packing<R> {
         .collect();
     let length = 4.5e-3 * p.discs as f64;
     Packing::new(Cell { h: Matrix2::new(width, 0.1 * width, 0.0, length) }, &discs, |r| {
-        p.disc_mass(r)
+        p.grains.disc_mass(r)
     })
 }
 

@@ -3,7 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use dem::{Packing, Rung, RveParameters};
+use dem::assembly::{AssemblyError, Boundary, ColumnBox, Packed, prepare_column};
+use dem::{Grains, Packing, Real, Rung, RveParameters};
 use files::{FileLock, note, read_sealed, seal, write_atomically};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -52,7 +53,30 @@ const LEAST_STRESS: f64 = 100.0;
 
 /// Mass of grains over volume of packing (kg/m³).
 pub fn bulk_density(p: &RveParameters, packing: &Packing<f64>) -> f64 {
-    p.grain_density * packing.solid_fraction()
+    p.grains.grain_density * packing.solid_fraction()
+}
+
+/// Fills a column of a scene with discs at rest; see [`prepare_column`]. A column found in the cache is not
+/// filled again.
+///
+/// # Errors
+/// When the column cannot be filled. A cache that cannot be read or written is not an error.
+pub fn column<R: Real>(
+    grains: &Grains,
+    boundary: &Boundary,
+    gravity: [f64; 2],
+    place: &ColumnBox,
+    seed: u64,
+) -> Result<Packed, AssemblyError> {
+    // Of the boundary, only what lies below the column matters.
+    let floor = (boundary.size[0], boundary.walls.bottom, boundary.floor, boundary.seed);
+    let ColumnBox { corner, size, loaded } = *place;
+    let file = cache_file(&("column", R::NAME, grains, floor, gravity, corner, size, loaded, seed));
+    cached(file, || {
+        prepare_column::<R>(grains, boundary, gravity, place, seed, &mut |assembly, steps| {
+            assembly.advance(steps)
+        })
+    })
 }
 
 /// The value kept in `file`, or a new one, which is then kept.

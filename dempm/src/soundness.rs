@@ -10,6 +10,9 @@ use std::fmt::{self, Display, Formatter};
 /// weight.
 const ENERGY_GAIN: f64 = 0.05;
 
+/// The energy budget of discs may drift by this part of what was dissipated.
+const DRIFT: f64 = 0.01;
+
 /// So many times the points of a filled cell of the grid are material pressed into itself. Collapses,
 /// impacts and settling reach 1.5.
 const CROWDED: f64 = 2.5;
@@ -29,6 +32,11 @@ pub enum Unsound {
     Energy {
         /// Part of the energy at the start.
         gain: f64,
+    },
+    /// The energy budget of discs does not close.
+    Drift {
+        /// Part of what was dissipated.
+        part: f64,
     },
     /// A cell of the grid holds too many points.
     Crowded {
@@ -53,6 +61,12 @@ impl Display for Unsound {
                  dissipative transfer may be needed",
                 100.0 * gain
             ),
+            Self::Drift { part } => write!(
+                f,
+                "the energy of the grains is off by {:.1} % of what was dissipated: a smaller `step_factor` \
+                 may be needed",
+                100.0 * part
+            ),
             Self::Crowded { at: [x, y], density } => write!(
                 f,
                 "a cell at ({x:.2}, {y:.2}) m holds {density:.1} times the material that fits into it: \
@@ -74,6 +88,14 @@ pub fn energy(start: f64, now: f64, stored: f64) -> Option<Unsound> {
     let allowed = ENERGY_GAIN * start.abs() + stored;
     // Where nothing moves and nothing could, there is only round-off.
     (start != 0.0 && gain > allowed).then(|| Unsound::Energy { gain: gain / start.abs() })
+}
+
+/// Whether the energy budget of discs drifts from what they dissipated, in a scene with this energy at the
+/// start (J/m).
+pub fn drift(drift: f64, dissipated: f64, start: f64) -> Option<Unsound> {
+    // Before anything is dissipated there is only round-off.
+    let scale = dissipated + DRIFT * start.abs();
+    (drift.abs() > DRIFT * scale).then(|| Unsound::Drift { part: drift.abs() / scale })
 }
 
 /// Upper bound (J/m) on the elastic energy of points with these volumes (m²) and squared norms of stress
@@ -123,6 +145,13 @@ mod tests {
         // Potential energy may be negative, and there may be none at all.
         assert_eq!(energy(-100.0, -50.0, 0.0), Some(Unsound::Energy { gain: 0.5 }));
         assert_eq!(energy(0.0, 1.0, 0.0), None);
+    }
+
+    #[test]
+    fn a_budget_may_drift_by_a_hundredth_of_the_losses() {
+        assert_eq!(drift(0.9, 100.0, 0.0), None);
+        assert_eq!(drift(0.9, 0.0, 1.0e4), None);
+        assert_eq!(drift(-2.0, 100.0, 0.0), Some(Unsound::Drift { part: 0.02 }));
     }
 
     /// A block of 2 m² under 10 kPa from all sides stores at most p² V / M.

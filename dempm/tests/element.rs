@@ -142,12 +142,28 @@ fn errors_name_file_and_key() {
     fails(&format!("packing = \"bad.csv\"\n{TEST}"), ["bad.csv", "line 2"]);
 }
 
+/// Keys of older files are told where they are now.
+#[test]
+fn keys_that_have_moved_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for (key, place) in [
+        ("discs = 40\nfriction = 0.5", "`friction` is now in [grains]"),
+        ("discs = 40\npreparation.friction = 0.5", "`preparation_friction` in [grains]"),
+        ("discs = 40\ngrains = {}", "a table of their own, [grains]"),
+    ] {
+        let text =
+            TEST.replace("discs = 40", key).replace("[rve.preparation]\npressure = 20e3\n", "");
+        fs::write(folder.path().join("test.toml"), text).unwrap();
+        element(folder.path()).arg("test.toml").assert().failure().stderr(contains(place));
+    }
+}
+
 /// Packings have the limits that those of scenes have.
 #[test]
 fn a_packing_that_cannot_be_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     for (key, number) in
-        [("rve.discs", "discs = 0"), ("rve.friction", "discs = 40\nfriction = -1.0")]
+        [("rve.discs", "discs = 0"), ("grains.friction", "discs = 40\n[grains]\nfriction = -1.0")]
     {
         fs::write(folder.path().join("test.toml"), TEST.replace("discs = 40", number)).unwrap();
         let refused = contains("test.toml").and(contains(key)).and(contains("must be"));

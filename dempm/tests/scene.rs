@@ -114,7 +114,7 @@ fn all_runs_of_the_paper_have_one_material_and_one_packing() {
     // All but the room that a GPU gives to neighbours, which changes no result.
     let material = |scene: &Scene| match &scene.material {
         Material::Rve(rve) => Rve { neighbours: Room::Usual, ..rve.clone() },
-        Material::MuI(_) | Material::Elastic(_) => panic!("a law"),
+        Material::Discs(_) | Material::MuI(_) | Material::Elastic(_) => panic!("no packings"),
     };
     let first = &all[0].1;
     for (name, scene) in &all {

@@ -23,7 +23,7 @@ use surrogate::features::{
     Normalisation, Obstacle, RadiusGraph, Window, radius_graph, window_input,
 };
 use surrogate::network::parameters::weights;
-use surrogate::network::{Model, NodeFeature};
+use surrogate::network::{DIMENSIONS, Model, NodeFeature};
 use surrogate::network::{ModelConfig, Precision};
 use surrogate::rollout::Constraints;
 use surrogate::rollout::RolloutError;
@@ -31,14 +31,14 @@ use surrogate::simulator::{Simulator, Training};
 
 const RADIUS: f32 = 0.25;
 
-fn normalisation(dimensions: usize) -> Normalisation {
+fn normalisation() -> Normalisation {
     Normalisation {
-        velocity_mean: (0..dimensions).map(|k| 0.001 * k as f64).collect(),
-        velocity_std: vec![0.01; dimensions],
-        acceleration_mean: vec![1e-4; dimensions],
-        acceleration_std: vec![2e-3; dimensions],
-        features_mean: [vec![10.0], vec![1e-4; dimensions], vec![0.5, 0.3, 0.4]].concat(),
-        features_std: [vec![7.0], vec![1e-3; dimensions], vec![0.3, 0.2, 0.1]].concat(),
+        velocity_mean: (0..DIMENSIONS).map(|k| 0.001 * k as f64).collect(),
+        velocity_std: vec![0.01; DIMENSIONS],
+        acceleration_mean: vec![1e-4; DIMENSIONS],
+        acceleration_std: vec![2e-3; DIMENSIONS],
+        features_mean: [vec![10.0], vec![1e-4; DIMENSIONS], vec![0.5, 0.3, 0.4]].concat(),
+        features_std: [vec![7.0], vec![1e-3; DIMENSIONS], vec![0.3, 0.2, 0.1]].concat(),
     }
 }
 
@@ -52,23 +52,21 @@ const FEATURES: [NodeFeature; 4] = [
 
 /// The normalisation of a network, with or without further features.
 fn normalisation_for(config: &ModelConfig) -> Normalisation {
-    let mut norm = normalisation(config.dimensions);
+    let mut norm = normalisation();
     norm.features_mean.truncate(config.further_node_features());
     norm.features_std.truncate(config.further_node_features());
     norm
 }
 
-/// Networks that read all that there is: plain, with further features, with obstacles (which are
-/// two-dimensional), and the GNS with them.
-fn readers(dimensions: usize) -> [ModelConfig; 4] {
-    let obstacles = dimensions == 2;
-    let plain = ModelConfig { dimensions, frames: 3, ..ModelConfig::default() };
+/// Networks that read all that there is: plain, with further features, with obstacles, and the GNS with them.
+fn readers() -> [ModelConfig; 4] {
+    let plain = ModelConfig { frames: 3, ..ModelConfig::default() };
     let gns = ModelConfig::named("gns").unwrap();
     [
         plain.clone(),
         ModelConfig { node_features: FEATURES.to_vec(), clamped_walls: true, ..plain.clone() },
-        ModelConfig { node_features: FEATURES.to_vec(), obstacles, ..plain },
-        ModelConfig { dimensions, frames: 3, node_features: FEATURES.to_vec(), obstacles, ..gns },
+        ModelConfig { node_features: FEATURES.to_vec(), obstacles: true, ..plain },
+        ModelConfig { frames: 3, node_features: FEATURES.to_vec(), obstacles: true, ..gns },
     ]
 }
 
@@ -83,16 +81,16 @@ fn obstacles(config: &ModelConfig) -> Vec<Obstacle> {
     if config.obstacles { all } else { Vec::new() }
 }
 
-fn random(points: usize, dimensions: usize, extent: f32, seed: u64) -> Vec<f32> {
+fn random(points: usize, columns: usize, extent: f32, seed: u64) -> Vec<f32> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    (0..points * dimensions).map(|_| rng.random_range(0.0..extent)).collect()
+    (0..points * columns).map(|_| rng.random_range(0.0..extent)).collect()
 }
 
 /// The graphs of several windows side by side.
-fn reference(windows: &[Vec<f32>], dimensions: usize) -> RadiusGraph {
+fn reference(windows: &[Vec<f32>]) -> RadiusGraph {
     let mut whole = RadiusGraph { start: vec![0], sender: Vec::new() };
     for window in windows {
-        let graph = radius_graph(window, dimensions, RADIUS);
+        let graph = radius_graph(window, RADIUS);
         let (points, edges) = (whole.start.len() as u32 - 1, whole.sender.len() as u32);
         whole.start.extend(graph.start[1..].iter().map(|start| start + edges));
         whole.sender.extend(graph.sender.iter().map(|sender| sender + points));
@@ -101,11 +99,11 @@ fn reference(windows: &[Vec<f32>], dimensions: usize) -> RadiusGraph {
 }
 
 /// Builds the graph of some windows and compares it edge by edge; the room is too small at first.
-fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
+fn check_graph(windows: &[Vec<f32>]) {
     let Some(device) = gpu::for_tests() else { return };
-    let expected = reference(windows, dimensions);
-    let points: Vec<usize> = windows.iter().map(|window| window.len() / dimensions).collect();
-    let mut builder = GraphBuilder::new(&device, dimensions, RADIUS, &points, 1).unwrap();
+    let expected = reference(windows);
+    let points: Vec<usize> = windows.iter().map(|window| window.len() / DIMENSIONS).collect();
+    let mut builder = GraphBuilder::new(&device, RADIUS, &points, 1).unwrap();
     let mut positions = windows.concat();
     let values = positions.len();
     positions.push(0.0); // an empty upload is an error
@@ -148,38 +146,33 @@ fn check_graph(windows: &[Vec<f32>], dimensions: usize) {
 }
 
 #[rstest]
-fn graphs_of_random_points(
-    #[values(2, 3)] dimensions: usize,
-    #[values(1, 2, 31, 33, 500, 3000)] points: usize,
-) {
+fn graphs_of_random_points(#[values(1, 2, 31, 33, 500, 3000)] points: usize) {
     for (seed, extent) in [(1, 0.3), (2, 2.0), (3, 10.0)] {
-        check_graph(&[random(points, dimensions, extent, seed)], dimensions);
+        check_graph(&[random(points, DIMENSIONS, extent, seed)]);
     }
 }
 
-#[rstest]
-fn graphs_of_special_points(#[values(2, 3)] dimensions: usize) {
-    let line = |xs: &[f32]| -> Vec<f32> {
-        xs.iter().flat_map(|&x| [x, 0.5, 0.5].into_iter().take(dimensions)).collect()
-    };
-    check_graph(&[Vec::new()], dimensions);
-    check_graph(&[line(&[1.0])], dimensions);
+#[test]
+fn graphs_of_special_points() {
+    let line = |xs: &[f32]| -> Vec<f32> { xs.iter().flat_map(|&x| [x, 0.5]).collect() };
+    check_graph(&[Vec::new()]);
+    check_graph(&[line(&[1.0])]);
     // All at one place: each is a neighbour of all.
-    check_graph(&[line(&[0.7; 100])], dimensions);
+    check_graph(&[line(&[0.7; 100])]);
     // At exactly the radius, and the next number beyond; on borders of cells, about zero.
-    check_graph(&[line(&[1.0, 1.25, 1.5, 1.750_000_1, -0.25, 0.0, 0.25, -0.0])], dimensions);
+    check_graph(&[line(&[1.0, 1.25, 1.5, 1.750_000_1, -0.25, 0.0, 0.25, -0.0])]);
     let width = 0.25 * 1.001;
     let borders: Vec<f32> = (-20..20).map(|k| k as f32 * width).collect();
-    check_graph(&[line(&borders)], dimensions);
+    check_graph(&[line(&borders)]);
     // Far away and nowhere.
     let far = [f32::NAN, 1.0, 1.1, f32::INFINITY, 1e30, -1e30, 1e9, 1e9, -3e7, -3e7, f32::MAX, 1.2];
-    check_graph(&[line(&far)], dimensions);
+    check_graph(&[line(&far)]);
     // 16 cells apart, so that they share buckets.
-    check_graph(&[line(&[0.1, 0.1 + 16.0 * width, 0.1 + 8.0 * width, 0.2])], dimensions);
+    check_graph(&[line(&[0.1, 0.1 + 16.0 * width, 0.1 + 8.0 * width, 0.2])]);
     // Dense clusters in a wide domain.
-    let mut clusters = random(400, dimensions, 0.2, 4);
-    clusters.extend(random(400, dimensions, 0.2, 5).iter().map(|x| x + 900.0));
-    check_graph(&[clusters], dimensions);
+    let mut clusters = random(400, DIMENSIONS, 0.2, 4);
+    clusters.extend(random(400, DIMENSIONS, 0.2, 5).iter().map(|x| x + 900.0));
+    check_graph(&[clusters]);
 }
 
 /// Differences of coordinates of thousands of cells, where single precision could part neighbours by
@@ -187,17 +180,17 @@ fn graphs_of_special_points(#[values(2, 3)] dimensions: usize) {
 #[test]
 fn graphs_far_from_the_origin() {
     for shift in [1.0e3, 1.0e4, 1.0e5] {
-        let cloud: Vec<f32> = random(2000, 2, 4.0, 6).iter().map(|x| x + shift).collect();
-        check_graph(&[cloud], 2);
+        let cloud: Vec<f32> = random(2000, DIMENSIONS, 4.0, 6).iter().map(|x| x + shift).collect();
+        check_graph(&[cloud]);
     }
 }
 
-#[rstest]
-fn graphs_of_batches(#[values(2, 3)] dimensions: usize) {
+#[test]
+fn graphs_of_batches() {
     let sizes = [300, 0, 1, 2304, 77];
     let windows: Vec<Vec<f32>> =
-        sizes.iter().enumerate().map(|(k, &n)| random(n, dimensions, 2.0, k as u64)).collect();
-    check_graph(&windows, dimensions);
+        sizes.iter().enumerate().map(|(k, &n)| random(n, DIMENSIONS, 2.0, k as u64)).collect();
+    check_graph(&windows);
 }
 
 /// The paper's scene and larger ones.
@@ -208,14 +201,14 @@ fn graphs_of_lattices() {
         let place = |k: usize| (k as f32 + 0.5) / 16.0;
         let lattice = (0..columns * rows).flat_map(|k| [place(k % columns), place(k / columns)]);
         let lattice = lattice.map(|x| x + rng.random_range(-0.02..0.02)).collect();
-        check_graph(&[lattice], 2);
+        check_graph(&[lattice]);
     }
 }
 
 /// Positions of frames of a cloud that drifts.
-fn drifting(points: usize, dimensions: usize, frames: usize, seed: u64) -> Vec<f32> {
-    let start = random(points, dimensions, 1.0, seed);
-    let drift = random(points, dimensions, 0.02, seed + 100);
+fn drifting(points: usize, frames: usize, seed: u64) -> Vec<f32> {
+    let start = random(points, DIMENSIONS, 1.0, seed);
+    let drift = random(points, DIMENSIONS, 0.02, seed + 100);
     (0..frames)
         .flat_map(|k| start.iter().zip(&drift).map(move |(x, v)| x + k as f32 * (v - 0.01)))
         .collect()
@@ -247,21 +240,21 @@ fn check_frames(
     }
 }
 
-#[rstest]
-fn features_match(#[values(2, 3)] dimensions: usize) {
+#[test]
+fn features_match() {
     // As many as the longest window.
     const FRAMES: usize = 5;
     let Some(device) = gpu::for_tests() else { return };
-    let bounds = vec![[0.0, 1.0]; dimensions];
+    let bounds = vec![[0.0, 1.0]; DIMENSIONS];
     let sizes = [150, 300];
     let windows: Vec<Vec<f32>> = sizes
         .iter()
         .enumerate()
         .map(|(k, &n)| {
-            let mut window = drifting(n, dimensions, FRAMES, k as u64);
+            let mut window = drifting(n, FRAMES, k as u64);
             // Two points at one place in all frames.
-            for frame in window.chunks_exact_mut(n * dimensions) {
-                frame.copy_within(0..dimensions, dimensions);
+            for frame in window.chunks_exact_mut(n * DIMENSIONS) {
+                frame.copy_within(0..DIMENSIONS, DIMENSIONS);
             }
             window
         })
@@ -270,11 +263,11 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
         let parts = windows
             .iter()
             .zip(sizes)
-            .map(|(window, n)| &window[k * n * dimensions..(k + 1) * n * dimensions]);
+            .map(|(window, n)| &window[k * n * DIMENSIONS..(k + 1) * n * DIMENSIONS]);
         device.upload(&parts.collect::<Vec<_>>().concat()).unwrap()
     };
     let positions: Vec<_> = (0..FRAMES).map(at).collect();
-    for config in readers(dimensions) {
+    for config in readers() {
         let norm = normalisation_for(&config);
         let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &sizes, 1).unwrap();
         let statics = sizes.map(|points| statics(&config, points));
@@ -300,7 +293,7 @@ fn features_match(#[values(2, 3)] dimensions: usize) {
             .zip(&statics)
             .zip(&obstacles)
             .map(|(((positions, points), statics), obstacles)| {
-                let positions = &positions[oldest * points * dimensions..];
+                let positions = &positions[oldest * points * DIMENSIONS..];
                 Window { positions, points, statics, obstacles }
             })
             .collect();
@@ -314,17 +307,17 @@ fn batches_match() {
     let bounds = [[0.0, 1.0]; 2];
     // Of the last one more frames than are made in one launch.
     let long = ModelConfig { frames: 9, ..ModelConfig::default() };
-    for config in readers(2).into_iter().chain([long]) {
+    for config in readers().into_iter().chain([long]) {
         let norm = normalisation_for(&config);
         let mut builder = BatchBuilder::new(&device, &config, &norm, &bounds).unwrap();
         // More edges than there is room for at first, smaller and larger ones, each place twice.
         for sizes in [[200, 350], [40, 30], [350, 200], [7, 400], [200, 350]] {
             let batch = Batch {
-                windows: (0..2).map(|k| drifting(sizes[k], 2, config.window(), k as u64)).collect(),
+                windows: (0..2).map(|k| drifting(sizes[k], config.window(), k as u64)).collect(),
                 points: sizes.to_vec(),
                 statics: sizes.iter().map(|&points| statics(&config, points)).collect(),
                 obstacles: vec![obstacles(&config), Vec::new()],
-                targets: random(sizes.iter().sum(), 2, 1.0, 8),
+                targets: random(sizes.iter().sum(), DIMENSIONS, 1.0, 8),
             };
             let host = HostWindows::new(batch.clone(), None);
             let made = builder.make(&host, |_, _| panic!("nothing is moved on")).unwrap();
@@ -380,7 +373,7 @@ fn stand_in(windows: &[Window], config: &ModelConfig, scale: f32) -> Vec<f32> {
     let before = rows(&input.frames[config.frames - 2].nodes);
     let points = windows[0].points;
     let last = &windows[0].positions[(config.frames - 1) * 2 * points..];
-    let graph = radius_graph(last, 2, RADIUS);
+    let graph = radius_graph(last, RADIUS);
     let mut output = Vec::new();
     for point in 0..points {
         for k in 0..2 {
@@ -492,7 +485,7 @@ fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) 
     let config = ModelConfig { frames: window.len(), obstacles: true, ..ModelConfig::default() };
     let (positions, obstacles) = (&single(window), &motion.constraints.obstacles());
     let windows = [Window { positions, points: window[0].len(), statics: &[], obstacles }];
-    let norm = normalisation(2);
+    let norm = normalisation();
     let output = stand_in(&windows, &config, scale);
     let accelerations: Vec<f64> = output
         .iter()
@@ -678,17 +671,15 @@ fn kernels_compile() {
         return;
     }
     for architecture in ["sm_80", "sm_90"] {
-        for dimensions in [2, 3] {
-            for Source { name, text, defines } in [
-                graph_source(dimensions),
-                features_source(dimensions),
-                integrate_source(),
-                push_forward_source(),
-                Source { name: "stand_in.cu", text: STAND_IN.to_owned(), defines: Vec::new() },
-            ] {
-                let cubin = compile(name, &text, architecture, &defines).unwrap();
-                assert!(!cubin.is_empty(), "{name}");
-            }
+        for Source { name, text, defines } in [
+            graph_source(),
+            features_source(),
+            integrate_source(),
+            push_forward_source(),
+            Source { name: "stand_in.cu", text: STAND_IN.to_owned(), defines: Vec::new() },
+        ] {
+            let cubin = compile(name, &text, architecture, &defines).unwrap();
+            assert!(!cubin.is_empty(), "{name}");
         }
     }
 }

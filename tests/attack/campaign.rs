@@ -11,8 +11,11 @@ use std::time::{Duration, Instant};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Tests that share the budget, two at a time where there are two cores.
-const CAMPAIGNS: f64 = 6.0;
+/// Tests of programs, and those of readers together: shares of the budget, two at a time where there are
+/// two cores.
+const CAMPAIGNS: f64 = 7.0;
+/// Tests of readers.
+const READERS: f64 = 8.0;
 
 /// A campaign with more findings than this ends early.
 const MOST_FINDINGS: usize = 20;
@@ -90,16 +93,28 @@ pub fn workplace() -> PathBuf {
     if fs::create_dir_all(&memory).is_ok() { memory } else { target.join("attack") }
 }
 
-/// Attacks until the test's share of the time is over.
+/// Attacks programs until the test's share of the time is over.
 ///
 /// # Panics
 /// If a promise was broken that is kept today.
 pub fn campaign(name: &str, attack: impl Fn(&mut Attack) -> Result<(), Finding>) {
+    attack_for(1.0 / CAMPAIGNS, name, attack);
+}
+
+/// Attacks readers within this process until the test's share of the time is over.
+///
+/// # Panics
+/// As [`campaign`].
+pub fn fuzz(name: &str, attack: impl Fn(&mut Attack) -> Result<(), Finding>) {
+    attack_for(1.0 / (CAMPAIGNS * READERS), name, attack);
+}
+
+fn attack_for(share: f64, name: &str, attack: impl Fn(&mut Attack) -> Result<(), Finding>) {
     let seed: u64 = setting("DEMPM_ATTACK_SEED").unwrap_or(1);
     let seconds: f64 = setting("DEMPM_ATTACK_SECONDS").unwrap_or(60.0);
     let only: Option<u64> = setting("DEMPM_ATTACK_ONLY");
     let cores = std::thread::available_parallelism().map_or(1.0, |cores| cores.get() as f64);
-    let share = Duration::from_secs_f64(seconds * cores.min(2.0) / CAMPAIGNS);
+    let share = Duration::from_secs_f64(seconds * cores.min(2.0) * share);
 
     let start = Instant::now();
     let mut attacks = 0;

@@ -27,9 +27,10 @@ size = [0.25, 0.25]
 corner = [0.75, 0.25]
 size = [0.25, 0.25]
 velocity = [0.0, -0.5]
+[grains]
+radius_min = 2.5e-3
 [rve]
 discs = 20
-radius_min = 2.5e-3
 [rve.preparation]
 pressure = 2.0e3
 [numerics]

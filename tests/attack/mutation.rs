@@ -27,6 +27,24 @@ const NUMBERS: [&str; 20] = [
     "1000000000000000000000000000000",
 ];
 
+/// Values of every type of TOML; the empty one stands for deep nesting.
+const VALUES: [&str; 14] = [
+    "true",
+    "\"text\"",
+    "\"\"",
+    "[]",
+    "[1.0]",
+    "[0.25, 0.25]",
+    "[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]",
+    "[\"text\", 1.5]",
+    "{}",
+    "{ left = 0.3, right = \"stick\" }",
+    "{ step = [0.0] }",
+    "1979-05-27",
+    "1979-05-27T07:32:00Z",
+    "",
+];
+
 /// Characters that mean something to TOML, to CSV or to a terminal.
 const CHARACTERS: [&str; 20] = [
     "[",
@@ -135,7 +153,7 @@ pub fn mutate(text: &str, rng: &mut ChaCha8Rng) -> Vec<u8> {
 }
 
 fn mutate_once(text: &str, rng: &mut ChaCha8Rng) -> String {
-    let kind = rng.random_range(0..12);
+    let kind = rng.random_range(0..14);
     if kind < 6 {
         // A number in place of another.
         let numbers = numbers(text);
@@ -164,12 +182,24 @@ fn mutate_once(text: &str, rng: &mut ChaCha8Rng) -> String {
         return text.to_owned();
     }
     let [a, b] = [0; 2].map(|_| rng.random_range(0..lines.len()));
+    if kind > 11 {
+        return with_value(text, lines[a], rng);
+    }
     match kind {
         9 => drop(lines.remove(a)),
         10 => lines.insert(b, lines[a]),
         _ => lines.swap(a, b),
     }
     lines.join("\n") + "\n"
+}
+
+/// The text with a value of another type, or a deeply nested one, in a line that has a value.
+fn with_value(text: &str, line: &str, rng: &mut ChaCha8Rng) -> String {
+    let Some((key, _)) = line.split_once('=') else { return text.to_owned() };
+    let value = VALUES[rng.random_range(0..VALUES.len())];
+    let deep = "[".repeat(1 << rng.random_range(0..16));
+    let value = if value.is_empty() { &deep } else { value };
+    text.replacen(line, &format!("{key}= {value}"), 1)
 }
 
 /// Where numbers are.

@@ -187,8 +187,7 @@ fn material(rng: &mut ChaCha8Rng) -> String {
     let tiny = f64::MIN_POSITIVE;
     match kind {
         "rve" => {
-            write!(text, "[rve]\ndiscs = {}\n", rng.random_range(4..30)).unwrap();
-            writeln!(text, "kinetic_stress = {}", rng.random::<bool>()).unwrap();
+            text += "[grains]\n";
             let keys = [
                 ("radius_min", 2.5e-3, tiny, 0.5),
                 ("radius_max", 5.0e-3, tiny, 0.5),
@@ -202,18 +201,23 @@ fn material(rng: &mut ChaCha8Rng) -> String {
                 ("mass_scale", 1.0, 1.0, 1.0e6),
                 ("step_factor", 0.2, 0.005, 0.5),
                 ("skin", 0.3, 0.01, 2.0),
+                ("overlap_warning", 0.15, tiny, 2.0),
+                ("overlap_limit", 1.0, tiny, 2.0),
+                ("preparation_friction", 1.0e-2, 0.0, 10.0),
+            ];
+            some(&mut text, &keys, rng);
+            write!(text, "[rve]\ndiscs = {}\n", rng.random_range(4..30)).unwrap();
+            writeln!(text, "kinetic_stress = {}", rng.random::<bool>()).unwrap();
+            let keys = [
                 ("stress_window", 0.5, 1.0e-6, 1.0),
                 ("free_solid_fraction", 0.7, 0.0, 0.78),
                 ("thin_width", 3.0, 0.0, 20.0),
-                ("overlap_warning", 0.15, tiny, 2.0),
-                ("overlap_limit", 1.0, tiny, 2.0),
             ];
             some(&mut text, &keys, rng);
             if rng.random_ratio(1, 3) {
                 text += "[rve.preparation]\n";
                 let keys = [
                     ("pressure", 2.0e3, 1.0, 1.0e9),
-                    ("friction", 1.0e-2, 0.0, 10.0),
                     ("cloud_solid_fraction", 0.3, 0.01, 0.45),
                     ("local_damping", 0.2, 0.0, 0.9),
                     ("ladder_rate", 0.02, tiny, 1.0),

@@ -60,12 +60,12 @@ mod tests {
 
     #[test]
     fn tables_are_merged() {
-        let changes = "seed = 2\nrve.discs = 100\nrve.preparation.friction = 0.5";
-        let text = merged("seed = 1\n[rve]\ndiscs = 400\nthickness = 0.1\n", changes);
+        let changes = "seed = 2\nrve.discs = 100\ngrains.preparation_friction = 0.5";
+        let text = merged("seed = 1\n[rve]\ndiscs = 400\n[grains]\nthickness = 0.1\n", changes);
         let table: Table = text.parse().unwrap();
         assert_eq!(table["seed"].as_integer(), Some(2));
         assert_eq!(table["rve"]["discs"].as_integer(), Some(100));
-        assert_eq!(table["rve"]["thickness"].as_float(), Some(0.1));
-        assert_eq!(table["rve"]["preparation"]["friction"].as_float(), Some(0.5));
+        assert_eq!(table["grains"]["thickness"].as_float(), Some(0.1));
+        assert_eq!(table["grains"]["preparation_friction"].as_float(), Some(0.5));
     }
 }

@@ -27,10 +27,12 @@ macro_step = {macro_step}
 sampling = {sampling}
 {packing}
 
-[rve]
-discs = {discs}
+[grains]
 damping_ratio = 0.0
 local_damping = {alpha}
+
+[rve]
+discs = {discs}
 
 [rve.preparation]
 pressure = 20e3

@@ -7,7 +7,7 @@ use crate::real::Real;
 
 /// Histories of touching pairs by the identities of their discs.
 #[derive(Debug, Default)]
-pub(super) struct ContactMemory<R: Real> {
+pub(crate) struct ContactMemory<R: Real> {
     /// Entries of disc `i` with discs of larger identity: `start[i]..start[i + 1]`.
     start: Vec<u32>,
     partner: Vec<u32>,
@@ -17,7 +17,7 @@ pub(super) struct ContactMemory<R: Real> {
 
 impl<R: Real> ContactMemory<R> {
     /// The contacts of tiles whose discs have these identities.
-    pub fn of_tiles(tiles: &[Tile<R>], ids: &[u32]) -> Self {
+    pub(super) fn of_tiles(tiles: &[Tile<R>], ids: &[u32]) -> Self {
         let id = |k: u32| ids[k as usize];
         // A pair across a border is in both tiles.
         let outer = tiles.iter().flat_map(|tile| tile.outer.iter().filter(|pair| pair.i < pair.j));

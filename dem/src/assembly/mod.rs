@@ -5,6 +5,7 @@
 //! grains at rest; [`Assembly`] advances them.
 
 mod boundary;
+mod coarse_grain;
 mod coordinates;
 mod energy;
 mod error;
@@ -18,9 +19,13 @@ mod solver;
 mod tile;
 
 pub use boundary::{Boundary, Faces, Floor, RigidBox};
+pub use coarse_grain::{CoarseGraining, Continuum, free_share};
 pub use energy::{Energy, Losses};
 pub use error::{AssemblyError, GrainFailure};
 pub use packed::{Grain, GrainState, Packed, PackedContact, Partner};
 pub use prepare::{Advance, ColumnBox, prepare_column};
 pub use profile::{Layer, profile};
 pub use solver::Assembly;
+
+pub(crate) use memory::ContactMemory;
+pub(crate) use tile::History;

@@ -53,7 +53,7 @@ impl<R: Real> Assembly<R> {
                 v: disc.u.map(R::to_f64),
                 w: disc.w.to_f64(),
                 r: disc.r.to_f64(),
-                mass: 1.0 / (disc.inv_mass.to_f64() * self.grains.mass_scale),
+                mass: self.mass_of(disc.inv_mass),
                 ..GrainState::default()
             })
             .collect();
@@ -108,17 +108,28 @@ impl<R: Real> Assembly<R> {
         Contact::new(law, branch, disc.r.to_f64(), velocity, history, dashpot)
     }
 
-    /// The energy of the grains (J).
-    pub fn energy(&self) -> Energy {
+    /// Mass (kg) of a disc of this inverse inertial mass.
+    pub(crate) fn mass_of(&self, inverse: R) -> f64 {
+        1.0 / (inverse.to_f64() * self.grains.mass_scale)
+    }
+
+    /// Kinetic and potential energy of grains in these states (J).
+    pub(crate) fn energy_of(&self, states: &[GrainState]) -> Energy {
         let mut energy = Energy { losses: self.losses, ..Energy::default() };
-        for disc in self.discs.iter().filter(|disc| disc.inv_mass != R::default()) {
-            let mass = 1.0 / disc.inv_mass.to_f64();
-            let inertia = 1.0 / disc.inv_inertia.to_f64();
-            let [u, v] = disc.u.map(R::to_f64);
-            energy.kinetic += 0.5 * (mass * (u * u + v * v) + inertia * disc.w.to_f64().powi(2));
-            let [x, y] = self.region.decode::<R>(disc.s);
+        for grain in states {
+            let mass = self.grains.mass_scale * grain.mass;
+            let [u, v] = grain.v;
+            let spin = 0.5 * (grain.r * grain.w).powi(2);
+            energy.kinetic += 0.5 * mass * (u * u + v * v + spin);
+            let [x, y] = grain.x;
             energy.potential -= mass * (self.gravity[0] * x + self.gravity[1] * y);
         }
+        energy
+    }
+
+    /// The energy of the grains (J).
+    pub fn energy(&self) -> Energy {
+        let mut energy = self.energy_of(&self.states());
         let law = self.law();
         let bodies = self.bodies_now();
         let stored = |contact: &Contact| {

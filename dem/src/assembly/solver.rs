@@ -23,34 +23,36 @@ use crate::real::Real;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Assembly<R: Real> {
-    pub(super) grains: Grains,
-    pub(super) bodies: Vec<RigidBox>,
-    pub(super) gravity: [f64; 2],
+    pub(crate) grains: Grains,
+    /// Width and height of the domain (m).
+    pub(crate) size: [f64; 2],
+    pub(crate) bodies: Vec<RigidBox>,
+    pub(crate) gravity: [f64; 2],
     /// DEM step (s).
-    pub(super) dt: f64,
+    pub(crate) dt: f64,
     /// See [`Self::set_drag`].
-    pub(super) drag: f64,
-    pub(super) region: Region,
+    pub(crate) drag: f64,
+    pub(crate) region: Region,
     /// Simulated time (s).
-    pub(super) time: f64,
+    pub(crate) time: f64,
     /// Steps since the start.
-    pub(super) steps: u64,
+    pub(crate) steps: u64,
     /// In the order of tiles, as of the last search.
-    pub(super) discs: Vec<Disc<R>>,
+    pub(crate) discs: Vec<Disc<R>>,
     /// Identity of each: index in [`Packed::grains`], then the fixed grains of the floor.
-    pub(super) ids: Vec<u32>,
+    pub(crate) ids: Vec<u32>,
     /// Number of grains that move.
-    pub(super) mobile: usize,
+    pub(crate) mobile: usize,
     pub(super) tiles: Vec<Tile<R>>,
     /// Positions at the last search.
     pub(super) reference: Vec<[R::Fraction; 2]>,
     /// Upper bound of the displacement of any disc since then (m).
     travel: f64,
     /// Searches since the start.
-    pub(super) searches: u64,
-    pub(super) losses: Losses,
+    pub(crate) searches: u64,
+    pub(crate) losses: Losses,
     /// Largest overlap over the smaller radius since the start.
-    pub(super) max_overlap: f64,
+    pub(crate) max_overlap: f64,
     #[serde(skip)]
     next: Buffer<R>,
 }
@@ -112,6 +114,7 @@ impl<R: Real> Assembly<R> {
         let discs: Vec<Disc<R>> = mobile.chain(fixed).collect();
         let mut assembly = Self {
             grains: grains.clone(),
+            size: boundary.size,
             bodies,
             gravity,
             dt,
@@ -320,10 +323,10 @@ impl<R: Real> Assembly<R> {
 
     /// Searches neighbours at the present positions; touching pairs keep their history.
     pub(super) fn search(&mut self) {
-        self.search_with(|assembly| ContactMemory::of_tiles(&assembly.tiles, &assembly.ids));
+        self.search_with(Self::memory);
     }
 
-    pub(super) fn search_with(&mut self, memory: impl FnOnce(&Self) -> ContactMemory<R>) {
+    pub(crate) fn search_with(&mut self, memory: impl FnOnce(&Self) -> ContactMemory<R>) {
         let memory = memory(self);
         let bins = self.bins();
         sort(&mut self.discs, &mut self.ids, &bins);
@@ -365,20 +368,12 @@ impl<R: Real> Assembly<R> {
     }
 
     /// How far lists reach beyond touch (m).
-    pub(super) fn skin(&self) -> f64 {
+    pub(crate) fn skin(&self) -> f64 {
         self.grains.skin * self.grains.radius_max
     }
 
     pub(super) fn law(&self) -> ContactLaw<R> {
-        let g = &self.grains;
-        ContactLaw {
-            normal_stiffness: R::from_f64(g.normal_stiffness),
-            tangential_stiffness: R::from_f64(g.tangential_stiffness),
-            friction: R::from_f64(g.friction),
-            damping_ratio: R::from_f64(g.damping_ratio),
-            local_damping: R::from_f64(g.local_damping),
-            dt: R::from_f64(self.dt),
-        }
+        ContactLaw::new(&self.grains, self.dt)
     }
 
     pub(super) fn bodies_now(&self) -> Vec<Body<R>> {
@@ -426,6 +421,11 @@ impl<R: Real> Assembly<R> {
         (place, GrainFailure::Overlap(overlap))
     }
 
+    /// The history of all contacts.
+    pub(crate) fn memory(&self) -> ContactMemory<R> {
+        ContactMemory::of_tiles(&self.tiles, &self.ids)
+    }
+
     /// Grains and contacts as plain numbers.
     pub fn packed(&self) -> Packed {
         let mut grains = vec![Grain::default(); self.mobile];
@@ -437,7 +437,7 @@ impl<R: Real> Assembly<R> {
                 grain.r = disc.r.to_f64();
             }
         }
-        let memory = ContactMemory::of_tiles(&self.tiles, &self.ids);
+        let memory = self.memory();
         let contacts = memory.contacts().map(|(grain, partner, history)| PackedContact {
             grain,
             partner: match (partner.checked_sub(self.mobile as u32), partner) {

@@ -38,7 +38,7 @@ pub(super) struct BodyPair<R: Real> {
 /// What a contact remembers of the last step; zero while its discs do not touch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
-pub(super) struct History<R: Real> {
+pub(crate) struct History<R: Real> {
     /// Tangential spring force (N): positive acts on `j` counter-clockwise around `i`.
     pub tangential: R,
     /// Normal force (N) less that of the spring.

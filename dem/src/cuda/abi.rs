@@ -231,15 +231,15 @@ cuda_struct! {
 impl<R: CudaReal> Parameters<R> {
     pub fn new(p: &RveParameters, dt: f64, rves: usize) -> Self {
         let sub = Substepping::<R>::new(p, dt);
-        let skin = p.skin * p.radius_max;
+        let skin = p.grains.skin * p.grains.radius_max;
         Self {
             dt: sub.dt,
-            stress_weight: 1.0 / (p.thickness * sub.samples as f64),
+            stress_weight: 1.0 / (p.grains.thickness * sub.samples as f64),
             least_skin: LEAST_SKIN * skin,
             skin,
             free_solid_fraction: p.free_solid_fraction,
-            thin_width: p.thin_width * p.mean_diameter(),
-            overlap_limit: p.overlap_limit,
+            thin_width: p.thin_width * p.grains.mean_diameter(),
+            overlap_limit: p.grains.overlap_limit,
             step: sub.law.dt,
             normal_stiffness: sub.law.normal_stiffness,
             spring: sub.law.tangential_stiffness * sub.law.dt,

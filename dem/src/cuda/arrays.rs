@@ -82,7 +82,7 @@ impl<R: CudaReal> Arrays<R> {
     }
 
     pub fn make_batch(&mut self, parameters: &RveParameters, shape: &Shape) -> RveBatch<R> {
-        let law = ContactLaw::new(parameters, 0.0);
+        let law = ContactLaw::new(&parameters.grains, 0.0);
         let disc = std::mem::take(&mut self.disc);
         let mut rves: Vec<Rve<R>> =
             self.chunks_mut(shape).map(|chunk| chunk.get(&disc, shape, &law)).collect();

@@ -1,7 +1,6 @@
 // Types and constants of all files. The structs that Rust knows too are defined in abi.rs.
 //
 // Compile-time constants, defined by shape.rs:
-//   REAL_BITS     32 or 64
 //   DISCS         discs in an RVE
 //   THREADS       DISCS rounded up to whole warps
 //   ROWS          most neighbours a disc may have
@@ -9,18 +8,6 @@
 //                 numbers of pairs are more unequal
 //   BLOCKS        thread blocks that one multiprocessor should hold
 //   SHARED_BYTES  what shape.rs reserves for `Shared`
-
-#if REAL_BITS == 32
-using Real = float;
-using Fraction = unsigned;
-using Signed = int;
-constexpr double PERIOD = 4294967296.0;
-#else
-using Real = double;
-using Fraction = unsigned long long;
-using Signed = long long;
-constexpr double PERIOD = 18446744073709551616.0;
-#endif
 
 constexpr int LANES = 32;
 constexpr int WARPS = THREADS / LANES;

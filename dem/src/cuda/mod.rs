@@ -1,10 +1,12 @@
-//! RVEs on an NVIDIA GPU: the CUDA twin of [`RveBatch`](crate::RveBatch).
+//! Packings and whole scenes on an NVIDIA GPU: the CUDA twins of [`RveBatch`](crate::RveBatch) and
+//! [`Assembly`](crate::assembly::Assembly).
 //!
-//! The kernel is CUDA C++ beside its wrapper (`rve.rs`): `rve.cu` and, step by step as on the CPU, the
+//! The kernel of packings is CUDA C++ beside its wrapper (`rve.rs`): `rve.cu` and, step by step as on the CPU, the
 //! `.cuh` files that it is put together from.
 
 mod abi;
 mod arrays;
+mod assembly;
 mod batch;
 mod error;
 mod list;
@@ -13,6 +15,9 @@ mod rve;
 mod shape;
 
 pub use abi::{State, Tensor};
+pub use assembly::{
+    CudaAssembly, CudaAssemblyError, defines as assembly_defines, source as assembly_source,
+};
 pub use batch::{CudaRveBatch, KernelResources};
 pub use error::{CudaError, RveFailure};
 pub use real::CudaReal;

@@ -57,22 +57,6 @@ __device__ inline Vec separation(Position a, Position b, unsigned word) {
     return nearest(a, b);
 }
 
-__device__ inline Fraction moved(Fraction s, Real units) {
-#if REAL_BITS == 32
-    return s + Fraction(__float2int_rn(units));
-#else
-    return s + Fraction(__double2ll_rn(units));
-#endif
-}
-
-__device__ inline int bin_of(Fraction s, int bins) {
-#if REAL_BITS == 32
-    return int(__umulhi(s, unsigned(bins)));
-#else
-    return int(__umul64hi(s, (unsigned long long)(bins)));
-#endif
-}
-
 __device__ inline Vec branch(const Real* cell, Vec d) {
     return {cell[0] * d.x + cell[1] * d.y, cell[2] * d.x + cell[3] * d.y};
 }

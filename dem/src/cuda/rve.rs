@@ -13,6 +13,7 @@ use super::real::CudaReal;
 use super::shape::Shape;
 
 const FILES: &str = files!(
+    "real.cuh",
     "batch.cuh",
     "queue.cuh",
     "copies.cuh",
@@ -22,6 +23,7 @@ const FILES: &str = files!(
     "macro_step.cuh",
     "neighbours.cuh",
     "list.cuh",
+    "contact.cuh",
     "substeps.cuh",
     "rve.cu"
 );

@@ -157,9 +157,10 @@ impl Shape {
 /// Neighbours that one disc can have in its list: discs of the smallest radius, packed as densely
 /// as a lattice, around one of the largest.
 fn rows(p: &RveParameters) -> usize {
-    let reach = p.radius_max + 2.0 * p.radius_min + p.skin * p.radius_max;
-    let around = reach * reach - p.radius_max * p.radius_max;
-    let most = (0.907 * around / (p.radius_min * p.radius_min)).ceil() as usize;
+    let reach =
+        p.grains.radius_max + 2.0 * p.grains.radius_min + p.grains.skin * p.grains.radius_max;
+    let around = reach * reach - p.grains.radius_max * p.grains.radius_max;
+    let most = (0.907 * around / (p.grains.radius_min * p.grains.radius_min)).ceil() as usize;
     most.clamp(8, MOST_ROWS)
 }
 

@@ -19,28 +19,6 @@ __device__ inline const T& at(const T* array, unsigned offset) {
     return *reinterpret_cast<const T*>(reinterpret_cast<const unsigned char*>(array) + offset);
 }
 
-// Length and its inverse.
-__device__ inline Vec length_and_inverse(Real length2) {
-#if REAL_BITS == 32
-    // One Newton step takes the length to within half a unit in the last place or so.
-    const Real inverse = rsqrtf(length2);
-    const Real guess = length2 * inverse;
-    return {fmaf(fmaf(-guess, guess, length2), Real(0.5) * inverse, guess), inverse};
-#else
-    const Real length = sqrt(length2);
-    return {length, Real(1) / length};
-#endif
-}
-
-// To a unit in the last place or two.
-__device__ inline Real ratio(Real a, Real b) {
-#if REAL_BITS == 32
-    return __fdividef(a, b);
-#else
-    return a / b;
-#endif
-}
-
 // What a thread keeps of its disc while substeps last.
 struct Seated {
     Body body;
@@ -73,7 +51,7 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
         const Real distance2 = lx * lx + ly * ly;
         const Real touch = pair.x;
         const bool touching = distance2 < touch * touch;
-        const Vec length = length_and_inverse(distance2);
+        const Vec length = length_and_inverse<Vec>(distance2);
         const Real nx = lx * length.y;
         const Real ny = ly * length.y;
         const Real overlap = touch - length.x;
@@ -89,12 +67,11 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
         const Real vt =
             (vy * nx - vx * ny) - Real(2) * (arm * disc.half_w + other_arm * other_half_w);
 
-        // The dashpot must not pull: f_n >= 0. Without a normal force there is no tangential one.
-        const Real elastic = p.normal_stiffness * overlap - pair.y * vn;
-        const Real normal = touching ? max(elastic, Real(0)) : Real(0);
-        const Real limit = p.friction * normal;
-        const Real trial = sh.slot.tangential[slot] - p.spring * vt;
-        const Real tangential = min(max(trial, -limit), limit);
+        // Without a normal force there is no tangential one.
+        const Real pushing = normal_force(p.normal_stiffness, overlap, pair.y, vn);
+        const Real normal = touching ? pushing : Real(0);
+        const Real tangential = tangential_force(sh.slot.tangential[slot], p.spring, vt,
+                                                 p.friction * normal);
 
         const Vec force = {normal * nx - tangential * ny, normal * ny + tangential * nx};
         sum.x += force.x;
@@ -126,12 +103,6 @@ __device__ inline void add_reactions(Resistance& sum, int slot, int end) {
         sum.y -= force.y;
         sum.torque += sh.reaction.torque[at_owner];
     }
-}
-
-// Cundall local damping: `resisting` is minus the force.
-__device__ inline Real damped(Real resisting, Real velocity, Real alpha) {
-    const Real power = resisting * velocity;
-    return resisting - (power < Real(0) ? alpha : power > Real(0) ? -alpha : Real(0)) * resisting;
 }
 
 // The thread, read anew: kept, it would be spilled, and shared memory and spills share a path.

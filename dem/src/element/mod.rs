@@ -83,8 +83,10 @@ impl<R: Real> Element<R> {
         macro_step: f64,
     ) -> Result<Self, StageError> {
         // A list holds the dashpots of the parameters it was made with, maybe not these.
-        let law = ContactLaw::new(parameters, parameters.step());
-        packing.search(parameters.skin * parameters.radius_max, |a, b| law.dashpot(a, b));
+        let law = ContactLaw::new(&parameters.grains, parameters.grains.step());
+        packing.search(parameters.grains.skin * parameters.grains.radius_max, |a, b| {
+            law.dashpot(a, b)
+        });
         let mut element = Self {
             rve: Rve::new(packing.clone()),
             parameters: parameters.clone(),
@@ -124,7 +126,7 @@ impl<R: Real> Element<R> {
         let limit = match end {
             End::Duration(duration) => (duration / self.macro_step).round() as usize,
             End::Vertical { .. } | End::Balanced { .. } => {
-                MAX_STEPS / self.parameters.substeps(self.macro_step)
+                MAX_STEPS / self.parameters.grains.substeps(self.macro_step)
             }
         };
         // Infinite sampling saturates: one row, at the end of the stage.
@@ -193,7 +195,7 @@ impl<R: Real> Element<R> {
         let resultant: f64 = self.forces.on_disc.iter().map(length).sum();
         let (mut normal, mut contacts) = (0.0, 0.0);
         for c in self.rve.packing.contacts() {
-            normal += self.parameters.normal_stiffness * c.overlap;
+            normal += self.parameters.grains.normal_stiffness * c.overlap;
             contacts += 1.0;
         }
         if normal == 0.0 {

@@ -109,8 +109,8 @@ impl Sampler {
             inertial_number: inertial_number(
                 &(sum.velocity_gradient / sum.steps),
                 -0.5 * stress.trace(),
-                p.mean_diameter(),
-                p.mass_scale * p.grain_density,
+                p.grains.mean_diameter(),
+                p.grains.mass_scale * p.grains.grain_density,
             ),
         }
     }

@@ -46,7 +46,7 @@ impl Servo {
                 .into_iter()
                 .fold(MAX_RATE, f64::max);
         let pressure = 0.5 * stress.trace();
-        let compliance = p.thickness / p.normal_stiffness;
+        let compliance = p.grains.thickness / p.grains.normal_stiffness;
         let shear = control.xy.abs() + control.yx.abs();
         let mut rate = |k: usize, axis: Axis| match axis {
             Axis::Rate(rate) => rate,

@@ -16,7 +16,7 @@ pub const LOOSE: f64 = 0.5;
 pub fn parameters(pressure: f64, preparation_friction: f64) -> RveParameters {
     let mut p = RveParameters::default();
     p.preparation.pressure = pressure;
-    p.preparation.friction = preparation_friction;
+    p.grains.preparation_friction = preparation_friction;
     p
 }
 
@@ -31,7 +31,7 @@ pub fn packing(p: &RveParameters, seed: u64) -> Packing<f64> {
 
 /// An element that starts from a packing and advances one DEM step at a time.
 pub fn stepwise<R: Real>(packing: Packing<R>, p: &RveParameters) -> Element<R> {
-    Element::new(packing, p, p.step()).unwrap()
+    Element::new(packing, p, p.grains.step()).unwrap()
 }
 
 /// Rows of one stage from a fresh packing, sampled every `sampling` (s), macro step 1e-4 s.
@@ -44,12 +44,12 @@ pub fn path(p: &RveParameters, seed: u64, stage: &Stage, sampling: f64) -> Vec<R
 
 /// Rest under strong local damping until the peculiar motion has died out.
 pub fn settle(element: &mut Element<f64>, duration: f64) {
-    let damping = std::mem::replace(&mut element.parameters.local_damping, 0.5);
+    let damping = std::mem::replace(&mut element.parameters.grains.local_damping, 0.5);
     let steps = (duration / element.macro_step).ceil() as usize;
     for _ in 0..steps {
         element.advance(&Matrix2::zeros()).unwrap();
     }
-    element.parameters.local_damping = damping;
+    element.parameters.grains.local_damping = damping;
 }
 
 /// Mean and standard deviation of a sample.

@@ -1,7 +1,7 @@
 //! D5. Energy of a frictionless, undamped packing in a fixed cell.
 
 use crate::common::{DENSE, packing, parameters, stepwise};
-use dem::RveParameters;
+use dem::{Grains, RveParameters};
 use nalgebra::Matrix2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -16,10 +16,13 @@ use rstest::rstest;
 #[case(0.4, 1.8e-2)]
 fn leapfrog_conserves_energy(#[case] step_factor: f64, #[case] reference: f64) {
     let prepared = parameters(20.0e3, DENSE);
-    let p = RveParameters { friction: 0.0, damping_ratio: 0.0, step_factor, ..prepared.clone() };
+    let p = RveParameters {
+        grains: Grains { friction: 0.0, damping_ratio: 0.0, step_factor, ..prepared.grains },
+        ..prepared.clone()
+    };
     let mut packing = packing(&prepared, 1);
     // A tenth of the elastic energy as kinetic energy. No history: without friction it has no energy.
-    let elastic = packing.elastic_energy(p.normal_stiffness, f64::INFINITY);
+    let elastic = packing.elastic_energy(p.grains.normal_stiffness, f64::INFINITY);
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     for d in &mut packing.discs {
         d.u = [rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)];
@@ -39,8 +42,10 @@ fn leapfrog_conserves_energy(#[case] step_factor: f64, #[case] reference: f64) {
         for _ in 0..4 {
             element.advance(&still).unwrap();
         }
-        let potential =
-            element.rve.packing.elastic_energy(p.normal_stiffness, p.tangential_stiffness);
+        let potential = element
+            .rve
+            .packing
+            .elastic_energy(p.grains.normal_stiffness, p.grains.tangential_stiffness);
         let before = element.rve.packing.kinetic_energy();
         element.advance(&still).unwrap();
         let energy = potential + 0.5 * (before + element.rve.packing.kinetic_energy());

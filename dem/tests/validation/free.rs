@@ -1,7 +1,7 @@
 //! The limits of loading: stress-free and over-compressed RVEs.
 
 use dem::element::{Element, StageError};
-use dem::{Failure, RveParameters};
+use dem::{Failure, Grains, RveParameters};
 use nalgebra::Matrix2;
 
 use crate::common::{DENSE, packing, parameters};
@@ -43,7 +43,10 @@ fn a_free_rve_keeps_its_area_and_recompacts() {
 /// Compression beyond what the stiffness can carry ends with an error that says so.
 #[test]
 fn over_compression_is_an_error() {
-    let p = RveParameters { overlap_limit: 0.3, ..parameters(20.0e3, DENSE) };
+    let p = RveParameters {
+        grains: Grains { overlap_limit: 0.3, ..parameters(20.0e3, DENSE).grains },
+        ..parameters(20.0e3, DENSE)
+    };
     let mut element = element(&p);
     let failure = (0..2000).find_map(|_| {
         element.advance(&(Matrix2::identity() * -5.0)).err().map(|e| match e {

@@ -14,7 +14,7 @@ fn gas() -> Element<f64> {
     let discs: Vec<PlainDisc> = (0..9)
         .map(|k| PlainDisc { x: [0.1 * f64::from(k % 3), 0.1 * f64::from(k / 3)], r: 2.5e-3 })
         .collect();
-    let packing = Packing::new(Cell::square(0.3), &discs, |r| p.disc_mass(r));
+    let packing = Packing::new(Cell::square(0.3), &discs, |r| p.grains.disc_mass(r));
     Element::new(packing, &p, 1e-4).unwrap()
 }
 
@@ -78,7 +78,7 @@ fn an_oblique_cell_is_the_same_packing() {
     let p = parameters(20.0e3, DENSE);
     let packing = packing(&p, 1);
     let discs = packing.plain_discs();
-    let mass = |r| p.disc_mass(r);
+    let mass = |r| p.grains.disc_mass(r);
     let h = packing.cell.h;
     let straight = stepwise(Packing::<f64>::new(packing.cell, &discs, mass), &p);
     for skew in [

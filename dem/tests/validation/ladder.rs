@@ -32,7 +32,7 @@ fn oedometer(
         let axial = (isotropic.cell.area() / rungs[3].packing.cell.area()).ln();
         let stress = rungs[3].stress[(1, 1)] - p.preparation.pressure;
         strains.push(axial);
-        moduli.push(stress * p.thickness / axial / p.normal_stiffness);
+        moduli.push(stress * p.grains.thickness / axial / p.grains.normal_stiffness);
         for (ratio, rung) in ratios.iter_mut().zip(&rungs) {
             ratio.push(rung.stress[(0, 0)] / rung.stress[(1, 1)]);
         }

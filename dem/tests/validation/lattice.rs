@@ -4,7 +4,7 @@
 //! `C1111 = sqrt(3)/4 (3 kn + kt)`, `C1122 = sqrt(3)/4 (kn - kt)`, `C1212 = sqrt(3)/4 (kn + kt)`.
 
 use dem::element::Element;
-use dem::{Cell, Packing, PlainDisc, RveParameters};
+use dem::{Cell, Grains, Packing, PlainDisc, RveParameters};
 use nalgebra::Matrix2;
 use rstest::rstest;
 
@@ -14,10 +14,13 @@ const R: f64 = 3.75e-3;
 
 fn parameters() -> RveParameters {
     RveParameters {
-        radius_min: R,
-        radius_max: R,
-        friction: 1e6,
-        tangential_stiffness: 0.4e5,
+        grains: Grains {
+            radius_min: R,
+            radius_max: R,
+            friction: 1e6,
+            tangential_stiffness: 0.4e5,
+            ..Grains::default()
+        },
         free_solid_fraction: 0.0,
         ..RveParameters::default()
     }
@@ -33,7 +36,7 @@ fn lattice(p: &RveParameters, d: f64) -> Element<f64> {
             PlainDisc { x: [(i + 0.5 * (j % 2.0)) * d, j * row], r: R }
         })
         .collect();
-    stepwise(Packing::new(cell, &discs, |r| p.disc_mass(r)), p)
+    stepwise(Packing::new(cell, &discs, |r| p.grains.disc_mass(r)), p)
 }
 
 #[rstest]
@@ -44,7 +47,7 @@ fn pressure(#[case] relative_overlap: f64) {
     let delta = relative_overlap * 2.0 * R;
     let d = 2.0 * R - delta;
     let element = lattice(&p, d);
-    let theory = 3.0_f64.sqrt() * p.normal_stiffness * delta / d / p.thickness;
+    let theory = 3.0_f64.sqrt() * p.grains.normal_stiffness * delta / d / p.grains.thickness;
     let s = element.state.stress;
     assert!((s - Matrix2::identity() * theory).norm() < 1e-9 * theory, "{s} {theory}");
     expect("coordination", element.state.coordination, 6.0, 0.0);
@@ -55,14 +58,14 @@ fn pressure(#[case] relative_overlap: f64) {
 #[test]
 fn moduli() {
     let p = parameters();
-    let (kn, kt) = (p.normal_stiffness, p.tangential_stiffness);
+    let (kn, kt) = (p.grains.normal_stiffness, p.grains.tangential_stiffness);
     let strain = 1e-6;
     let response = |l: Matrix2<f64>| {
         let mut element = lattice(&p, 2.0 * R * (1.0 - 1e-4));
         let before = element.state.stress;
         element.advance(&(l * (strain / element.macro_step))).unwrap();
         element.advance(&Matrix2::zeros()).unwrap();
-        (before - element.state.stress) * p.thickness / strain
+        (before - element.state.stress) * p.grains.thickness / strain
     };
     let factor = 3.0_f64.sqrt() / 4.0;
     let stretch = response(Matrix2::new(1.0, 0.0, 0.0, 0.0));

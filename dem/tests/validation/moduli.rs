@@ -1,7 +1,7 @@
 //! D7, D17. Stiffness of packings: mean field, static and over time.
 
 use dem::element::Element;
-use dem::{Packing, RveParameters};
+use dem::{Grains, Packing, RveParameters};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rstest::rstest;
 
@@ -41,8 +41,8 @@ fn voigt(packing: &Packing<f64>, p: &RveParameters, strain: &Matrix2<f64>) -> Ma
     let mut sum = Matrix2::zeros();
     for s in springs(packing) {
         let d = strain * s.branch;
-        let f =
-            s.n * (p.normal_stiffness * s.n.dot(&d)) + s.t * (p.tangential_stiffness * s.t.dot(&d));
+        let f = s.n * (p.grains.normal_stiffness * s.n.dot(&d))
+            + s.t * (p.grains.tangential_stiffness * s.t.dot(&d));
         sum += f * s.branch.transpose();
     }
     (sum + sum.transpose()) / (2.0 * packing.cell.area())
@@ -52,7 +52,7 @@ fn voigt(packing: &Packing<f64>, p: &RveParameters, strain: &Matrix2<f64>) -> Ma
 /// whole packing: an implementation that shares nothing with the time integration.
 fn relaxed(packing: &Packing<f64>, p: &RveParameters, strain: &Matrix2<f64>) -> Matrix2<f64> {
     let n = 3 * packing.discs.len();
-    let scale = 1.0 / p.mean_diameter();
+    let scale = 1.0 / p.grains.mean_diameter();
     let springs = springs(packing);
     // Rows: what a unit of each unknown (two displacements, rotation times mean diameter) adds to
     // the normal and tangential deformation of a contact.
@@ -67,7 +67,10 @@ fn relaxed(packing: &Packing<f64>, p: &RveParameters, strain: &Matrix2<f64>) -> 
                 (3 * s.j + 2, -turn * s.arms[1] * scale),
             ]
         };
-        [(p.normal_stiffness, s.n, rows(s.n, 0.0)), (p.tangential_stiffness, s.t, rows(s.t, 1.0))]
+        [
+            (p.grains.normal_stiffness, s.n, rows(s.n, 0.0)),
+            (p.grains.tangential_stiffness, s.t, rows(s.t, 1.0)),
+        ]
     };
     let mut matrix = DMatrix::<f64>::zeros(n, n);
     let mut load = DVector::<f64>::zeros(n);
@@ -84,7 +87,7 @@ fn relaxed(packing: &Packing<f64>, p: &RveParameters, strain: &Matrix2<f64>) -> 
     }
     // Rattlers and the translation of all discs have no stiffness.
     for a in 0..n {
-        matrix[(a, a)] += 1e-8 * p.normal_stiffness;
+        matrix[(a, a)] += 1e-8 * p.grains.normal_stiffness;
     }
     let x = matrix.cholesky().expect("positive definite").solve(&load);
     let mut sum = Matrix2::zeros();
@@ -104,13 +107,14 @@ fn bulk_and_shear(p: &RveParameters, response: impl Fn(&Matrix2<f64>) -> Matrix2
     let stretch = response(&Matrix2::new(1.0, 0.0, 0.0, -1.0));
     let shear = response(&Matrix2::new(0.0, 1.0, 1.0, 0.0));
     let g = (stretch[(0, 0)] - stretch[(1, 1)]) / 8.0 + shear[(0, 1)] / 4.0;
-    [bulk, g].map(|m| m / p.normal_stiffness)
+    [bulk, g].map(|m| m / p.grains.normal_stiffness)
 }
 
 /// The same packing with sticking contacts, at rest.
 fn sticking(pressure: f64, friction: f64) -> (Element<f64>, RveParameters) {
     let prepared = parameters(pressure, friction);
-    let p = RveParameters { friction: 1e6, ..prepared.clone() };
+    let p =
+        RveParameters { grains: Grains { friction: 1e6, ..prepared.grains }, ..prepared.clone() };
     let mut element = stepwise(packing(&prepared, 1), &p);
     settle(&mut element, 0.05);
     (element, p)
@@ -122,7 +126,7 @@ fn instant(element: &Element<f64>, strain: &Matrix2<f64>) -> Matrix2<f64> {
     let before = element.state.stress;
     element.advance(&(strain * (1e-6 / element.macro_step))).unwrap();
     element.advance(&Matrix2::zeros()).unwrap();
-    (before - element.state.stress) * element.parameters.thickness / 1e-6
+    (before - element.state.stress) * element.parameters.grains.thickness / 1e-6
 }
 
 /// The first answer of a packing is the mean-field one, to terms of the order of the overlap.
@@ -131,7 +135,8 @@ fn the_instant_response_is_voigt() {
     let (element, p) = sticking(10.0e3, DENSE);
     // Neither the dashpots' answer to the strain rate nor what moves within the step (it grows
     // with the step squared) is part of the formula.
-    let p = RveParameters { damping_ratio: 0.0, step_factor: 0.02, ..p };
+    let p =
+        RveParameters { grains: Grains { damping_ratio: 0.0, step_factor: 0.02, ..p.grains }, ..p };
     let element = stepwise(element.rve.packing, &p);
     for strain in [
         Matrix2::new(1.0, 0.0, 0.0, 0.0),
@@ -174,7 +179,7 @@ fn static_moduli(
             probe.advance(&(e * (strain / f64::from(steps) / probe.macro_step))).unwrap();
         }
         settle(&mut probe, 0.1);
-        (before - probe.state.stress) * p.thickness / strain
+        (before - probe.state.stress) * p.grains.thickness / strain
     });
     for (k, name) in ["K", "G"].into_iter().enumerate() {
         println!(
@@ -195,12 +200,12 @@ fn an_affine_ramp_is_answered_by_the_voigt_modulus() {
     settle(&mut element, 0.05);
     let strain = 1e-5;
     let up = Matrix2::new(0.0, 0.0, 0.0, -1.0);
-    let theory = -voigt(&element.rve.packing, &p, &up)[(1, 1)] / p.normal_stiffness;
+    let theory = -voigt(&element.rve.packing, &p, &up)[(1, 1)] / p.grains.normal_stiffness;
     let before = element.state.stress[(1, 1)];
     let modulus = |e: &Element<f64>| {
-        (e.state.stress[(1, 1)] - before) * p.thickness / strain / p.normal_stiffness
+        (e.state.stress[(1, 1)] - before) * p.grains.thickness / strain / p.grains.normal_stiffness
     };
-    let steps = p.substeps(1e-4);
+    let steps = p.grains.substeps(1e-4);
     for _ in 0..steps {
         element.advance(&(up * (strain / steps as f64 / element.macro_step))).unwrap();
     }

@@ -41,7 +41,7 @@ fn check<R: Real>(
 ) -> Result<(), TestCaseError> {
     let mut p = RveParameters { discs, ..RveParameters::default() };
     p.preparation.pressure = 50.0e3;
-    p.overlap_limit = f64::INFINITY;
+    p.grains.overlap_limit = f64::INFINITY;
     p.free_solid_fraction = 0.0;
     p.thin_width = 0.0;
     let mut start: Packing<R> = packing(&p, seed).convert();

@@ -58,7 +58,7 @@ fn a_quarter_turn_turns_the_stress(#[case] w: f64) {
 fn an_euler_update_is_not_objective() {
     let p = parameters(20.0e3, DENSE);
     let (error, drift) = quarter_turn(10.0, |w| {
-        let dt = 1e-4 / p.substeps(1e-4) as f64;
+        let dt = 1e-4 / p.grains.substeps(1e-4) as f64;
         let spin = (w * dt).atan() / dt;
         let expansion = (w * dt).powi(2).ln_1p() / (2.0 * dt);
         Matrix2::new(expansion, -spin, spin, expansion)

@@ -3,7 +3,9 @@
 use std::f64::consts::PI;
 
 use dem::element::Element;
-use dem::{Cell, ContactLaw, Forces, Packing, PlainDisc, Real, RveParameters, contact_forces};
+use dem::{
+    Cell, ContactLaw, Forces, Grains, Packing, PlainDisc, Real, RveParameters, contact_forces,
+};
 use nalgebra::{Matrix2, Vector2};
 use rstest::rstest;
 
@@ -14,12 +16,15 @@ const R: f64 = 3.75e-3;
 /// Equal discs of 3.75 mm, without friction or damping, in steps of 0.02 sqrt(m / kn).
 fn parameters() -> RveParameters {
     RveParameters {
+        grains: Grains {
+            radius_min: R,
+            radius_max: R,
+            friction: 0.0,
+            damping_ratio: 0.0,
+            step_factor: 0.02,
+            ..Grains::default()
+        },
         discs: 2,
-        radius_min: R,
-        radius_max: R,
-        friction: 0.0,
-        damping_ratio: 0.0,
-        step_factor: 0.02,
         free_solid_fraction: 0.0,
         ..RveParameters::default()
     }
@@ -30,7 +35,7 @@ fn parameters() -> RveParameters {
 fn collide(p: &RveParameters, normal: f64, tangential: f64) -> Element<f64> {
     let disc = |x: f64| PlainDisc { x: [x, 0.05], r: R };
     let discs = [disc(0.05), disc(0.05 + 2.0 * R)];
-    let mut packing = Packing::new(Cell::square(0.1), &discs, |r| p.disc_mass(r));
+    let mut packing = Packing::new(Cell::square(0.1), &discs, |r| p.grains.disc_mass(r));
     packing.discs[0].u = [0.5 * normal, -0.5 * tangential];
     packing.discs[1].u = [-0.5 * normal, 0.5 * tangential];
     stepwise(packing, p)
@@ -69,12 +74,12 @@ fn relative_velocity(element: &Element<f64>) -> [f64; 2] {
 #[test]
 fn head_on_impact_is_half_an_oscillation() {
     let p = parameters();
-    let mass = p.disc_mass(R);
+    let mass = p.grains.disc_mass(R);
     expect("mass (kg)", mass, 8.781e-4, 1e-7);
     let v = 0.1;
     let mut pair = collide(&p, v, 0.0);
     let (time, largest) = until_separated(&mut pair);
-    let period = (0.5 * mass / p.normal_stiffness).sqrt();
+    let period = (0.5 * mass / p.grains.normal_stiffness).sqrt();
     expect("contact time / theory", time / (PI * period), 1.0, 5e-3);
     expect("contact time (s)", time, 2.0816e-4, 5e-3 * 2.0816e-4);
     expect("overlap / theory", largest / (v * period), 1.0, 5e-3);
@@ -92,7 +97,10 @@ fn dashpot_restitution(#[case] zeta: f64, #[case] quoted: f64) {
     let s = (1.0 - zeta * zeta).sqrt();
     let formula = (-(zeta / s) * (PI - f64::atan2(2.0 * zeta * s, 1.0 - 2.0 * zeta * zeta))).exp();
     expect("formula", formula, quoted, 1e-3);
-    let p = RveParameters { damping_ratio: zeta, ..parameters() };
+    let p = RveParameters {
+        grains: Grains { damping_ratio: zeta, ..parameters().grains },
+        ..parameters()
+    };
     let mut pair = collide(&p, 0.1, 0.0);
     until_separated(&mut pair);
     expect("restitution / formula", relative_velocity(&pair)[0] / 0.1 / formula, 1.0, 0.01);
@@ -106,7 +114,10 @@ fn dashpot_restitution(#[case] zeta: f64, #[case] quoted: f64) {
 #[case(0.5, 0.577)]
 #[case(0.7, 0.420)]
 fn local_damping_restitution(#[case] alpha: f64, #[case] quoted: f64) {
-    let p = RveParameters { local_damping: alpha, ..parameters() };
+    let p = RveParameters {
+        grains: Grains { local_damping: alpha, ..parameters().grains },
+        ..parameters()
+    };
     let mut pair = collide(&p, 0.1, 0.0);
     until_separated(&mut pair);
     let formula = ((1.0 - alpha) / (1.0 + alpha)).sqrt();
@@ -119,14 +130,15 @@ fn local_damping_restitution(#[case] alpha: f64, #[case] quoted: f64) {
 /// by `mu P / m`, spins by `mu P r / J`, the slip by `6 mu P / m`.
 #[test]
 fn oblique_impact_with_sliding() {
-    let p = RveParameters { friction: 0.3, ..parameters() };
-    let (m, j) = (p.disc_mass(R), 0.5 * p.disc_mass(R) * R * R);
+    let p =
+        RveParameters { grains: Grains { friction: 0.3, ..parameters().grains }, ..parameters() };
+    let (m, j) = (p.grains.disc_mass(R), 0.5 * p.grains.disc_mass(R) * R * R);
     // Slow, so that the contact turns little while the discs slide past each other.
     let vn = 0.01;
-    let vt = 1.5 * 3.0 * p.friction * 2.0 * vn;
+    let vt = 1.5 * 3.0 * p.grains.friction * 2.0 * vn;
     let mut pair = collide(&p, vn, vt);
     until_separated(&mut pair);
-    let impulse = p.friction * 2.0 * 0.5 * m * vn;
+    let impulse = p.grains.friction * 2.0 * 0.5 * m * vn;
     let d = pair.rve.packing.discs.clone();
     expect("tangential velocity", (vt - (d[1].u[1] - d[0].u[1])) / (2.0 * impulse / m), 1.0, 0.01);
     for disc in &d {
@@ -144,15 +156,18 @@ fn oblique_impact_with_sliding() {
 #[case(0.25)]
 fn oblique_impact_without_sliding(#[case] ratio: f64) {
     let base = parameters();
-    let tangential_stiffness = ratio * base.normal_stiffness;
-    let p = RveParameters { friction: 1e6, tangential_stiffness, ..base };
+    let tangential_stiffness = ratio * base.grains.normal_stiffness;
+    let p = RveParameters {
+        grains: Grains { friction: 1e6, tangential_stiffness, ..base.grains },
+        ..base
+    };
     let (vn, vt) = (0.1, 0.02);
     let mut pair = collide(&p, vn, vt);
     until_separated(&mut pair);
     let d = &pair.rve.packing.discs;
     let slip = d[1].u[1] - d[0].u[1] - R * (d[0].w + d[1].w);
     expect("slip / v_t", slip / vt, (PI * (3.0 * ratio).sqrt()).cos(), 0.02);
-    let m = p.disc_mass(R);
+    let m = p.grains.disc_mass(R);
     // At release the tangential spring may still hold energy; it goes with the contact.
     let release = 0.5 * (m / 6.0) * (vt * vt - slip * slip);
     let kinetic = pair.rve.packing.kinetic_energy();
@@ -168,26 +183,34 @@ fn oblique_impact_without_sliding(#[case] ratio: f64) {
 #[case::slides(60.0, 0.5)]
 #[case::slides_on_low_friction(30.0, 0.1)]
 fn disc_on_an_incline(#[case] degrees: f64, #[case] mu: f64) {
-    let p = RveParameters { friction: mu, damping_ratio: 0.2, step_factor: 0.1, ..parameters() };
+    let p = RveParameters {
+        grains: Grains {
+            friction: mu,
+            damping_ratio: 0.2,
+            step_factor: 0.1,
+            ..parameters().grains
+        },
+        ..parameters()
+    };
     let theta = f64::to_radians(degrees);
-    let (g, m) = (9.81, p.disc_mass(R));
+    let (g, m) = (9.81, p.grains.disc_mass(R));
     let gravity = Vector2::new(g * theta.sin(), -g * theta.cos());
     let plane = 1.0e3;
     let cell = Cell::square(4.0 * plane);
-    let sunk = m * g * theta.cos() / p.normal_stiffness;
+    let sunk = m * g * theta.cos() / p.grains.normal_stiffness;
     let discs = [
         PlainDisc { x: [2.0 * plane, plane], r: plane },
         PlainDisc { x: [2.0 * plane, 2.0 * plane + R - sunk], r: R },
     ];
-    let packing = Packing::<f64>::new(cell, &discs, |r| p.disc_mass(r));
+    let packing = Packing::<f64>::new(cell, &discs, |r| p.grains.disc_mass(r));
     // One step at rest lists the pair.
-    let dt = p.step();
+    let dt = p.grains.step();
     let mut packing = {
         let mut element = stepwise(packing, &p);
         element.advance(&Matrix2::zeros()).unwrap();
         element.rve.packing
     };
-    let law = ContactLaw::new(&p, dt);
+    let law = ContactLaw::new(&p.grains, dt);
     let mut forces = Forces::<f64>::default();
     let steps = (0.1 / dt) as usize;
     packing.discs[1].u = [0.0; 2];

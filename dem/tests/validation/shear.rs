@@ -1,7 +1,7 @@
 //! D13, D14, D15. Steady simple shear: the mu(I) law, friction, constant volume.
 
-use dem::RveParameters;
 use dem::element::{Row, Stage, sin_phi};
+use dem::{Grains, RveParameters};
 use rstest::rstest;
 
 use crate::common::{DENSE, LOOSE, expect, mean_and_deviation, parameters, path};
@@ -12,7 +12,8 @@ const PRESSURE: f64 = 20.0e3;
 /// shear over mean normal stress, both on the planes of shear), solid fraction, coordination,
 /// inertial number.
 fn steady(p: &RveParameters, inertial: f64, strain: f64, seeds: u64) -> [f64; 4] {
-    let shear_rate = inertial / p.mean_diameter() * (PRESSURE / p.grain_density).sqrt();
+    let shear_rate =
+        inertial / p.grains.mean_diameter() * (PRESSURE / p.grains.grain_density).sqrt();
     let stage = Stage::ConstantPressureShear { pressure: PRESSURE, shear_rate, strain };
     let mut runs = [vec![], vec![], vec![], vec![]];
     for seed in 1..=seeds {
@@ -41,7 +42,7 @@ fn steady(p: &RveParameters, inertial: f64, strain: f64, seeds: u64) -> [f64; 4]
 #[ignore = "statistical, 2 min: cargo test -p dem --release shear -- --ignored --nocapture"]
 fn mu_of_i(#[case] inertial: f64, #[case] target: [f64; 3]) {
     let p = RveParameters {
-        damping_ratio: 0.1,
+        grains: Grains { damping_ratio: 0.1, ..parameters(PRESSURE, DENSE).grains },
         free_solid_fraction: 0.3,
         ..parameters(PRESSURE, DENSE)
     };
@@ -64,7 +65,10 @@ fn mu_of_i(#[case] inertial: f64, #[case] target: [f64; 3]) {
 #[case(0.8, 0.310, 0.803)]
 #[ignore = "statistical, 2 min: cargo test -p dem --release shear -- --ignored --nocapture"]
 fn effect_of_friction(#[case] friction: f64, #[case] strength: f64, #[case] solid_fraction: f64) {
-    let p = RveParameters { friction, ..parameters(PRESSURE, DENSE) };
+    let p = RveParameters {
+        grains: Grains { friction, ..parameters(PRESSURE, DENSE).grains },
+        ..parameters(PRESSURE, DENSE)
+    };
     let [tau, phi, z, _] = steady(&p, 0.011, 6.0, 3);
     println!("mu = {friction}: tau/p {tau:.4}, phi {phi:.4}, Z {z:.3}");
     expect("tau / p", tau, strength, 0.01);
@@ -77,7 +81,13 @@ fn effect_of_friction(#[case] friction: f64, #[case] strength: f64, #[case] soli
 fn tangential_stiffness() {
     for ratio in [0.2, 0.5] {
         let base = parameters(PRESSURE, DENSE);
-        let p = RveParameters { tangential_stiffness: ratio * base.normal_stiffness, ..base };
+        let p = RveParameters {
+            grains: Grains {
+                tangential_stiffness: ratio * base.grains.normal_stiffness,
+                ..base.grains
+            },
+            ..base
+        };
         let [tau, phi, _, _] = steady(&p, 0.011, 6.0, 3);
         expect(&format!("tau / p at kt = {ratio} kn"), tau, 0.303, 0.01);
         expect("solid fraction", phi, 0.810, 0.005);
@@ -100,7 +110,8 @@ fn constant_volume() {
             let late = &rows[50..];
             let n = late.len() as f64;
             pressures.push(
-                late.iter().map(Row::pressure).sum::<f64>() / n * p.thickness / p.normal_stiffness,
+                late.iter().map(Row::pressure).sum::<f64>() / n * p.grains.thickness
+                    / p.grains.normal_stiffness,
             );
             strengths.push(late.iter().map(|r| sin_phi(&r.stress)).sum::<f64>() / n);
             println!(

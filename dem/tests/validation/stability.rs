@@ -1,7 +1,7 @@
 //! D6. The largest stable DEM step of a packing.
 
 use crate::common::{DENSE, packing, parameters, stepwise};
-use dem::RveParameters;
+use dem::{Grains, RveParameters};
 use nalgebra::Matrix2;
 use rstest::rstest;
 
@@ -13,12 +13,15 @@ use rstest::rstest;
 #[case(0.65, false)]
 fn stability_limit(#[case] step_factor: f64, #[case] stable: bool) {
     let prepared = parameters(20.0e3, DENSE);
-    let p = RveParameters { friction: 1e6, damping_ratio: 0.0, step_factor, ..prepared.clone() };
+    let p = RveParameters {
+        grains: Grains { friction: 1e6, damping_ratio: 0.0, step_factor, ..prepared.grains },
+        ..prepared.clone()
+    };
     let mut element = stepwise(packing(&prepared, 1), &p);
     let energy = |e: &dem::element::Element<f64>| {
         let packing = &e.rve.packing;
         packing.kinetic_energy()
-            + packing.elastic_energy(p.normal_stiffness, p.tangential_stiffness)
+            + packing.elastic_energy(p.grains.normal_stiffness, p.grains.tangential_stiffness)
     };
     let start = energy(&element);
     // An unstable mode grows by a fixed factor per step, from round-off: 20 000 steps are enough.

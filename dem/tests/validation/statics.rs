@@ -28,9 +28,10 @@ fn an_isotropic_packing_balances(#[case] friction: f64) {
     let packing = &element.rve.packing;
     for c in packing.contacts() {
         let n = c.branch.normalize();
-        let f = n * (p.normal_stiffness * c.overlap) + Vector2::new(-n.y, n.x) * c.tangential;
+        let f =
+            n * (p.grains.normal_stiffness * c.overlap) + Vector2::new(-n.y, n.x) * c.tangential;
         virial += f * c.branch.transpose();
-        mean_normal += p.normal_stiffness * c.overlap;
+        mean_normal += p.grains.normal_stiffness * c.overlap;
         forces[c.i] -= f;
         forces[c.j] += f;
         torques[c.i] -= c.tangential * (packing.discs[c.i].r - 0.5 * c.overlap);
@@ -43,9 +44,9 @@ fn an_isotropic_packing_balances(#[case] friction: f64) {
     println!("mean resultant / mean normal force: {unbalanced:.1e}");
     assert!(unbalanced < 1e-4);
     let largest_torque = torques.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
-    assert!(largest_torque < 1e-3 * mean_normal * p.radius_max);
+    assert!(largest_torque < 1e-3 * mean_normal * p.grains.radius_max);
 
-    let virial = virial / (packing.cell.area() * p.thickness);
+    let virial = virial / (packing.cell.area() * p.grains.thickness);
     let asymmetry = (virial[(0, 1)] - virial[(1, 0)]).abs() / pressure;
     println!("asymmetry {asymmetry:.1e}");
     assert!(asymmetry < 1e-5);

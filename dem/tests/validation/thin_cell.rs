@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use dem::element::Element;
-use dem::{Cell, Forces, Packing, PlainDisc, Rve, RveParameters, Substepping, consolidate};
+use dem::{Cell, Forces, Grains, Packing, PlainDisc, Rve, RveParameters, Substepping, consolidate};
 use nalgebra::{Matrix2, Vector2};
 use proptest::prelude::*;
 use rstest::rstest;
@@ -31,8 +31,8 @@ proptest! {
             .iter()
             .map(|&(a, b, r)| PlainDisc { x: (cell.h * Vector2::new(a, b)).into(), r })
             .collect();
-        let p = RveParameters { overlap_limit: f64::INFINITY, kinetic_stress: false, ..parameters(discs.len()) };
-        let packing = Packing::<f64>::new(cell, &discs, |r| p.disc_mass(r));
+        let p = RveParameters { grains: Grains { overlap_limit: f64::INFINITY, ..parameters(discs.len()).grains }, kinetic_stress: false, ..parameters(discs.len()) };
+        let packing = Packing::<f64>::new(cell, &discs, |r| p.grains.disc_mass(r));
         let mut forces = Forces::default();
         // One step much shorter than anything: forces at the initial positions.
         let sub = Substepping::new(&p, 1e-12);
@@ -54,7 +54,7 @@ proptest! {
                         let branch = Vector2::from(b.x) - Vector2::from(a.x) + shift;
                         let overlap = a.r + b.r - branch.norm();
                         if overlap > 0.0 {
-                            let f = branch.normalize() * (p.normal_stiffness * overlap);
+                            let f = branch.normalize() * (p.grains.normal_stiffness * overlap);
                             // Each contact is met from both sides: count halves.
                             expected[i] -= f;
                             virial += 0.5 * f * branch.transpose();
@@ -69,7 +69,7 @@ proptest! {
         for (f, e) in forces.on_disc.iter().zip(&expected) {
             prop_assert!((Vector2::new(f[0], f[1]) - e).norm() < 1e-9 * scale / 1e-2, "{:?} {}", f, e);
         }
-        let stress = virial / (cell.area() * p.thickness);
+        let stress = virial / (cell.area() * p.grains.thickness);
         prop_assert!((state.stress - stress).norm() < 1e-9 * stress.norm().max(1e-9));
     }
 }
@@ -87,7 +87,7 @@ fn repeated(packing: &Packing<f64>, nx: i32, ny: i32, p: &RveParameters) -> Pack
         })
         .collect();
     let cell = Cell { h: h * Matrix2::new(f64::from(nx), 0.0, 0.0, f64::from(ny)) };
-    Packing::new(cell, &discs, |r| p.disc_mass(r))
+    Packing::new(cell, &discs, |r| p.grains.disc_mass(r))
 }
 
 /// A packing of 1, 2, 5 or 12 discs (a disc alone touches only itself) and the same packing
@@ -141,7 +141,7 @@ fn a_thin_cell_is_not_thinned_further() {
         widths.insert(element.state.thin, element.state.min_width);
     }
     assert!(element.thin_steps > 0 && element.thin_steps < 300);
-    let limit = p.thin_width * p.mean_diameter();
+    let limit = p.thin_width * p.grains.mean_diameter();
     assert!(widths[&true] > 0.98 * limit, "{} m", widths[&true]);
     assert!((element.state.area / area - 1.0).abs() < 1e-9);
     assert!(element.state.stress.trace() > 0.0);

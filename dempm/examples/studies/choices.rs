@@ -23,7 +23,7 @@ pub fn study(scene: &Scene) -> miette::Result<()> {
 fn row(name: &str, base: &Run, run: &Run, scene: &Scene) {
     let distance = base.distance(run, scene.domain.size[0]).join(" | ");
     let (front, height, scatter) = (run.front(), run.height(), run.scatter);
-    let dempm::simulation::SceneMaterial::Rve(rve) = &run.state.material else {
+    let Some(rve) = run.simulation.packings() else {
         return;
     };
     let share = |n: u64| 100.0 * n as f64 / rve.tally.steps as f64;
@@ -44,12 +44,12 @@ fn changes() -> Vec<Change> {
         ("400 discs", |s| p(s).discs = 400),
         ("800 discs", |s| p(s).discs = 800),
         ("no initial stress", |s| s.initial_stress = InitialStress::None),
-        ("loose: preparation.friction 0.5", |s| p(s).preparation.friction = 0.5),
-        ("damping_ratio 0.05", |s| p(s).damping_ratio = 0.05),
-        ("local_damping 0.2", |s| p(s).local_damping = 0.2),
-        ("mass_scale 100", |s| p(s).mass_scale = 100.0),
-        ("thickness 75 mm", |s| p(s).thickness = 75.0e-3),
-        ("friction 0.3", |s| p(s).friction = 0.3),
+        ("loose: preparation.friction 0.5", |s| p(s).grains.preparation_friction = 0.5),
+        ("damping_ratio 0.05", |s| p(s).grains.damping_ratio = 0.05),
+        ("local_damping 0.2", |s| p(s).grains.local_damping = 0.2),
+        ("mass_scale 100", |s| p(s).grains.mass_scale = 100.0),
+        ("thickness 75 mm", |s| p(s).grains.thickness = 75.0e-3),
+        ("friction 0.3", |s| p(s).grains.friction = 0.3),
         ("free_solid_fraction 0.6", |s| p(s).free_solid_fraction = 0.6),
         ("thin_width 0", |s| p(s).thin_width = 0.0),
         ("kinetic_stress false", |s| p(s).kinetic_stress = false),
@@ -65,7 +65,9 @@ fn changes() -> Vec<Change> {
 fn rve(scene: &mut Scene) -> &mut Rve {
     match &mut scene.material {
         Material::Rve(rve) => rve,
-        Material::MuI(_) | Material::Elastic(_) => panic!("the scene's material must be rve"),
+        Material::Discs(_) | Material::MuI(_) | Material::Elastic(_) => {
+            panic!("the scene's material must be rve")
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! One run of a scene, in memory.
 
 use dempm::scene::Scene;
-use dempm::simulation::{Simulation, State};
+use dempm::simulation::Simulation;
 use miette::IntoDiagnostic;
 use mpm::Vec2;
 
@@ -15,7 +15,7 @@ pub struct Run {
     /// Mean over [`PARTS`] of the pressure's scatter between points of one cell, see
     /// [`pressure_scatter`].
     pub scatter: f64,
-    pub state: State,
+    pub simulation: Simulation,
 }
 
 impl Run {
@@ -24,23 +24,23 @@ impl Run {
         let mut simulation = Simulation::new(scene).into_diagnostic()?;
         let (mut positions, mut scatter) = (Vec::new(), 0.0);
         for part in PARTS {
-            while simulation.state.step < (part * steps as f64).round() as usize {
+            while simulation.step < (part * steps as f64).round() as usize {
                 simulation.advance().into_diagnostic()?;
             }
-            positions.push(simulation.state.points.position.clone());
-            scatter += pressure_scatter(&simulation.state.points, cell) / PARTS.len() as f64;
+            positions.push(simulation.points.position.clone());
+            scatter += pressure_scatter(&simulation.points, cell) / PARTS.len() as f64;
         }
-        Ok(Self { positions, scatter, state: simulation.state })
+        Ok(Self { positions, scatter, simulation })
     }
 
     /// Foremost point (m).
     pub fn front(&self) -> f64 {
-        self.state.points.position.iter().map(|x| x.x).fold(f64::MIN, f64::max)
+        self.simulation.points.position.iter().map(|x| x.x).fold(f64::MIN, f64::max)
     }
 
     /// Highest point (m).
     pub fn height(&self) -> f64 {
-        self.state.points.position.iter().map(|x| x.y).fold(f64::MIN, f64::max)
+        self.simulation.points.position.iter().map(|x| x.y).fold(f64::MIN, f64::max)
     }
 
     /// Mean square distance of the points of two runs over the square of `width`, at [`PARTS`].

@@ -169,7 +169,7 @@ fn row(
     step: Duration,
     searches: f64,
 ) -> Vec<String> {
-    let substeps = p.substeps(DT);
+    let substeps = p.grains.substeps(DT);
     let disc_steps = (rves * p.discs * substeps) as f64;
     vec![
         device.to_owned(),

@@ -10,7 +10,7 @@ use super::extent::Extent;
 use super::markdown::table;
 use crate::dataset::paper_scene;
 use crate::scene::{Material, Scene};
-use crate::simulation::Simulation;
+use crate::simulation::{Model, Simulation};
 
 const COLUMN: &str = include_str!("../../../scenes/column.toml");
 const COLUMN_MU_I: &str = include_str!("../../../scenes/column-mu-i.toml");
@@ -92,43 +92,44 @@ fn measure(
     // Warm-up: the first steps search all neighbours. On a GPU each advances by a frame.
     let half = simulation.scene.steps() / 2;
     for _ in 0..10 {
-        if simulation.state.step < half {
+        if simulation.step < half {
             simulation.advance()?;
         }
     }
     simulation.record_wall_time();
-    let before = simulation.state.wall_time.clone();
-    let first = simulation.state.step;
+    let before = simulation.wall_time.clone();
+    let first = simulation.step;
     let start = Instant::now();
-    while start.elapsed() < 2 * extent.time && simulation.state.step < simulation.scene.steps() {
+    while start.elapsed() < 2 * extent.time && simulation.step < simulation.scene.steps() {
         simulation.advance()?;
     }
-    let steps = (simulation.state.step - first) as f64;
+    let steps = (simulation.step - first) as f64;
     if steps == 0.0 {
         bail!("{}: too short to be measured", simulation.scene.title);
     }
     let step = start.elapsed().as_secs_f64() / steps;
     simulation.record_wall_time();
-    let discs = match &simulation.scene.material {
-        Material::Rve(rve) => rve.parameters.discs,
-        Material::MuI(_) | Material::Elastic(_) => 0,
+    let points = simulation.points.len();
+    let discs = match (&simulation.model, &simulation.scene.material) {
+        (Model::Discs(discs), _) => discs.discs(),
+        (Model::Mpm(_), Material::Rve(rve)) => points * rve.parameters.discs,
+        (Model::Mpm(_), _) => 0,
     };
-    let points = simulation.state.points.len();
-    let rate = match &simulation.scene.material {
-        Material::Rve(rve) => {
-            let substeps = rve.parameters.substeps(simulation.scene.step);
-            format!("{:.1}", 1e-6 * (points * discs * substeps) as f64 / step)
-        }
-        Material::MuI(_) | Material::Elastic(_) => "-".to_owned(),
-    };
+    let rate = simulation.scene.material.grains().map_or_else(
+        || "-".to_owned(),
+        |grains| {
+            let substeps = grains.substeps(simulation.scene.step);
+            format!("{:.1}", 1e-6 * (discs * substeps) as f64 / step)
+        },
+    );
     Ok(vec![
         simulation.scene.title.clone(),
         simulation.device.clone(),
         points.to_string(),
-        (points * discs).to_string(),
+        discs.to_string(),
         simulation.scene.steps().to_string(),
         format!("{:.3}", 1e3 * step),
-        phases(&before, &simulation.state.wall_time, steps),
+        phases(&before, &simulation.wall_time, steps),
         rate,
         format!("{:.1}", step * simulation.scene.steps() as f64),
     ])

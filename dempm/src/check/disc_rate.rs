@@ -30,7 +30,7 @@ pub fn disc_steps_per_second() -> Result<f64, dem::Error> {
     let (start, mut steps) = (Instant::now(), 0);
     while start.elapsed() < MEASURED {
         batch.advance(dt, &shear, &mut states)?;
-        steps += count * p.discs * p.substeps(dt);
+        steps += count * p.discs * p.grains.substeps(dt);
     }
     Ok(steps as f64 / start.elapsed().as_secs_f64())
 }

@@ -17,4 +17,4 @@ mod table;
 mod units;
 
 pub use disc_rate::disc_steps_per_second;
-pub use needs::{Needs, RveNeeds};
+pub use needs::{DemNeeds, Needs, RveNeeds};

@@ -1,8 +1,10 @@
 //! Cost of a scene, the expected flow regime, and warnings.
 
+use dem::Grains;
+
 use super::units::quantity;
 use crate::run::monitor;
-use crate::scene::{CROSSING, Material, Precision, Rve, Scene};
+use crate::scene::{CROSSING, Material, Precision, Scene};
 use crate::trajectory::Field;
 
 /// Cost of running a scene and the flow regime to expect. SI units.
@@ -46,8 +48,10 @@ pub struct Needs {
     pub collapse_time: Option<f64>,
     /// Expected extent of the deposit along x (m), ignoring walls.
     pub reach: Option<[f64; 2]>,
-    /// Cost of the packings.
+    /// Sizes of the packings; none without packings.
     pub rve: Option<RveNeeds>,
+    /// Cost of the discs; none under a continuum law.
+    pub dem: Option<DemNeeds>,
     /// Size of the uncompressed trajectory (bytes).
     pub output: f64,
     /// Memory for points, grid and packings (bytes).
@@ -58,7 +62,7 @@ pub struct Needs {
     pub warnings: Vec<String>,
 }
 
-/// Cost and stability of the packings of a scene.
+/// Sizes of the packings of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RveNeeds {
     /// Discs in one RVE.
@@ -67,6 +71,13 @@ pub struct RveNeeds {
     pub side: f64,
     /// Different packings.
     pub packings: usize,
+}
+
+/// Cost and stability of the discs of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DemNeeds {
+    /// Discs in all packings, or in the whole scene.
+    pub discs: f64,
     /// DEM steps in a macro step.
     pub substeps: usize,
     /// DEM step (s).
@@ -89,6 +100,8 @@ const SOFT: f64 = 50.0;
 pub(super) const COLLISIONAL: f64 = 0.1;
 /// Ratio of local pressures in impacts to the pressure at the base.
 const IMPACT: f64 = 4.0;
+/// Memory of a disc of a whole scene (bytes) in f32 and f64.
+const SCENE_DISC: [f64; 2] = [1500.0, 2000.0];
 /// Macro steps times points per second, without packings.
 const POINT_STEPS_PER_SECOND: f64 = 2.5e6;
 
@@ -103,11 +116,19 @@ impl Needs {
         let peak_velocity = peak_velocity(scene, gravity);
         let point_steps = points as f64 * scene.steps() as f64;
         let rve = match &scene.material {
-            Material::Rve(rve) => {
-                Some(RveNeeds::of(rve, scene, base_pressure, point_steps, disc_steps_per_second))
-            }
+            Material::Rve(rve) => Some(RveNeeds {
+                discs: rve.parameters.discs,
+                side: rve.side(),
+                packings: rve.packings,
+            }),
             _ => None,
         };
+        let discs = discs(scene);
+        let dem = scene
+            .material
+            .grains()
+            .map(|grains| DemNeeds::of(grains, discs, scene, base_pressure, disc_steps_per_second));
+        let moves_points = !matches!(scene.material, Material::Discs(_));
         let mut needs = Self {
             title: scene.title.clone(),
             name: scene.name.clone(),
@@ -129,40 +150,50 @@ impl Needs {
             collapse_time: (gravity > 0.0).then(|| 3.2 * (height / gravity).sqrt()),
             reach: if gravity > 0.0 { reach(scene) } else { None },
             output: (scene.frames() + 1) as f64 * points as f64 * bytes_per_point(&scene.fields),
-            memory: memory(scene, points),
-            seconds: point_steps / POINT_STEPS_PER_SECOND
-                + rve.as_ref().map_or(0.0, |rve| rve.disc_steps / rve.rate),
+            memory: memory(scene, points, discs),
+            seconds: if moves_points { point_steps / POINT_STEPS_PER_SECOND } else { 0.0 }
+                + dem.as_ref().map_or(0.0, |dem| dem.disc_steps / dem.rate),
             rve,
+            dem,
             warnings: Vec::new(),
         };
         needs.warnings = needs.warnings(scene);
         needs
     }
 
+    /// The warning for grains that are too soft for their load.
+    fn softness(&self, dem: &DemNeeds, grains: &Grains) -> Option<String> {
+        let overlap = 2.0 * IMPACT / dem.stiffness_number;
+        if dem.stiffness_number < SOFT {
+            Some(format!(
+                "discs are soft: kappa = {:.0} at the base, at least {SOFT} keeps overlaps below \
+                 2 % of a diameter; a larger normal_stiffness or a smaller thickness helps",
+                dem.stiffness_number
+            ))
+        } else if overlap > grains.overlap_warning {
+            Some(format!(
+                "impacts may press discs {:.0} % of a radius into each other, more than \
+                 overlap_warning",
+                100.0 * overlap
+            ))
+        } else {
+            None
+        }
+    }
+
     fn warnings(&self, scene: &Scene) -> Vec<String> {
         let mut warnings = Vec::new();
-        if let (Some(rve), Material::Rve(material)) = (&self.rve, &scene.material) {
+        if let (Some(dem), Some(grains)) = (&self.dem, scene.material.grains()) {
+            warnings.extend(self.softness(dem, grains));
+        }
+        if let Material::Rve(material) = &scene.material {
             let p = &material.parameters;
-            let overlap = 2.0 * IMPACT / rve.stiffness_number;
-            if rve.stiffness_number < SOFT {
-                warnings.push(format!(
-                    "discs are soft: kappa = {:.0} at the base, at least {SOFT} keeps overlaps below \
-                     2 % of a diameter; a larger normal_stiffness or a smaller thickness helps",
-                    rve.stiffness_number
-                ));
-            } else if overlap > p.overlap_warning {
-                warnings.push(format!(
-                    "impacts may press discs {:.0} % of a radius into each other, more than \
-                     overlap_warning",
-                    100.0 * overlap
-                ));
-            }
             if material.precision == Precision::F32 {
                 let mean = 0.5 * self.base_pressure;
                 warnings.extend(monitor::unresolved(
                     "the mean pressure of the highest pile",
                     mean,
-                    p,
+                    &p.grains,
                 ));
             }
             if p.preparation.pressure > self.base_pressure && self.base_pressure > 0.0 {
@@ -174,7 +205,7 @@ impl Needs {
             }
         }
         let crossing = self.peak_velocity * self.step / self.cell;
-        if crossing > CROSSING {
+        if crossing > CROSSING && !matches!(scene.material, Material::Discs(_)) {
             warnings.push(format!(
                 "points may cross {crossing:.2} cells in one step at {:.1} m/s; a shorter step keeps \
                  it below {CROSSING}",
@@ -208,29 +239,36 @@ impl Needs {
     }
 }
 
-impl RveNeeds {
+impl DemNeeds {
     fn of(
-        rve: &Rve,
+        grains: &Grains,
+        discs: f64,
         scene: &Scene,
         base_pressure: f64,
-        point_steps: f64,
         disc_steps_per_second: f64,
     ) -> Self {
-        let p = &rve.parameters;
-        let substeps = p.substeps(scene.step);
-        let inertia = p.mass_scale * p.disc_mass(p.radius_min);
-        let stiffness = p.normal_stiffness.max(p.tangential_stiffness);
+        let substeps = grains.substeps(scene.step);
+        let inertia = grains.mass_scale * grains.disc_mass(grains.radius_min);
+        let stiffness = grains.normal_stiffness.max(grains.tangential_stiffness);
         Self {
-            discs: p.discs,
-            side: rve.side(),
-            packings: rve.packings,
+            discs,
             substeps,
             step: scene.step / substeps as f64,
             step_limit: UNSTABLE_STEP * (inertia / stiffness).sqrt(),
-            stiffness_number: p.stiffness_number(base_pressure),
-            disc_steps: point_steps * substeps as f64 * p.discs as f64,
+            stiffness_number: grains.stiffness_number(base_pressure),
+            disc_steps: discs * scene.steps() as f64 * substeps as f64,
             rate: disc_steps_per_second,
         }
+    }
+}
+
+/// Discs in all packings, or in the whole scene.
+fn discs(scene: &Scene) -> f64 {
+    let points = scene.point_count() as f64;
+    match &scene.material {
+        Material::Discs(discs) => discs.count_in(points * scene.point_area()),
+        Material::Rve(rve) => points * rve.parameters.discs as f64,
+        Material::MuI(_) | Material::Elastic(_) => 0.0,
     }
 }
 
@@ -247,7 +285,8 @@ fn peak_velocity(scene: &Scene, gravity: f64) -> f64 {
 fn inertial_number(scene: &Scene, rate: f64, pressure: f64) -> Option<f64> {
     let (diameter, density) = scene.material.grain();
     let mass_scale = match &scene.material {
-        Material::Rve(rve) => rve.parameters.mass_scale,
+        Material::Rve(rve) => rve.parameters.grains.mass_scale,
+        Material::Discs(discs) => discs.grains.mass_scale,
         _ => 1.0,
     };
     (diameter > 0.0 && pressure > 0.0)
@@ -287,22 +326,24 @@ fn bytes_per_point(optional: &[Field]) -> f64 {
     always.into_iter().chain(optional).sum::<usize>() as f64
 }
 
-/// State of points, grid and packings (bytes): a disc, the pairs near it and their history take
-/// about 100 bytes in f32.
-fn memory(scene: &Scene, points: usize) -> f64 {
-    let cells = scene.domain.cells();
-    let mechanics = 300.0 * points as f64 + 100.0 * cells[0] as f64 * cells[1] as f64;
-    let per_point = match &scene.material {
-        Material::Rve(rve) => {
-            let per_disc = match rve.precision {
-                Precision::F32 => 100.0,
-                Precision::F64 => 200.0,
-            };
-            per_disc * rve.parameters.discs as f64
-        }
-        _ => 0.0,
+/// State of points, grid and discs (bytes). A disc of a packing, the pairs near it and their history take
+/// about 100 bytes in f32; one of a whole scene more, with what frames and searches need besides.
+fn memory(scene: &Scene, points: usize, discs: f64) -> f64 {
+    let points = 300.0 * points as f64;
+    let grid = || scene.domain.cells().map(|cells| cells as f64).iter().product::<f64>();
+    let of_disc = |f32, f64, precision| match precision {
+        Precision::F32 => f32,
+        Precision::F64 => f64,
     };
-    mechanics + per_point * points as f64
+    match &scene.material {
+        Material::Discs(model) => {
+            points + of_disc(SCENE_DISC[0], SCENE_DISC[1], model.precision) * discs
+        }
+        Material::Rve(rve) => {
+            points + 100.0 * grid() + of_disc(100.0, 200.0, rve.precision) * discs
+        }
+        Material::MuI(_) | Material::Elastic(_) => points + 100.0 * grid(),
+    }
 }
 
 #[cfg(test)]
@@ -319,15 +360,15 @@ mod tests {
     #[test]
     fn the_3_m_column_has_the_known_numbers() {
         let needs = needs(COLUMN);
-        let rve = needs.rve.as_ref().unwrap();
-        assert_eq!((needs.points, rve.discs, rve.substeps, needs.steps), (2304, 400, 8, 30_000));
+        let (rve, dem) = (needs.rve.as_ref().unwrap(), needs.dem.as_ref().unwrap());
+        assert_eq!((needs.points, rve.discs, dem.substeps, needs.steps), (2304, 400, 8, 30_000));
         assert!((needs.density - 2226.0).abs() < 1.0);
         assert!((needs.wave_speed - 80.0).abs() < 1.0);
         assert!((needs.step_limit - 7.8e-4).abs() < 1.0e-5);
-        assert!((rve.step_limit - 3.4e-5).abs() < 1.0e-6);
+        assert!((dem.step_limit - 3.4e-5).abs() < 1.0e-6);
         assert!((needs.base_pressure - 65.5e3).abs() < 100.0);
-        assert!((rve.stiffness_number - 204.0).abs() < 1.0);
-        assert!((rve.disc_steps - 2.212e11).abs() < 1.0e9);
+        assert!((dem.stiffness_number - 204.0).abs() < 1.0);
+        assert!((dem.disc_steps - 2.212e11).abs() < 1.0e9);
         assert!((needs.seconds - 2212.0).abs() < 60.0);
         // The column reaches the wall of the box, and nothing else is wrong with it.
         let [warning] = &needs.warnings[..] else { panic!("{:?}", needs.warnings) };
@@ -337,10 +378,10 @@ mod tests {
     #[test]
     fn scenes_outside_the_sound_region_are_warned_about() {
         for (lines, expected) in [
-            ("[rve]\nthickness = 0.075", "discs are soft: kappa = 20"),
-            ("[rve]\noverlap_warning = 0.01", "impacts may press discs 4 % of a radius"),
+            ("[grains]\nthickness = 0.075", "discs are soft: kappa = 20"),
+            ("[grains]\noverlap_warning = 0.01", "impacts may press discs 4 % of a radius"),
             ("[rve]\npreparation.pressure = 1e5", "over-consolidated"),
-            ("[rve]\nmass_scale = 1000", "collisional"),
+            ("[grains]\nmass_scale = 1000", "collisional"),
         ] {
             let warnings = needs(&format!("{COLUMN}{lines}")).warnings;
             assert!(warnings.iter().any(|w| w.contains(expected)), "{expected}: {warnings:?}");

@@ -27,7 +27,14 @@ impl Needs {
         let mut steps = vec![Row(
             "macro step",
             quantity(self.step, "s"),
-            format!("{} {}", percent(self.step / self.step_limit), quantity(self.step_limit, "s")),
+            match &self.rve {
+                None if self.dem.is_some() => "discs take shorter ones".to_owned(),
+                _ => format!(
+                    "{} {}",
+                    percent(self.step / self.step_limit),
+                    quantity(self.step_limit, "s")
+                ),
+            },
         )];
         let mut state = vec![
             Row("bulk density", format!("{:.0} kg/m³", self.density), String::new()),
@@ -43,17 +50,43 @@ impl Needs {
             ),
         ];
         let mut cost = Vec::new();
-        if let Some(rve) = &self.rve {
-            size.push(Row(
-                "discs",
-                grouped(self.points as f64 * rve.discs as f64),
-                format!(
+        if let Some(dem) = &self.dem {
+            let note = match &self.rve {
+                Some(rve) => format!(
                     "{} in each RVE, {} different packing{}",
                     rve.discs,
                     rve.packings,
                     if rve.packings == 1 { "" } else { "s" }
                 ),
+                None => {
+                    format!("about {:.0} in the square of a point", dem.discs / self.points as f64)
+                }
+            };
+            size.push(Row("discs", grouped(dem.discs.round()), note));
+            steps.push(Row(
+                "DEM step",
+                quantity(dem.step, "s"),
+                format!(
+                    "{} {}, {} in a macro step",
+                    percent(dem.step / dem.step_limit),
+                    quantity(dem.step_limit, "s"),
+                    dem.substeps
+                ),
             ));
+            if dem.stiffness_number.is_finite() {
+                state.push(Row(
+                    "stiffness number there",
+                    format!("{:.0}", dem.stiffness_number),
+                    format!("overlaps about {:.2} % of a diameter", 100.0 / dem.stiffness_number),
+                ));
+            }
+            cost.push(Row(
+                "disc-steps",
+                format!("{:.2e}", dem.disc_steps),
+                format!("{:.2e} a second, measured now", dem.rate),
+            ));
+        }
+        if let Some(rve) = &self.rve {
             size.push(Row(
                 "side of an RVE",
                 quantity(rve.side, "m"),
@@ -61,28 +94,6 @@ impl Needs {
                     "{:.2} cells: a sample of the material, not a region of the domain",
                     rve.side / self.cell
                 ),
-            ));
-            steps.push(Row(
-                "DEM step",
-                quantity(rve.step, "s"),
-                format!(
-                    "{} {}, {} in a macro step",
-                    percent(rve.step / rve.step_limit),
-                    quantity(rve.step_limit, "s"),
-                    rve.substeps
-                ),
-            ));
-            if rve.stiffness_number.is_finite() {
-                state.push(Row(
-                    "stiffness number there",
-                    format!("{:.0}", rve.stiffness_number),
-                    format!("overlaps about {:.2} % of a diameter", 100.0 / rve.stiffness_number),
-                ));
-            }
-            cost.push(Row(
-                "disc-steps",
-                format!("{:.2e}", rve.disc_steps),
-                format!("{:.2e} a second, measured now", rve.rate),
             ));
         }
         state.push(Row(
@@ -118,7 +129,7 @@ impl Needs {
             grouped(self.frames as f64),
             format!("one every {} steps, and the start", self.steps / self.frames.max(1)),
         ));
-        cost.push(Row("memory", bytes(self.memory), "points and packings".into()));
+        cost.push(Row("memory", bytes(self.memory), "points and discs".into()));
         cost.push(Row("trajectory", bytes(self.output), "before compression".into()));
         cost.push(Row("time", duration(self.seconds), "estimate".into()));
         let sections = [("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];

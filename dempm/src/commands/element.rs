@@ -61,7 +61,7 @@ pub fn element(args: &ElementArgs) -> miette::Result<()> {
     let least = rows[1..].iter().map(Row::pressure).fold(f64::INFINITY, f64::min);
     if args.precision == Precision::F32
         && let Some(warning) =
-            monitor::unresolved("the smallest pressure of the path", least, &test.rve)
+            monitor::unresolved("the smallest pressure of the path", least, &test.rve.grains)
     {
         note!("{warning}");
     }

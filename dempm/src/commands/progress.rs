@@ -35,10 +35,10 @@ impl Observer for SceneProgress {
         self.bar.finish_and_clear();
         self.bar = self.bars.add(ProgressBar::new(simulation.scene.steps() as u64));
         self.bar.set_style(scene_style());
-        let step = simulation.state.step as u64;
+        let step = simulation.step as u64;
         if let Some(total) = &self.total {
             self.bar.set_prefix(format!("{:<20} ", simulation.scene.title));
-            total.inc(step * simulation.state.points.len() as u64);
+            total.inc(step * simulation.points.len() as u64);
             total.reset_eta();
         }
         self.bar.set_position(step);
@@ -49,10 +49,10 @@ impl Observer for SceneProgress {
         if let Some(frame) = frame {
             self.bar.set_message(front_and_energy(frame));
         }
-        let step = simulation.state.step;
+        let step = simulation.step;
         self.bar.set_position(step as u64);
         if let Some(total) = &self.total {
-            total.inc(((step - before) * simulation.state.points.len()) as u64);
+            total.inc(((step - before) * simulation.points.len()) as u64);
         }
     }
 

@@ -3,12 +3,12 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::simulation::{SceneMaterial, Simulation};
+use crate::simulation::{Model, Simulation};
 
 /// The summary of a finished run into `output`, with the smallest stable macro step of any frame (s).
 pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) -> String {
     let scene = &simulation.scene;
-    let points = &simulation.state.points;
+    let points = &simulation.points;
     let mut text = String::new();
     let mut line = |label: &str, value: String| {
         writeln!(text, "  {label:<22}{value}").expect("writing to a string cannot fail");
@@ -34,7 +34,7 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
         line("stable macro step", format!("at least {bound:.0} µs, of which {used:.0} % used"));
     }
 
-    let times = &simulation.state.wall_time;
+    let times = &simulation.wall_time;
     let total: f64 = times.values().sum();
     let phases: Vec<String> = times
         .iter()
@@ -42,10 +42,10 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
         .collect();
     line("wall time", format!("{total:.1} s: {}", phases.join(", ")));
 
-    if let SceneMaterial::Rve(rve) = &simulation.state.material {
+    if let Some(rve) = simulation.packings() {
         let tally = &rve.tally;
         let p = rve.parameters();
-        let disc_steps = tally.steps as f64 * p.discs as f64 * p.substeps(scene.step) as f64;
+        let disc_steps = tally.steps as f64 * p.discs as f64 * p.grains.substeps(scene.step) as f64;
         let rate = disc_steps / times.get("rve").copied().unwrap_or(f64::NAN);
         line("disc-steps", format!("{disc_steps:.2e}, {rate:.2e} per second"));
         let share = |count: u64| 100.0 * count as f64 / tally.steps.max(1) as f64;
@@ -59,9 +59,18 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
             "largest overlap",
             format!(
                 "{:.2} of a radius, {} RVE steps above {}",
-                tally.max_overlap, tally.overlap_steps, p.overlap_warning
+                tally.max_overlap, tally.overlap_steps, p.grains.overlap_warning
             ),
         );
+    }
+    if let Model::Discs(discs) = &simulation.model {
+        let disc_steps = discs.steps() as f64 * discs.discs() as f64;
+        let rate = disc_steps / times.get("dem").copied().unwrap_or(f64::NAN);
+        line("discs", discs.discs().to_string());
+        line("disc-steps", format!("{disc_steps:.2e}, {rate:.2e} per second"));
+        let searches = 100.0 * discs.searches() as f64 / discs.steps().max(1) as f64;
+        line("neighbour searches", format!("{searches:.1} in 100 DEM steps"));
+        line("largest overlap", format!("{:.2} of a radius", discs.max_overlap()));
     }
     line("written", output.display().to_string());
     format!("{}\n{text}", scene.title)

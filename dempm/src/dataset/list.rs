@@ -241,9 +241,9 @@ mod tests {
         let mut scene = table("duration = 1.0\n[[column]]\nsize = [1.0, 1.0]\n");
         assign(&mut scene, "duration", Value::Float(2.0)).unwrap();
         assign(&mut scene, "column.0.velocity", Value::Integer(3)).unwrap();
-        assign(&mut scene, "rve.preparation.friction", Value::Float(0.5)).unwrap();
+        assign(&mut scene, "rve.preparation.pressure", Value::Float(0.5)).unwrap();
         let expected = "duration = 2.0\n[[column]]\nsize = [1.0, 1.0]\nvelocity = 3\n\
-                        [rve.preparation]\nfriction = 0.5\n";
+                        [rve.preparation]\npressure = 0.5\n";
         assert_eq!(scene, table(expected));
         for (key, part) in [
             ("column.1.size", "column"),

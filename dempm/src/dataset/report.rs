@@ -57,6 +57,9 @@ impl Row {
         let points = scene.point_count();
         let discs = match &scene.material {
             crate::scene::Material::Rve(rve) => points * rve.parameters.discs,
+            crate::scene::Material::Discs(discs) => {
+                discs.count_in(points as f64 * scene.point_area()).round() as usize
+            }
             _ => 0,
         };
         Self {

@@ -72,7 +72,7 @@ pub fn read_packing(path: &Path, p: &RveParameters) -> Result<Packing<f64>, Pack
             false => Ok(packing),
         })
         .map_err(|(line, problem)| PackingError::Line { path: path.to_owned(), line, problem })?;
-    Ok(Packing::new(cell, &discs, |r| p.disc_mass(r)))
+    Ok(Packing::new(cell, &discs, |r| p.grains.disc_mass(r)))
 }
 
 /// Cell and discs. Errors come with the number of their line.

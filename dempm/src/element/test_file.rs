@@ -4,19 +4,22 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use dem::element::Stage;
-use dem::{Packing, RveParameters, consolidate};
+use dem::{Grains, Packing, RveParameters, consolidate};
 use miette::{LabeledSpan, NamedSource};
 use serde::Deserialize;
 use toml::Spanned;
+use toml::de::DeTable;
 
 use super::packing_csv::{PackingError, read_packing};
-use crate::scene::parameters::outside;
+use crate::scene::{moved::new_place, parameters::outside};
 
 /// An element test.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ElementTest {
-    /// Parameters of the RVE.
+    #[serde(default)]
+    grains: Grains,
+    /// Parameters of the RVE; its grains are those of `[grains]`.
     #[serde(default)]
     pub rve: RveParameters,
     /// Seed of the packing, which is consolidated with `[rve.preparation]`.
@@ -94,10 +97,15 @@ impl ElementTest {
             text: NamedSource::new(path.to_string_lossy(), text.clone()).with_language("TOML"),
             place: vec![LabeledSpan::new_with_span(Some(label.to_owned()), span)],
         };
-        let test: Self = toml::from_str(&text).map_err(|error| {
+        if let Some((message, place)) = moved(&text) {
+            return Err(at(place, "no longer here", message));
+        }
+        let mut test: Self = toml::from_str(&text).map_err(|error| {
             at(error.span().unwrap_or(0..0), "here", error.message().to_owned())
         })?;
-        if let Some(problem) = outside("rve", &test.rve) {
+        test.rve.grains.clone_from(&test.grains);
+        let problem = outside("grains", &test.grains).or_else(|| outside("rve", &test.rve));
+        if let Some(problem) = problem {
             return Err(TestError::Parameter { path: path.to_owned(), problem });
         }
         for (key, value) in [("macro_step", &test.macro_step), ("sampling", &test.sampling)] {
@@ -146,7 +154,18 @@ impl ElementTest {
             Some(path) => read_packing(&path, &self.rve)?,
             None => consolidate(&self.rve, self.seed)?,
         };
-        packing.scale_mass(self.rve.mass_scale);
+        packing.scale_mass(self.rve.grains.mass_scale);
         Ok(packing)
     }
+}
+
+/// The first key that older files have in another table, with its place.
+fn moved(text: &str) -> Option<(String, Range<usize>)> {
+    let document = DeTable::parse(text).ok()?.into_inner();
+    let rve = document.get("rve")?.get_ref().as_table()?;
+    let preparation = rve.get("preparation").and_then(|value| value.get_ref().as_table());
+    let keys = rve.keys().map(|key| (format!("rve.{}", key.get_ref()), key.span()));
+    let deeper = preparation.into_iter().flat_map(DeTable::keys);
+    let deeper = deeper.map(|key| (format!("rve.preparation.{}", key.get_ref()), key.span()));
+    keys.chain(deeper).find_map(|(path, place)| Some((new_place(&path)?, place)))
 }

@@ -1,10 +1,12 @@
 //! Warnings of a running simulation when it leaves the validity of the method.
 
-use dem::RveParameters;
+use dem::Grains;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{Material, Precision};
-use crate::simulation::{STABLE_STEP, SceneMaterial, Simulation, SimulationError};
+use crate::simulation::{
+    DiscModel, Model, STABLE_STEP, SceneMaterial, Simulation, SimulationError,
+};
 use crate::soundness::{self, Unsound};
 use crate::trajectory::Frame;
 
@@ -32,8 +34,8 @@ pub fn thin(diameters: f64, width: f64) -> String {
 }
 
 /// The warning for a pressure (Pa), described by `what`, that f32 does not resolve in packings.
-pub fn unresolved(what: &str, pressure: f64, p: &RveParameters) -> Option<String> {
-    let limit = p.single_precision_pressure();
+pub fn unresolved(what: &str, pressure: f64, grains: &Grains) -> Option<String> {
+    let limit = grains.single_precision_pressure();
     (pressure > 0.0 && pressure < limit).then(|| {
         format!(
             "{what} is {pressure:.0} Pa, but under {limit:.0} Pa f32 may be a per cent or more \
@@ -82,7 +84,7 @@ pub struct Monitor {
 impl Monitor {
     /// Begins with the initial state, which later ones are compared with.
     pub fn new(simulation: &Simulation) -> Self {
-        let points = &simulation.state.points;
+        let points = &simulation.points;
         let stored_energy = soundness::stored_energy(
             points.volume.iter().zip(&points.stress).map(|(v, s)| (*v, s.norm_squared())),
             simulation.scene.material.wave_modulus(),
@@ -106,15 +108,20 @@ impl Monitor {
         let mut warnings = Vec::new();
         let time = frame.time;
         let mut warn = |text: String| warnings.push(format!("at t = {time:.3} s {text}"));
+        if let Model::Discs(discs) = &simulation.model {
+            self.observe_discs(discs, frame, &mut warn);
+            self.warnings.extend_from_slice(&warnings);
+            return warnings;
+        }
         self.observe_step(simulation.scene.step, frame, &mut warn);
         for sign in self.unsound(simulation, frame) {
             warn(sign.to_string());
         }
-        if let SceneMaterial::Rve(rve) = &simulation.state.material {
+        if let Some(rve) = simulation.packings() {
             let (tally, p) = (&rve.tally, rve.parameters());
             if tally.overlap_steps > 0 && !self.overlap {
                 self.overlap = true;
-                warn(overlap(tally.max_overlap, p.overlap_warning));
+                warn(overlap(tally.max_overlap, p.grains.overlap_warning));
             }
             if tally.thin_steps > 0 && !self.thin {
                 self.thin = true;
@@ -124,7 +131,7 @@ impl Monitor {
                 && asked.precision == Precision::F32
                 && let Some(pressure) = median_pressure(rve.states())
                 && let Some(warning) =
-                    unresolved("the pressure in half of the packings", pressure, p)
+                    unresolved("the pressure in half of the packings", pressure, &p.grains)
             {
                 self.unresolved += 1;
                 if self.unresolved == UNRESOLVED {
@@ -134,6 +141,25 @@ impl Monitor {
         }
         self.warnings.extend_from_slice(&warnings);
         warnings
+    }
+
+    /// The energy budget and overlaps of discs.
+    fn observe_discs(&mut self, discs: &DiscModel, frame: &Frame, warn: &mut impl FnMut(String)) {
+        let dissipated: f64 = ["dashpot_loss", "friction_loss", "damping_loss"]
+            .map(|name| scalar(frame, name))
+            .iter()
+            .sum();
+        let drift = scalar(frame, "energy_drift");
+        let unsound = soundness::drift(drift, dissipated, self.start_energy);
+        if let Some(sign) = unsound.filter(|_| !self.energy) {
+            self.energy = true;
+            warn(sign.to_string());
+        }
+        let warning = discs.grains().overlap_warning;
+        if discs.max_overlap() > warning && !self.overlap {
+            self.overlap = true;
+            warn(overlap(discs.max_overlap(), warning));
+        }
     }
 
     /// The macro step against its bound of guaranteed stability.
@@ -183,10 +209,11 @@ fn scalar(frame: &Frame, name: &str) -> f64 {
 /// Why a run has to end at the present frame: a continuum compressed beyond its law. Packings have
 /// `overlap_limit`.
 pub fn failure(simulation: &Simulation) -> Option<SimulationError> {
-    if let SceneMaterial::Rve(_) = simulation.state.material {
+    let Model::Mpm(mpm) = &simulation.model else { return None };
+    if let SceneMaterial::Rve(_) = mpm.material {
         return None;
     }
-    let points = &simulation.state.points;
+    let points = &simulation.points;
     let (point, left) = soundness::compression(&points.volume, simulation.scene.point_area())?;
     let position = points.position[point].into();
     Some(SimulationError::Compressed { time: simulation.time(), point, position, left })

@@ -177,8 +177,8 @@ impl<'a> Session<'a> {
     fn advance(&mut self, interrupt: &Interrupt, interval: Duration) -> End {
         let steps = self.simulation.scene.steps();
         let per_frame = self.simulation.scene.steps_per_frame();
-        while self.simulation.state.step < steps {
-            let before = self.simulation.state.step;
+        while self.simulation.step < steps {
+            let before = self.simulation.step;
             let frame_done = before.is_multiple_of(per_frame);
             // Decided before the steps: where nothing is to be saved, a GPU goes on at once.
             let stop = self.agreed(interrupt.requested(), frame_done);
@@ -192,7 +192,7 @@ impl<'a> Session<'a> {
             if let Err(error) = self.simulation.advance_and(!stop && !due) {
                 return End::Failed(error);
             }
-            let step = self.simulation.state.step;
+            let step = self.simulation.step;
             let frame_done = step.is_multiple_of(per_frame);
             if let Err(error) = self.record(before, frame_done) {
                 return End::Failed(error);
@@ -256,7 +256,7 @@ impl<'a> Session<'a> {
         self.take_reports(true);
         self.simulation.record()?;
         if let Some(writer) = &mut self.writer {
-            writer.save(self.simulation.state.clone(), self.monitor.clone());
+            writer.save(self.simulation.state(), self.monitor.clone());
         }
         self.saved = Instant::now();
         self.save_cost = self.saved - start;
@@ -289,7 +289,7 @@ impl<'a> Session<'a> {
     fn complete(mut self) -> Result<Outcome, SessionError> {
         self.simulation.record_wall_time();
         if let Some(writer) = self.writer {
-            writer.finish("finished".to_owned(), self.simulation.state.wall_time.clone())?;
+            writer.finish("finished".to_owned(), self.simulation.wall_time.clone())?;
             if self.checkpoint.exists() {
                 std::fs::remove_file(&self.checkpoint)
                     .map_err(WriteError::at(&self.checkpoint, "remove it"))?;
@@ -307,7 +307,7 @@ impl<'a> Session<'a> {
                 saved?;
             }
         }
-        let (step, steps) = (self.simulation.state.step, self.simulation.scene.steps());
+        let (step, steps) = (self.simulation.step, self.simulation.scene.steps());
         Ok(Outcome::Interrupted { step, steps })
     }
 
@@ -316,7 +316,7 @@ impl<'a> Session<'a> {
         let Some(writer) = self.writer else { return error.into() };
         let frames = writer.frames();
         let status = format!("failed: {}", with_causes(&error));
-        match writer.finish(status, self.simulation.state.wall_time) {
+        match writer.finish(status, self.simulation.wall_time) {
             Ok(()) => SessionError::Failed { path: self.path, frames, source: error },
             Err(error) => error.into(),
         }

@@ -218,7 +218,7 @@ mod tests {
         let (mut simulation, mut output) = start(directory.path());
         for _ in 0..5 {
             next_frame(&mut simulation, &mut output);
-            output.save(simulation.state.clone(), Monitor::default());
+            output.save(simulation.state(), Monitor::default());
             // The run goes on while the files are written.
             next_frame(&mut simulation, &mut output);
             saved(&mut output).unwrap();
@@ -240,7 +240,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("run.h5");
         let (mut simulation, mut output) = start(directory.path());
-        output.save(simulation.state.clone(), Monitor::default());
+        output.save(simulation.state(), Monitor::default());
         saved(&mut output).unwrap();
 
         // The file to add to is away for a while.
@@ -249,14 +249,14 @@ mod tests {
         next_frame(&mut simulation, &mut output);
         let Report::Failed(error) = output.reports.recv().unwrap() else { panic!("no failure") };
         assert!(error.to_string().contains("run.h5"), "{error}");
-        output.save(simulation.state.clone(), Monitor::default());
+        output.save(simulation.state(), Monitor::default());
         let error = saved(&mut output).unwrap_err();
         assert!(error.to_string().contains("run.h5"), "{error}");
 
         std::fs::rename(&aside, &path).unwrap();
         assert_eq!(Trajectory::open(&path).unwrap().frames(), 1);
         next_frame(&mut simulation, &mut output);
-        output.save(simulation.state.clone(), Monitor::default());
+        output.save(simulation.state(), Monitor::default());
         saved(&mut output).unwrap();
         assert_eq!(Trajectory::open(&path).unwrap().frames(), 3);
 

@@ -1,8 +1,9 @@
-//! A scene in the types of the material point method.
+//! A scene in the types of the material point method and of the DEM.
 
-use mpm::{ElasticParameters, Solver, Vec2};
+use dem::assembly::{Boundary, Faces, RigidBox};
+use mpm::{ElasticParameters, Friction, Solver, Vec2, Walls};
 
-use super::model::{Elastic, Rectangle, Scene};
+use super::model::{Discs, Elastic, Rectangle, Scene};
 
 impl Scene {
     /// The grid with walls, obstacles and plate: obstacles in the order of the file, the plate last.
@@ -18,7 +19,26 @@ impl Scene {
         Solver::new(domain, self.numerics, Vec2::from(self.gravity), self.rigid_boxes())
     }
 
-    fn rigid_boxes(&self) -> Vec<mpm::Obstacle> {
+    /// Walls, floor, obstacles and plate around discs; obstacles in the order of the file, the plate last.
+    pub fn boundary(&self, discs: &Discs) -> Boundary {
+        let boxes = self.rigid_boxes().into_iter().map(|o| RigidBox {
+            min: o.min.into(),
+            max: o.max.into(),
+            velocity: o.velocity.into(),
+            start: o.start,
+            faces: faces(&o.faces),
+        });
+        Boundary {
+            size: self.domain.size,
+            walls: faces(&self.domain.walls),
+            floor: discs.floor,
+            boxes: boxes.collect(),
+            seed: self.seed,
+        }
+    }
+
+    /// Obstacles in the order of the file, the plate last.
+    pub(crate) fn rigid_boxes(&self) -> Vec<mpm::Obstacle> {
         let rigid = |place: &Rectangle, faces| mpm::Obstacle {
             min: Vec2::from(place.corner),
             max: Vec2::from(place.end()),
@@ -33,6 +53,21 @@ impl Scene {
             ..rigid(&plate.place, plate.faces)
         });
         fixed.chain(plate).collect()
+    }
+}
+
+/// Coefficients of friction of the four sides.
+fn faces(walls: &Walls) -> Faces {
+    let coefficient = |friction| match friction {
+        Friction::Slip => 0.0,
+        Friction::Coulomb(coefficient) => coefficient,
+        Friction::Stick => f64::INFINITY,
+    };
+    Faces {
+        left: coefficient(walls.left),
+        right: coefficient(walls.right),
+        bottom: coefficient(walls.bottom),
+        top: coefficient(walls.top),
     }
 }
 

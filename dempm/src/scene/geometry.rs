@@ -1,7 +1,7 @@
 //! Checks on the geometry: whole cells, bodies inside the domain, no overlaps.
 
 use super::log::Log;
-use super::model::{Rectangle, Scene};
+use super::model::{Material, Rectangle, Scene};
 use super::problem::Problem;
 use super::range::MAX_CELLS;
 
@@ -125,7 +125,7 @@ fn boxes(scene: &Scene, log: &Log) -> Vec<Body> {
         let path = format!("obstacle[{k}]");
         let (corner, end) = (obstacle.place.corner, obstacle.place.end());
         let lines = [corner[0], corner[1], end[0], end[1]].map(|x| x / scene.domain.cell);
-        if lines.iter().any(|&x| whole(x.abs()).is_none()) {
+        if has_grid(scene) && lines.iter().any(|&x| whole(x.abs()).is_none()) {
             log.report(
                 Problem::warning("the obstacle is not on lines of the background grid")
                     .at(log.place(&format!("{path}.corner")), "corner and size decide its faces")
@@ -160,10 +160,15 @@ fn boxes(scene: &Scene, log: &Log) -> Vec<Body> {
     bodies
 }
 
+/// Whether contact acts on the background grid.
+fn has_grid(scene: &Scene) -> bool {
+    !matches!(scene.material, Material::Discs(_))
+}
+
 /// Warns of thin boxes: material on both sides shares grid nodes.
 fn thick(scene: &Scene, log: &Log, path: &str, name: &str, place: Rectangle) {
     let least = 2.0 * scene.domain.cell;
-    if place.size.iter().any(|size| *size < least * (1.0 - TOLERANCE)) {
+    if has_grid(scene) && place.size.iter().any(|size| *size < least * (1.0 - TOLERANCE)) {
         log.report(
             Problem::warning(format!("{name} is thinner than two cells"))
                 .at(log.place(&format!("{path}.size")), span(name, place))

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
+use super::moved::new_place;
 use super::problem::Problem;
 
 pub(super) type Place = Range<usize>;
@@ -63,6 +64,11 @@ impl Log {
 
 /// The error for an unknown key, with the valid key that was probably meant.
 fn unknown_key(keys: &BTreeSet<String>, table: &str, key: &str, place: Place) -> Problem {
+    if let Some(moved) = new_place(&format!("{table}.{key}")) {
+        return Problem::error(moved)
+            .at(Some(place), "no longer here")
+            .help("move it there; a trajectory of the old scene has to be made again");
+    }
     let here = |path: &&String| parent(path) == table;
     let siblings: Vec<&str> = keys.iter().filter(here).map(|path| leaf(path)).collect();
     let elsewhere: Vec<&String> = keys.iter().filter(|path| leaf(path) == key).collect();

@@ -15,8 +15,10 @@
 mod convert;
 mod estimate;
 mod geometry;
+mod grains;
 mod log;
 mod model;
+pub(crate) mod moved;
 pub(crate) mod parameters;
 mod plausibility;
 mod points;
@@ -32,8 +34,8 @@ use std::path::Path;
 
 pub use estimate::{COORDINATION, COURANT, CROSSING, SOLID_FRACTION};
 pub use model::{
-    Column, Domain, Elastic, InitialStress, Material, Obstacle, Plate, Precision, Rectangle, Rve,
-    Scene,
+    Column, Discs, Domain, Elastic, InitialStress, Material, Obstacle, Plate, Precision, Rectangle,
+    Rve, Scene,
 };
 pub use points::Points;
 pub use problem::{Problem, Problems, SceneError};
@@ -81,6 +83,7 @@ impl Scene {
         }
         geometry::validate(&scene, &log);
         stability::validate(&scene, &log);
+        grains::validate(&scene, &log);
         plausibility::validate(&scene, &log);
         let problems = log.take();
         if problems.iter().any(|problem| problem.severity == Severity::Error) {

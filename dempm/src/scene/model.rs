@@ -1,7 +1,8 @@
 //! The validated content of a scene file.
 
-use dem::RveParameters;
+use dem::assembly::Floor;
 use dem::cuda::Room;
+use dem::{Grains, RveParameters};
 use mpm::{DruckerPragerParameters, Numerics, Walls};
 use serde::{Deserialize, Serialize};
 
@@ -128,9 +129,11 @@ impl Plate {
     }
 }
 
-/// The material of the points.
+/// The model of the material.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Material {
+    /// Every grain of the scene as a disc; points only sum them up.
+    Discs(Discs),
     /// A DEM packing in every point.
     Rve(Rve),
     /// In-plane Drucker-Prager plasticity with rate-dependent friction.
@@ -143,11 +146,32 @@ impl Material {
     /// The name in scene files.
     pub fn name(&self) -> &'static str {
         match self {
+            Self::Discs(_) => "discs",
             Self::Rve(_) => "rve",
             Self::MuI(_) => "mu-i",
             Self::Elastic(_) => "elastic",
         }
     }
+
+    /// The grains, in models that have them.
+    pub fn grains(&self) -> Option<&Grains> {
+        match self {
+            Self::Discs(discs) => Some(&discs.grains),
+            Self::Rve(rve) => Some(&rve.parameters.grains),
+            Self::MuI(_) | Self::Elastic(_) => None,
+        }
+    }
+}
+
+/// Every grain of the scene as a disc.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Discs {
+    /// The grains, their contacts and their preparation.
+    pub grains: Grains,
+    /// The floor below them.
+    pub floor: Floor,
+    /// Precision of the DEM.
+    pub precision: Precision,
 }
 
 /// A DEM packing in every point.
@@ -163,7 +187,7 @@ pub struct Rve {
     pub neighbours: Room,
 }
 
-/// Floating-point precision of packings.
+/// Floating-point precision of the DEM.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// Single precision

@@ -1,5 +1,6 @@
 //! Tables of material parameters, read key by key against the defaults of their type.
 
+use dem::RveParameters;
 use serde::{Serialize, de::DeserializeOwned};
 use toml::Value;
 
@@ -8,14 +9,21 @@ use super::problem::Problem;
 use super::range::{Limits, between, from_zero, positive, within};
 use super::reader::Table;
 
-/// Reads a table whose keys, types and defaults are those of `T::default()`: a parameter is declared in
-/// one place only.
-pub(super) fn read<T>(log: &Log, table: Table<'_>) -> T
+/// Reads `[rve]` and `[grains]`.
+pub(super) fn read_rve(log: &Log, root: &Table<'_>) -> RveParameters {
+    let grains = read(log, root.table("grains"), &[]);
+    RveParameters { grains, ..read(log, root.table("rve"), &["grains"]) }
+}
+
+/// Reads a table whose keys, types and defaults are those of `T::default()`, but for some `left_out`: a
+/// parameter is declared in one place only.
+pub(super) fn read<T>(log: &Log, table: Table<'_>, left_out: &[&str]) -> T
 where
     T: Default + Serialize + DeserializeOwned,
 {
     let path = table.path();
     let parameters = toml::Table::try_from(T::default()).and_then(|mut values| {
+        values.retain(|key, _| !left_out.contains(&key));
         fill(table, &mut values);
         values.try_into().map_err(serde::ser::Error::custom)
     });
@@ -80,32 +88,32 @@ const LOCAL_DAMPING: Limits = between(0.0, 0.9, "");
 
 /// Limits of every number among the parameters; a test keeps this complete.
 const LIMITS: &[(&str, Limits)] = &[
-    ("rve.discs", between(4.0, 65_536.0, "discs")),
-    ("rve.radius_min", DISC),
-    ("rve.radius_max", DISC),
-    ("rve.grain_density", DENSITY),
+    ("grains.radius_min", DISC),
+    ("grains.radius_max", DISC),
+    ("grains.grain_density", DENSITY),
     (
-        "rve.thickness",
+        "grains.thickness",
         positive(10.0, "m").with_hint("one layer of grains is the mean disc diameter, 7.5e-3 m"),
     ),
-    ("rve.normal_stiffness", STIFFNESS),
-    ("rve.tangential_stiffness", STIFFNESS),
-    ("rve.friction", FRICTION),
-    ("rve.damping_ratio", between(0.0, 1.0, "").with_hint("a fraction of critical damping")),
-    ("rve.local_damping", LOCAL_DAMPING),
-    ("rve.mass_scale", between(1.0, 1.0e6, "")),
+    ("grains.normal_stiffness", STIFFNESS),
+    ("grains.tangential_stiffness", STIFFNESS),
+    ("grains.friction", FRICTION),
+    ("grains.damping_ratio", between(0.0, 1.0, "").with_hint("a fraction of critical damping")),
+    ("grains.local_damping", LOCAL_DAMPING),
+    ("grains.mass_scale", between(1.0, 1.0e6, "")),
     (
-        "rve.step_factor",
+        "grains.step_factor",
         between(0.005, 0.5, "").with_hint("packings become unstable near 0.55; 0.2 is safe"),
     ),
-    ("rve.skin", between(0.01, 2.0, "largest radii")),
+    ("grains.skin", between(0.01, 2.0, "largest radii")),
+    ("grains.overlap_warning", positive(2.0, "radii")),
+    ("grains.overlap_limit", positive(2.0, "radii")),
+    ("grains.preparation_friction", FRICTION),
+    ("rve.discs", between(4.0, 65_536.0, "discs")),
     ("rve.stress_window", positive(1.0, "").with_hint("1 averages over the whole macro step")),
     ("rve.free_solid_fraction", between(0.0, 0.78, "").with_hint("loose packings jam near 0.79")),
     ("rve.thin_width", between(0.0, 20.0, "mean diameters")),
-    ("rve.overlap_warning", positive(2.0, "radii")),
-    ("rve.overlap_limit", positive(2.0, "radii")),
     ("rve.preparation.pressure", between(1.0, 1.0e9, "Pa").with_hint("pascal: 2 kPa is 2.0e3")),
-    ("rve.preparation.friction", FRICTION),
     (
         "rve.preparation.cloud_solid_fraction",
         between(0.01, 0.45, "").with_hint("discs placed at random without touching jam near 0.54"),
@@ -150,8 +158,11 @@ mod tests {
     #[test]
     fn every_number_has_limits_that_its_default_keeps() {
         let mut found = Vec::new();
+        let mut rve = toml::Table::try_from(RveParameters::default()).unwrap();
+        rve.remove("grains");
         for (path, values) in [
-            ("rve", toml::Table::try_from(dem::RveParameters::default()).unwrap()),
+            ("grains", toml::Table::try_from(dem::Grains::default()).unwrap()),
+            ("rve", rve),
             ("mu-i", toml::Table::try_from(DruckerPragerParameters::default()).unwrap()),
             ("elastic", toml::Table::try_from(Elastic::default()).unwrap()),
         ] {

@@ -19,10 +19,12 @@ const IMPACT_STRAIN: f64 = 0.3;
 const CALMING_RATE: f64 = 1.0;
 
 pub(super) fn validate(scene: &Scene, log: &Log) {
-    resolution(scene, log);
     weight(scene, log);
     impact(scene, log);
-    calming(scene, log);
+    if !matches!(scene.material, Material::Discs(_)) {
+        resolution(scene, log);
+        calming(scene, log);
+    }
 }
 
 fn resolution(scene: &Scene, log: &Log) {
@@ -113,7 +115,7 @@ fn calming(scene: &Scene, log: &Log) {
 /// The key that sets the speed of waves.
 fn stiffness_key(scene: &Scene) -> &'static str {
     match scene.material {
-        Material::Rve(_) => "rve.normal_stiffness",
+        Material::Discs(_) | Material::Rve(_) => "grains.normal_stiffness",
         Material::MuI(_) => "mu-i.bulk_modulus",
         Material::Elastic(_) => "elastic.young_modulus",
     }

@@ -1,12 +1,14 @@
 //! The schema: every key of a scene file with its default and limits.
 
+use dem::assembly::Floor;
 use dem::cuda::Room;
 use mpm::{Basis, Friction, Numerics, Scheme, Transfer, WallContact, Walls};
 use toml::de::DeTable;
 
 use super::log::Log;
 use super::model::{
-    Column, Domain, InitialStress, Material, Obstacle, Plate, Precision, Rectangle, Rve, Scene,
+    Column, Discs, Domain, InitialStress, Material, Obstacle, Plate, Precision, Rectangle, Rve,
+    Scene,
 };
 use super::parameters;
 use super::problem::Problem;
@@ -161,12 +163,18 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
     /// The value of `kind`; the parameters have a table of their own.
     #[derive(Clone, Copy)]
     enum Kind {
+        Discs,
         Rve,
         MuI,
         Elastic,
     }
     let table = root.table("material");
-    let kinds = [("rve", Kind::Rve), ("mu-i", Kind::MuI), ("elastic", Kind::Elastic)];
+    let kinds = [
+        ("rve", Kind::Rve),
+        ("mu-i", Kind::MuI),
+        ("elastic", Kind::Elastic),
+        ("discs", Kind::Discs),
+    ];
     let kind = table.choice("kind", Some(Kind::Rve), &kinds);
     let packings = table.integer("packings", 1, between(1.0, 1024.0, "packings")) as usize;
     let precisions = [("f32", Precision::F32), ("f64", Precision::F64)];
@@ -178,15 +186,25 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
     table.finish();
 
     // All tables are read, so that one scene can hold several materials and choose by `kind`.
-    let rve = parameters::read(log, root.table("rve"));
-    let mu_i = parameters::read(log, root.table("mu-i"));
-    let elastic = parameters::read(log, root.table("elastic"));
+    let rve = parameters::read_rve(log, root);
+    let mu_i = parameters::read(log, root.table("mu-i"), &[]);
+    let elastic = parameters::read(log, root.table("elastic"), &[]);
+    let floor = floor(root);
     let material = match kind {
+        Kind::Discs => Material::Discs(Discs { grains: rve.grains, floor, precision }),
         Kind::Rve => Material::Rve(Rve { parameters: rve, packings, precision, neighbours }),
         Kind::MuI => Material::MuI(mu_i),
         Kind::Elastic => Material::Elastic(elastic),
     };
     (material, initial_stress)
+}
+
+fn floor(root: &Table<'_>) -> Floor {
+    let table = root.table("discs");
+    let floors = [("rough", Floor::Rough), ("flat", Floor::Flat)];
+    let floor = table.choice("floor", Some(Floor::Rough), &floors);
+    table.finish();
+    floor
 }
 
 fn numerics(root: &Table<'_>) -> Numerics {

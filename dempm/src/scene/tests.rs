@@ -146,17 +146,16 @@ fn every_key_is_read() {
 #[test]
 fn rve_keys_are_those_of_the_dem() {
     let scene = parse(&format!(
-        "{SHORT}[material]\npackings = 3\nprecision = \"f64\"\nneighbours = \"ample\"\n[rve]\ndiscs = 200\nradius_min = 3e-3\n\
-         kinetic_stress = false\nfriction = 1\npreparation = {{ pressure = 1000 }}"
+        "{SHORT}[material]\npackings = 3\nprecision = \"f64\"\nneighbours = \"ample\"\n[grains]\nradius_min = 3e-3\n\
+         friction = 1\n[rve]\ndiscs = 200\nkinetic_stress = false\npreparation = {{ pressure = 1000 }}"
     ));
     let Material::Rve(rve) = scene.material else { panic!() };
     assert_eq!((rve.packings, rve.precision), (3, Precision::F64));
     assert_eq!(rve.neighbours, dem::cuda::Room::Ample);
     let mut expected = dem::RveParameters {
+        grains: dem::Grains { radius_min: 3.0e-3, friction: 1.0, ..Default::default() },
         discs: 200,
-        radius_min: 3.0e-3,
         kinetic_stress: false,
-        friction: 1.0,
         ..Default::default()
     };
     expected.preparation.pressure = 1000.0;
@@ -187,17 +186,20 @@ fn points_fill_the_columns() {
 #[case::unknown_key("stepp = 1", &["unknown key `stepp`", "did you mean `step`?", ":1:1"])]
 #[case::misplaced_key("cell = 1.0", &["`cell` belongs in [domain]"])]
 #[case::unknown_table("[numeric]", &["did you mean `numerics`?"])]
-#[case::far_key("foo = 1", &["valid keys here are `column`, `domain`, `duration`"])]
+#[case::far_key("foo = 1", &["valid keys here are `column`, `discs`, `domain`, `duration`"])]
 #[case::wrong_type("step = \"fast\"", &["`step` must be a number (s)", "this is: text"])]
 #[case::unit("step = 0.1", &["step = 0.1 s is unstable", "80 m/s", "at most 0.5", "1.3e-5 s"])]
 #[case::huge_step("step = 100", &["must be above 0 and at most 1 s", "0.1 ms is 1.0e-4"])]
 #[case::not_finite("gravity = [nan, inf]", &["`gravity` = NaN", "`gravity` = inf"])]
 #[case::half_frame("frame_interval = 0.01005", &["100.5", "nearest: frame_interval = 0.0101"])]
 #[case::frames("frame_interval = 0.07", &["nearest: duration = 3.01"])]
-#[case::radii("rve.radius_min = 6e-3", &["smallest radius is larger", "radius_min = 0.006 m"])]
+#[case::moved("rve.friction = 0.5", &["`friction` is now in [grains]", "no longer here"])]
+#[case::moved_deep("rve.preparation.friction = 0.5", &["is now `preparation_friction` in [grains]"])]
+#[case::nested("rve.grains = { skin = 0.3 }", &["have a table of their own, [grains]"])]
+#[case::radii("grains.radius_min = 6e-3", &["smallest radius is larger", "radius_min = 0.006 m"])]
 #[case::few_discs("rve.discs = 8", &["8 discs are too few", "at least"])]
-#[case::unstable_dem("rve.step_factor = 0.6", &["must be from 0.005 to 0.5", "near 0.55"])]
-#[case::tiny_discs("rve.radius_min = 1e-9", &["DEM steps in a macro step are too many"])]
+#[case::unstable_dem("grains.step_factor = 0.6", &["must be from 0.005 to 0.5", "near 0.55"])]
+#[case::tiny_discs("grains.radius_min = 1e-9", &["DEM steps in a macro step are too many"])]
 #[case::relaxation("numerics.relaxation = 2e4", &["faster than one step", "1 / step = 10000"])]
 #[case::word("numerics.basis = \"quadratc\"", &["did you mean \"quadratic\"?", "\"gimp\""])]
 #[case::field("output.fields = [\"stresss\"]", &["did you mean \"stress\"?"])]
@@ -268,7 +270,7 @@ fn a_wrong_scene_is_explained(#[case] text: &str, #[case] expected: &[&str]) {
 #[case("[numerics]\nbasis = \"linear\"", "for tests only")]
 #[case("[plate]\ncorner=[5,5]\nsize=[1,1]\nvelocity=[1,0]\nstart=9", "never moves")]
 #[case("[plate]\ncorner=[8,5]\nsize=[1,1]\nvelocity=[1,0]", "leaves the domain")]
-#[case("[rve]\noverlap_limit = 0.1", "smaller overlap than it would warn at")]
+#[case("[grains]\noverlap_limit = 0.1", "smaller overlap than it would warn at")]
 #[case("[numerics]\nrelaxation = 0", "leaves points in random motion")]
 #[case(
     "[mu-i]\nbulk_modulus = 1e5\nshear_modulus = 1e5\n[material]\nkind = \"mu-i\"",
@@ -438,7 +440,7 @@ proptest! {
             "gravity = [0, {:?}]\nstep = {step:?}\nframe_interval = {frame:?}\nduration = {:?}\n\
              domain = {{ size = [{:?}, {:?}], cell = {cell:?} }}\nmaterial.kind = {kind:?}\n\
              [[column]]\ncorner = [{:?}, {:?}]\nsize = [{:?}, {:?}]\nvelocity = {velocity:?}\n\
-             [rve]\ndiscs = {discs}\nradius_min = {radius:?}\nradius_max = {:?}\n\
+             [rve]\ndiscs = {discs}\n[grains]\nradius_min = {radius:?}\nradius_max = {:?}\n\
              normal_stiffness = {:?}\nthickness = {:?}\n",
             3.0 * gravity,
             frame * f64::from(steps[1]),

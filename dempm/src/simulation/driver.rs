@@ -5,43 +5,56 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use gpu::ranks::Ranks;
-use mpm::Solver;
+use mpm::Points;
 
-use super::cuda::CudaSimulation;
+use super::discs::DiscModel;
 use super::error::SimulationError;
-use super::initial::initial_state;
-use super::state::{SceneMaterial, State};
-use crate::scene::Scene;
+use super::initial::initial_model;
+use super::model::Model;
+use super::mpm_model::MpmModel;
+use super::rve_material::RveMaterial;
+use super::scene_material::SceneMaterial;
+use super::span::Span;
+use super::state::{ModelState, State};
+use crate::scene::{Material, Scene};
 
 /// A scene and its present state.
 pub struct Simulation {
     /// The scene.
     pub scene: Scene,
-    /// Points, material and time; on a GPU, as of the last frame or checkpoint.
-    pub state: State,
-    pub(crate) solver: Solver,
+    /// Completed macro steps.
+    pub step: usize,
+    /// The points; on a GPU, and where discs move them, as of the last frame.
+    pub points: Points,
+    /// What moves the points.
+    pub model: Model,
+    /// Wall time per phase (s), summed over all sessions of the run.
+    pub wall_time: BTreeMap<String, f64>,
     /// Name of the processor, as in [`Header::device`](crate::trajectory::Header::device).
     pub(crate) device: String,
-    /// The copy that advances on a GPU.
-    gpu: Option<CudaSimulation>,
     /// Wall time of steps since it was last recorded.
     advancing: Duration,
 }
 
 impl Simulation {
-    /// A scene at time zero. Prepares the packings, or finds them in the cache.
+    /// A scene at time zero. Prepares packings and columns of discs, or finds them in the cache.
     ///
     /// # Errors
-    /// If a packing cannot be prepared or the grid cannot be set up.
+    /// If a packing or column cannot be prepared or the grid cannot be set up.
     pub fn new(scene: Scene) -> Result<Self, SimulationError> {
         let start = Instant::now();
-        let solver = scene.solver().map_err(SimulationError::Setup)?;
-        let (points, material) = initial_state(&scene)?;
+        let (model, points) = initial_model(&scene)?;
         let prepared = start.elapsed().as_secs_f64();
         let wall_time = BTreeMap::from([("preparation".to_owned(), prepared)]);
-        let ledger = solver.ledger().clone();
-        let state = State { step: 0, points, ledger, material, wall_time };
-        Ok(Self { scene, state, solver, device: cpu(), gpu: None, advancing: Duration::ZERO })
+        Ok(Self {
+            scene,
+            step: 0,
+            points,
+            model,
+            wall_time,
+            device: cpu(),
+            advancing: Duration::ZERO,
+        })
     }
 
     /// A scene in the state of a checkpoint.
@@ -49,9 +62,29 @@ impl Simulation {
     /// # Errors
     /// If the state does not fit the scene.
     pub fn resume(scene: Scene, state: State) -> Result<Self, SimulationError> {
-        let mut solver = scene.solver().map_err(SimulationError::Setup)?;
-        solver.set_ledger(state.ledger.clone()).map_err(SimulationError::Setup)?;
-        Ok(Self { scene, state, solver, device: cpu(), gpu: None, advancing: Duration::ZERO })
+        let State { step, points, model, wall_time } = state;
+        let model = match (model, &scene.material) {
+            (ModelState::Discs(state), Material::Discs(discs)) => {
+                Model::Discs(Box::new(DiscModel::resume(&scene, discs, *state)))
+            }
+            (ModelState::Mpm(state), _) => Model::Mpm(Box::new(MpmModel::resume(&scene, state)?)),
+            (ModelState::Discs(_), _) => return Err(SimulationError::OtherModel),
+        };
+        let (device, advancing) = (cpu(), Duration::ZERO);
+        Ok(Self { scene, step, points, model, wall_time, device, advancing })
+    }
+
+    /// The state for a checkpoint, as of the last call of [`Self::record`].
+    pub fn state(&self) -> State {
+        State {
+            step: self.step,
+            points: self.points.clone(),
+            model: match &self.model {
+                Model::Mpm(mpm) => ModelState::Mpm(mpm.state()),
+                Model::Discs(discs) => ModelState::Discs(Box::new(discs.state().clone())),
+            },
+            wall_time: self.wall_time.clone(),
+        }
     }
 
     /// Advances on a GPU from now on; as one of several ranks, with this rank's share of the packings.
@@ -64,21 +97,24 @@ impl Simulation {
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<(), SimulationError> {
         let start = Instant::now();
-        let Self { scene, state, solver, .. } = self;
-        self.gpu = Some(CudaSimulation::new(device, solver, state, scene, ranks)?);
+        match &mut self.model {
+            Model::Mpm(mpm) => mpm.move_to(device, ranks, &self.scene, self.step, &self.points)?,
+            Model::Discs(_) => return Err(SimulationError::DiscsOnGpu),
+        }
         let count = ranks.map_or(1, |ranks| ranks.size());
         let gpus = if count > 1 { format!("{count} x ") } else { String::new() };
         self.device = format!("{gpus}{}", device.name());
-        let upload = self.state.wall_time.entry("upload".to_owned()).or_default();
+        let upload = self.wall_time.entry("upload".to_owned()).or_default();
         *upload += start.elapsed().as_secs_f64();
         Ok(())
     }
 
     /// Advances by one macro step on the CPU, or to the next frame on a GPU. Points are then up to
-    /// date; a material on a GPU only after [`record`](Self::record).
+    /// date, but those of discs only after a frame; a material on a GPU only after
+    /// [`record`](Self::record).
     ///
     /// # Errors
-    /// If a point leaves the grid or its material fails; the step is then half done.
+    /// If a point leaves the grid, or its material or a grain fails; the step is then half done.
     pub fn advance(&mut self) -> Result<(), SimulationError> {
         self.advance_and(false)
     }
@@ -89,40 +125,17 @@ impl Simulation {
     /// # Errors
     /// As [`advance`](Self::advance).
     pub fn advance_and(&mut self, go_on: bool) -> Result<(), SimulationError> {
-        let start = Instant::now();
         let per_frame = self.scene.steps_per_frame();
-        let to_next_frame = per_frame - self.state.step % per_frame;
-        let time = match &mut self.gpu {
-            None => {
-                self.step()?;
-                start.elapsed()
-            }
-            Some(gpu) => {
-                let left = self.scene.steps().saturating_sub(self.state.step + to_next_frame);
-                let next = if go_on { left.min(per_frame) } else { 0 };
-                gpu.advance(to_next_frame, next, &mut self.state, &mut self.solver)
-                    .map_err(|error| SimulationError::on_gpu(error, self.scene.step))?
-            }
+        let to_frame = per_frame - self.step % per_frame;
+        let left = self.scene.steps().saturating_sub(self.step + to_frame);
+        let ahead = if go_on { left.min(per_frame) } else { 0 };
+        let span = Span { first: self.step, dt: self.scene.step, to_frame, ahead };
+        let (steps, time) = match &mut self.model {
+            Model::Mpm(mpm) => mpm.advance(&span, &mut self.points)?,
+            Model::Discs(discs) => discs.advance(&span, &self.scene, &mut self.points)?,
         };
+        self.step += steps;
         self.advancing += time;
-        Ok(())
-    }
-
-    /// One macro step on the CPU. [`Solver::advance`] transfers mass and momentum from points to grid,
-    /// updates the grid momentum, applies boundaries and obstacles, transfers velocities back to the
-    /// points, evaluates their velocity gradients and asks the material for the new stresses: an
-    /// [`RveMaterial`](super::RveMaterial) deforms the packings of all points.
-    fn step(&mut self) -> Result<(), SimulationError> {
-        // Not a running sum: a resumed run has the same times.
-        self.solver.set_time(self.time());
-        let State { step, points, material, .. } = &mut self.state;
-        let done = self.solver.advance(points, material.as_dyn_mut(), self.scene.step);
-        done.map_err(|source| SimulationError::Step {
-            step: *step + 1,
-            time: (*step + 1) as f64 * self.scene.step,
-            source,
-        })?;
-        *step += 1;
         Ok(())
     }
 
@@ -132,35 +145,43 @@ impl Simulation {
     /// If the GPU fails.
     pub fn record(&mut self) -> Result<(), SimulationError> {
         self.record_wall_time();
-        self.state.ledger.clone_from(self.solver.ledger());
-        if let Some(gpu) = &mut self.gpu {
-            gpu.fetch_material(&mut self.state)
-                .map_err(|error| SimulationError::on_gpu(error, self.scene.step))?;
+        match &mut self.model {
+            Model::Mpm(mpm) => mpm.record(self.step, self.scene.step),
+            Model::Discs(_) => Ok(()),
         }
-        Ok(())
     }
 
-    /// Adds the wall time since the last call to the phases `rve` and `mpm`.
+    /// Adds the wall time since the last call to the phases of the model.
     pub fn record_wall_time(&mut self) {
         let advancing = std::mem::take(&mut self.advancing);
-        let material = match &mut self.state.material {
-            SceneMaterial::Rve(rve) => std::mem::take(&mut rve.time),
-            SceneMaterial::MuI(_) | SceneMaterial::Elastic(_) => Duration::ZERO,
+        let phases = match &mut self.model {
+            Model::Mpm(mpm) => mpm.phases(advancing),
+            Model::Discs(discs) => discs.phases(advancing),
         };
-        let phases = [("rve", material), ("mpm", advancing.saturating_sub(material))];
         for (phase, time) in phases {
-            *self.state.wall_time.entry(phase.to_owned()).or_default() += time.as_secs_f64();
+            *self.wall_time.entry(phase.to_owned()).or_default() += time.as_secs_f64();
+        }
+    }
+
+    /// The packings, if points have packings; on a GPU, as of the last checkpoint.
+    pub fn packings(&self) -> Option<&RveMaterial> {
+        match &self.model {
+            Model::Mpm(mpm) => match &mpm.material {
+                SceneMaterial::Rve(rve) => Some(rve),
+                SceneMaterial::MuI(_) | SceneMaterial::Elastic(_) => None,
+            },
+            Model::Discs(_) => None,
         }
     }
 
     /// Simulated time (s).
     pub fn time(&self) -> f64 {
-        self.state.step as f64 * self.scene.step
+        self.step as f64 * self.scene.step
     }
 
     /// Frames up to now, including the initial one.
     pub fn frames_so_far(&self) -> usize {
-        self.state.step / self.scene.steps_per_frame() + 1
+        self.step / self.scene.steps_per_frame() + 1
     }
 }
 

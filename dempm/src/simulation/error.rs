@@ -1,5 +1,6 @@
 //! Errors of simulations.
 
+use dem::assembly::AssemblyError;
 use gpu::ranks::RanksError;
 use mpm::MaterialError;
 
@@ -34,6 +35,27 @@ pub enum SimulationError {
         /// The point or packing that failed, and why.
         source: mpm::Error,
     },
+    /// A column of discs could not be prepared, or a grain failed.
+    #[error(transparent)]
+    Discs(#[from] AssemblyError),
+    /// No grain starts in the square of a point.
+    #[error(
+        "no grain starts in the square of point {point} at ({:.3}, {:.3}) m", position[0], position[1]
+    )]
+    #[diagnostic(help("a larger `cell`, fewer `points_per_cell`, or smaller grains"))]
+    Empty {
+        /// Index of the point.
+        point: usize,
+        /// Centre of its square (m).
+        position: [f64; 2],
+    },
+    /// The state of a checkpoint is that of another model.
+    #[error("the state is not that of the scene's model")]
+    OtherModel,
+    /// Discs run on the CPU only.
+    #[error("scenes of discs run on the CPU only")]
+    #[diagnostic(help("start it with --device cpu"))]
+    DiscsOnGpu,
     /// A continuum is compressed beyond what its law describes.
     #[error(
         "at t = {time:.3} s point {point} at ({:.3}, {:.3}) m is compressed to {:.0} % of its volume",

@@ -4,13 +4,11 @@ use std::collections::BTreeMap;
 
 use mpm::Mat2;
 
+use super::discs::PointMeans;
 use super::driver::Simulation;
-use super::state::{SceneMaterial, State};
+use super::model::Model;
 use crate::scene::{self, Precision};
 use crate::trajectory::{self, Field, Frame, Header};
-
-/// Name of the budget scalar with the largest provably stable macro step (s).
-pub const STABLE_STEP: &str = "stable_step";
 
 impl Simulation {
     /// The header of the trajectory of a run that began at `created` (UTC, ISO 8601).
@@ -20,16 +18,28 @@ impl Simulation {
         let text = str::to_owned;
         let mut parameters = BTreeMap::new();
         let mut precision = "f64";
-        if let scene::Material::Rve(rve) = &scene.material {
-            let p = &rve.parameters;
-            if rve.precision == Precision::F32 {
-                precision = "f32 (DEM), f64 (MPM)";
+        // Stress scales with 1/thickness, cost with discs and substeps.
+        match &scene.material {
+            scene::Material::Rve(rve) => {
+                let p = &rve.parameters;
+                if rve.precision == Precision::F32 {
+                    precision = "f32 (DEM), f64 (MPM)";
+                }
+                parameters.insert(text("rve_discs"), p.discs as f64);
+                parameters.insert(text("rve_thickness"), p.grains.thickness);
+                let substeps = p.grains.substeps(scene.step) as f64;
+                parameters.insert(text("rve_step"), scene.step / substeps);
+                parameters.insert(text("rve_substeps"), substeps);
             }
-            // Stress scales with 1/thickness, cost with discs and substeps.
-            parameters.insert(text("rve_discs"), p.discs as f64);
-            parameters.insert(text("rve_thickness"), p.thickness);
-            parameters.insert(text("rve_step"), scene.step / p.substeps(scene.step) as f64);
-            parameters.insert(text("rve_substeps"), p.substeps(scene.step) as f64);
+            scene::Material::Discs(discs) => {
+                if discs.precision == Precision::F32 {
+                    precision = "f32";
+                }
+            }
+            scene::Material::MuI(_) | scene::Material::Elastic(_) => {}
+        }
+        if let Model::Discs(discs) = &self.model {
+            parameters.extend(discs.parameters(&self.points));
         }
         Header {
             title: scene.title.clone(),
@@ -59,21 +69,13 @@ impl Simulation {
     /// Properties of the points that never change.
     pub fn static_points(&self) -> trajectory::Points {
         let column = self.scene.points().column;
-        trajectory::Points { mass: self.state.points.mass.clone(), column }
+        trajectory::Points { mass: self.points.mass.clone(), column }
     }
 
     /// The present state with the fields that the scene asks for.
     pub fn frame(&self) -> Frame {
-        let State { points, material, .. } = &self.state;
+        let points = &self.points;
         let wanted = |field| self.scene.fields.contains(&field);
-        let rve = match material {
-            SceneMaterial::Rve(rve) => Some(rve),
-            SceneMaterial::MuI(_) | SceneMaterial::Elastic(_) => None,
-        };
-        let of_rve = |field, value: &dyn Fn(&dem::RveState) -> f64| {
-            let rve = rve.filter(|_| wanted(field))?;
-            Some(rve.states().iter().map(|state| value(state) as f32).collect())
-        };
         Frame {
             time: self.time(),
             position: points.position.iter().map(|&x| x.into()).collect(),
@@ -82,8 +84,12 @@ impl Simulation {
                 let rows = |s: &Mat2| [(0, 0), (0, 1), (1, 0), (1, 1)].map(|k| s[k] as f32);
                 points.stress.iter().map(rows).collect()
             }),
-            solid_fraction: of_rve(Field::SolidFraction, &|state| state.solid_fraction),
-            coordination: of_rve(Field::Coordination, &|state| state.coordination),
+            solid_fraction: wanted(Field::SolidFraction)
+                .then(|| self.of_grains(|rve| rve.solid_fraction, |means| &means.solid_fraction))
+                .flatten(),
+            coordination: wanted(Field::Coordination)
+                .then(|| self.of_grains(|rve| rve.coordination, |means| &means.coordination))
+                .flatten(),
             inertial_number: wanted(Field::InertialNumber).then(|| {
                 let (diameter, density) = self.scene.material.grain();
                 let of_point = |(l, stress): (&Mat2, &Mat2)| {
@@ -97,37 +103,39 @@ impl Simulation {
         }
     }
 
-    /// Obstacles and plate at the present time.
-    fn boxes(&self) -> Vec<[f64; 4]> {
-        let corners = |o: mpm::Obstacle| [o.min.x, o.min.y, o.max.x, o.max.y];
-        self.solver.obstacles_at(self.time()).map(corners).collect()
+    /// A quantity of the grains of every point; `None` for a continuum law.
+    fn of_grains(
+        &self,
+        of_packing: impl Fn(&dem::RveState) -> f64,
+        of_discs: impl Fn(&PointMeans) -> &[f64],
+    ) -> Option<Vec<f32>> {
+        match &self.model {
+            Model::Mpm(mpm) => {
+                Some(mpm.rve_states()?.iter().map(|state| of_packing(state) as f32).collect())
+            }
+            Model::Discs(discs) => {
+                Some(of_discs(discs.means()).iter().map(|&value| value as f32).collect())
+            }
+        }
     }
 
-    /// Scalars of the whole scene: energies, momentum, front, height and stable step.
+    /// Obstacles and plate at the present time.
+    fn boxes(&self) -> Vec<[f64; 4]> {
+        let now = |o: mpm::Obstacle| o.at(self.time());
+        let corners = |o: mpm::Obstacle| [o.min.x, o.min.y, o.max.x, o.max.y];
+        self.scene.rigid_boxes().into_iter().map(now).map(corners).collect()
+    }
+
+    /// Scalars of the whole scene: front and height, and those of the model.
     fn budget(&self) -> BTreeMap<String, f64> {
-        let State { points, material, .. } = &self.state;
-        let budget = self.solver.budget(points);
+        let points = &self.points;
         let largest = |k: usize| points.position.iter().map(|x| x[k]).fold(f64::MIN, f64::max);
-        let mut scalars = BTreeMap::from([
-            ("front".to_owned(), largest(0)),
-            ("max_height".to_owned(), largest(1)),
-            ("kinetic_energy".to_owned(), budget.kinetic_energy),
-            ("potential_energy".to_owned(), budget.potential_energy),
-            ("momentum_x".to_owned(), budget.momentum.x),
-            ("momentum_y".to_owned(), budget.momentum.y),
-            ("plate_work".to_owned(), budget.contact.plate_work),
-            ("points_projected".to_owned(), budget.contact.projected as f64),
-        ]);
-        // There is no stable step for points that the solver would refuse.
-        let stable = self.solver.stable_step(points, material.as_dyn());
-        let (bound, courant) =
-            stable.map_or((f64::NAN, f64::NAN), |s| (s.gershgorin, s.courant(self.scene.step)));
-        scalars.insert(STABLE_STEP.to_owned(), bound);
-        scalars.insert("courant".to_owned(), courant);
-        if let SceneMaterial::Rve(rve) = material {
-            let loaded = rve.states().iter().filter(|state| !state.free).count();
-            scalars.insert("stress_free_points".to_owned(), (rve.states().len() - loaded) as f64);
-        }
+        let mut scalars = match &self.model {
+            Model::Mpm(mpm) => mpm.budget(points, self.scene.step),
+            Model::Discs(discs) => discs.budget(points),
+        };
+        scalars.insert("front".to_owned(), largest(0));
+        scalars.insert("max_height".to_owned(), largest(1));
         scalars
     }
 }

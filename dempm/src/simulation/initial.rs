@@ -1,18 +1,21 @@
-//! Points and material at time zero.
+//! Points and model at time zero.
 
 use dem::Packing;
 use mpm::{Mat2, Points, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::discs::DiscModel;
 use super::error::SimulationError;
+use super::model::Model;
+use super::mpm_model::MpmModel;
 use super::rve_material::RveMaterial;
-use super::state::SceneMaterial;
+use super::scene_material::SceneMaterial;
 use crate::packings::{self, Ladder};
 use crate::scene::{self, InitialStress, Scene};
 
-/// Points and material at time zero.
-pub(super) fn initial_state(scene: &Scene) -> Result<(Points, SceneMaterial), SimulationError> {
+/// The model of a scene and its points at time zero.
+pub(super) fn initial_model(scene: &Scene) -> Result<(Model, Points), SimulationError> {
     let start = scene.points();
     let area = scene.point_area();
     let mut points = Points::default();
@@ -25,6 +28,10 @@ pub(super) fn initial_state(scene: &Scene) -> Result<(Points, SceneMaterial), Si
         InitialStress::None => vec![0.0; points.len()],
     };
     let material = match &scene.material {
+        scene::Material::Discs(discs) => {
+            let model = DiscModel::new(scene, discs, &mut points)?;
+            return Ok((Model::Discs(Box::new(model)), points));
+        }
         scene::Material::Rve(rve) => {
             SceneMaterial::Rve(Box::new(rve_material(scene, rve, &depth, &mut points)?))
         }
@@ -37,7 +44,7 @@ pub(super) fn initial_state(scene: &Scene) -> Result<(Points, SceneMaterial), Si
         }
         scene::Material::Elastic(law) => SceneMaterial::Elastic(mpm::Elastic::new(law.into())?),
     };
-    Ok((points, material))
+    Ok((Model::Mpm(Box::new(MpmModel::new(scene, material)?)), points))
 }
 
 /// One packing per point, from the ladder of a randomly chosen packing of the scene: the rung whose

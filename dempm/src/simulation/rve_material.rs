@@ -149,7 +149,7 @@ fn batch<R: Real>(
 ) -> RveBatch<R> {
     let inertial = |packing: &Packing<f64>| {
         let mut packing: Packing<R> = packing.convert();
-        packing.scale_mass(parameters.mass_scale);
+        packing.scale_mass(parameters.grains.mass_scale);
         packing
     };
     RveBatch {
@@ -175,7 +175,7 @@ impl Material for RveMaterial {
             // The RVE's cell is the one source of truth for volume.
             volume[p] = self.volume_per_area[p] * state.area;
         }
-        let warning = self.parameters().overlap_warning;
+        let warning = self.parameters().grains.overlap_warning;
         self.states.iter().for_each(|state| self.tally.add(state, warning));
         self.time += start.elapsed();
         Ok(())
@@ -188,7 +188,8 @@ impl Material for RveMaterial {
         let p = self.parameters();
         let state = &self.states[point];
         let contacts = 2.0 * state.coordination * state.solid_fraction / std::f64::consts::PI;
-        contacts * (3.0 * p.normal_stiffness + p.tangential_stiffness) / (8.0 * p.thickness)
+        contacts * (3.0 * p.grains.normal_stiffness + p.grains.tangential_stiffness)
+            / (8.0 * p.grains.thickness)
     }
 }
 

@@ -66,7 +66,6 @@ impl FrameBuilder {
         frames: usize,
     ) -> Result<Self, CudaError> {
         supports(config)?;
-        let d = config.dimensions;
         let radius = config.connection_radius as f32;
         let gns = i32::from(config.kind == ModelKind::Gns);
         let clamped = i32::from(config.clamps_walls());
@@ -85,14 +84,14 @@ impl FrameBuilder {
             scales.bounds[k] = walls.map(|wall| wall as f32);
         }
         let frames = frames.clamp(1, FRAMES);
-        let graph = GraphBuilder::new(device, d, radius, windows, frames)?;
+        let graph = GraphBuilder::new(device, radius, windows, frames)?;
         Ok(Self {
             further: device.zeros((frames * graph.points() * further).max(1))?,
             frames,
             obstacles: device.zeros(OBSTACLE)?,
             first_obstacle: device.zeros(windows.len() + 1)?,
             graph,
-            kernels: FeatureKernels::load(device, d)?,
+            kernels: FeatureKernels::load(device)?,
             config: config.clone(),
             norm: norm.clone(),
             scales,
@@ -285,7 +284,7 @@ impl FrameBuilder {
                     let frames = &all.frames.of[..all.count];
                     assert!(frames.iter().all(|frame| !frame.past[2].is_null()), "three frames");
                     let standard = self.standard(columns.clone());
-                    self.kernels.acceleration(all, columns.len(), standard, column)?;
+                    self.kernels.acceleration(all, standard, column)?;
                 }
                 NodeFeature::InitialStress | NodeFeature::InitialSolidFraction => {}
             }

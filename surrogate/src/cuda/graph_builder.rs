@@ -10,6 +10,7 @@ use super::ops::frame_input::DeviceGraph;
 use super::ops::graph::{
     Cells, FRAMES, Frame, Frames, Graph, GraphFrames, GraphKernels, Grid, KEPT, ROWS,
 };
+use crate::network::DIMENSIONS;
 
 /// Fewest cells of a side of the grid: those around a cell are different ones.
 const LEAST_SIDE: u32 = 8;
@@ -19,16 +20,16 @@ const BUCKETS_PER_POINT: usize = 2;
 const CELL_WIDTH: f64 = 1.001;
 
 /// The grid for windows of which the largest has so many points.
-fn grid(dimensions: usize, radius: f32, points: usize, largest_window: usize) -> Grid {
+fn grid(radius: f32, points: usize, largest_window: usize) -> Grid {
     let mut side = LEAST_SIDE;
-    while (side as usize).pow(dimensions as u32) < BUCKETS_PER_POINT * largest_window {
+    while (side as usize).pow(DIMENSIONS as u32) < BUCKETS_PER_POINT * largest_window {
         side *= 2;
     }
     Grid {
         inverse_width: 1.0 / (CELL_WIDTH * f64::from(radius)),
         radius_squared: radius * radius,
         side,
-        buckets: side.pow(dimensions as u32),
+        buckets: side.pow(DIMENSIONS as u32),
         points: points as u32,
     }
 }
@@ -40,7 +41,6 @@ fn grid(dimensions: usize, radius: f32, points: usize, largest_window: usize) ->
 pub struct GraphBuilder {
     device: Arc<Device>,
     kernels: GraphKernels,
-    dimensions: usize,
     grid: Grid,
     /// Points of each window.
     windows: Vec<usize>,
@@ -98,23 +98,21 @@ impl Buffers {
 }
 
 impl GraphBuilder {
-    /// For points in 2 or 3 dimensions, of which those closer than `radius` (m) are neighbours;
+    /// For points of which those closer than `radius` (m) are neighbours;
     /// `windows` are the numbers of points of windows side by side, `frames` those made at once.
     ///
     /// # Errors
     /// Too little memory, or no compiler.
     pub fn new(
         device: &Arc<Device>,
-        dimensions: usize,
         radius: f32,
         windows: &[usize],
         frames: usize,
     ) -> Result<Self, Error> {
         let (points, largest) = (windows.iter().sum(), windows.iter().copied().max().unwrap_or(0));
-        let grid = grid(dimensions, radius, points, largest);
+        let grid = grid(radius, points, largest);
         let mut builder = Self {
-            kernels: GraphKernels::load(device, dimensions)?,
-            dimensions,
+            kernels: GraphKernels::load(device)?,
             windows: Vec::new(),
             buffers: Buffers::new(device, windows.len(), points, frames, &grid)?,
             grid,
@@ -184,7 +182,7 @@ impl GraphBuilder {
         })
     }
 
-    /// Queues the building of the graphs of frames whose positions, points x dimensions (m), are
+    /// Queues the building of the graphs of frames whose positions, points x 2 (m), are
     /// given. A graph with more edges than there is room for is left without any.
     ///
     /// # Errors
@@ -241,7 +239,7 @@ impl GraphBuilder {
         let to = |array| Pointer::to(array, stream);
         let mut all = Frames::default();
         for (frame, (position, graph)) in all.of.iter_mut().zip(frames) {
-            debug_assert_eq!(position.len(), self.points() * self.dimensions);
+            debug_assert_eq!(position.len(), self.points() * DIMENSIONS);
             *frame = Frame {
                 position: ConstPointer::to(position, stream),
                 graph: Graph {

@@ -102,7 +102,7 @@ pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64
                     let frames = frames.collect::<Result<Vec<Vec<f32>>, DataError>>()?;
                     let frames: Vec<&[f32]> = frames.iter().map(Vec::as_slice).collect();
                     let radius = config.connection_radius as f32;
-                    let values = moving_features(&[*feature], &frames, config.dimensions, radius);
+                    let values = moving_features(&[*feature], &frames, radius);
                     for (place, &value) in values.iter().flatten().enumerate() {
                         spread[column + place % count].add(f64::from(value));
                     }

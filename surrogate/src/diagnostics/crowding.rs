@@ -39,7 +39,7 @@ impl CrowdingLimit {
     /// [`RolloutError::Crowded`] above the limit.
     pub fn check(&self, frame: usize, positions: &[[f64; 2]]) -> Result<(), RolloutError> {
         let single: Vec<f32> = positions.as_flattened().iter().map(|&x| x as f32).collect();
-        let edges = radius_graph(&single, 2, self.radius).edges();
+        let edges = radius_graph(&single, self.radius).edges();
         if edges <= self.most_edges(positions.len()) {
             return Ok(());
         }

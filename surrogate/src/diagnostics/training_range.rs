@@ -72,7 +72,7 @@ impl FlowState {
             end(f64::max, f64::MIN) - end(f64::min, f64::MAX)
         };
         let flat: Vec<f32> = third.iter().flatten().map(|&x| x as f32).collect();
-        let graph = radius_graph(&flat, 2, radius as f32);
+        let graph = radius_graph(&flat, radius as f32);
         let acceleration: Vec<[f64; 2]> = (0..third.len())
             .map(|p| [0, 1].map(|k| third[p][k] - 2.0 * second[p][k] + first[p][k]))
             .collect();

@@ -28,35 +28,27 @@ impl RadiusGraph {
     }
 }
 
-/// Graph of all pairs with |x_w - x_v| <= radius (m, in float32). `positions` (m) are points x
-/// dimensions; points with a coordinate that is not finite have no neighbours.
+/// Graph of all pairs with |x_w - x_v| <= radius (m, in float32). `positions` (m) are points x 2;
+/// points with a coordinate that is not finite have no neighbours.
 ///
 /// ```
 /// use surrogate::features::radius_graph;
 ///
 /// // Three points on a line, 1 m apart.
-/// let graph = radius_graph(&[0.0, 0.0, 1.0, 0.0, 2.0, 0.0], 2, 1.5);
+/// let graph = radius_graph(&[0.0, 0.0, 1.0, 0.0, 2.0, 0.0], 1.5);
 /// let edges: Vec<_> = graph.pairs().collect();
 /// assert_eq!(edges, [(0, 1), (1, 0), (1, 2), (2, 1)]);
 /// ```
 ///
 /// # Panics
-/// If `dimensions` is 0 or above 3, or `positions` is not a multiple of it.
-pub fn radius_graph(positions: &[f32], dimensions: usize, radius: f32) -> RadiusGraph {
-    assert!((1..=3).contains(&dimensions) && positions.len().is_multiple_of(dimensions));
-    match dimensions {
-        1 => neighbours::<1>(positions, radius),
-        2 => neighbours::<2>(positions, radius),
-        _ => neighbours::<3>(positions, radius),
-    }
-}
-
-fn neighbours<const D: usize>(positions: &[f32], radius: f32) -> RadiusGraph {
-    let points = positions.as_chunks::<D>().0;
-    let finite = |x: &[f32; D]| x.iter().all(|c| c.is_finite());
-    let (numbers, inside): (Vec<u32>, Vec<[f32; D]>) =
+/// If the number of coordinates is odd.
+pub fn radius_graph(positions: &[f32], radius: f32) -> RadiusGraph {
+    let (points, rest) = positions.as_chunks::<2>();
+    assert!(rest.is_empty(), "two coordinates a point");
+    let finite = |x: &[f32; 2]| x.iter().all(|c| c.is_finite());
+    let (numbers, inside): (Vec<u32>, Vec<[f32; 2]>) =
         (0..).zip(points).filter(|(_, x)| finite(x)).unzip();
-    let tree = ImmutableKdTree::<f32, D>::new_from_slice(&inside).expect("points fit into u32");
+    let tree = ImmutableKdTree::<f32, 2>::new_from_slice(&inside).expect("points fit into u32");
     let mut graph = RadiusGraph { start: vec![0], sender: Vec::new() };
     for (v, x) in (0..).zip(points) {
         let row = graph.sender.len();

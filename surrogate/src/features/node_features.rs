@@ -38,21 +38,16 @@ pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f3
 }
 
 /// Features of a frame that depend on positions, points x columns each. `frames` are the positions
-/// (m, points x dimensions) in the frame and those before, the newest last. A feature that needs
+/// (m, points x 2) in the frame and those before, the newest last. A feature that needs
 /// more frames is empty.
-pub fn moving_features(
-    features: &[NodeFeature],
-    frames: &[&[f32]],
-    dimensions: usize,
-    radius: f32,
-) -> Vec<Vec<f32>> {
+pub fn moving_features(features: &[NodeFeature], frames: &[&[f32]], radius: f32) -> Vec<Vec<f32>> {
     let moving = features.iter().filter(|feature| !feature.is_static());
     moving
         .map(|feature| match (feature, frames) {
             (NodeFeature::Acceleration, [.., a, b, c]) => {
                 (0..c.len()).map(|k| (c[k] - b[k]) - (b[k] - a[k])).collect()
             }
-            (NodeFeature::Overburden, [.., now]) => overburden(now, dimensions, radius),
+            (NodeFeature::Overburden, [.., now]) => overburden(now, radius),
             _ => Vec::new(),
         })
         .collect()
@@ -90,10 +85,10 @@ pub fn standardised(
     values
 }
 
-/// Number of points above each point, within half a radius to any side. `positions` (m) are points
-/// x dimensions; the second dimension points up.
-pub fn overburden(positions: &[f32], dimensions: usize, radius: f32) -> Vec<f32> {
-    let points: Vec<&[f32]> = positions.chunks_exact(dimensions).collect();
+/// Number of points above each point, within half a radius to either side. `positions` (m) are points
+/// x 2.
+pub fn overburden(positions: &[f32], radius: f32) -> Vec<f32> {
+    let points = positions.as_chunks::<2>().0;
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_unstable_by(|&a, &b| points[a][0].total_cmp(&points[b][0]));
     let half = radius / 2.0;
@@ -105,7 +100,7 @@ pub fn overburden(positions: &[f32], dimensions: usize, radius: f32) -> Vec<f32>
             first += 1;
         }
         let strip = order[first..].iter().map(|&w| points[w]).take_while(|y| y[0] <= x[0] + half);
-        let beside = |y: &[f32]| (0..dimensions).all(|k| k == 1 || (y[k] - x[k]).abs() <= half);
+        let beside = |y: &[f32; 2]| (y[0] - x[0]).abs() <= half;
         count[v] = strip.filter(|y| y[1] > x[1] && beside(y)).count() as f32;
     }
     count
@@ -119,21 +114,18 @@ mod tests {
     fn overburden_counts_the_points_of_a_strip() {
         // Three columns 0.1 apart with 1, 2 and 3 points, and a stray one far above the first.
         let positions = [0.0, 0.0, 0.1, 0.0, 0.1, 0.1, 0.2, 0.0, 0.2, 0.1, 0.2, 0.2, 0.04, 9.0];
-        let narrow = overburden(&positions, 2, 0.1);
+        let narrow = overburden(&positions, 0.1);
         assert_eq!(narrow, [1.0, 1.0, 0.0, 2.0, 1.0, 0.0, 0.0]);
-        let wide = overburden(&positions, 2, 0.25);
+        let wide = overburden(&positions, 0.25);
         assert_eq!(wide, [2.0, 4.0, 2.0, 3.0, 1.0, 0.0, 0.0]);
-        // In 3D the strip is a square column.
-        let deep = [0.0, 0.0, 0.0, 0.0, 1.0, 0.04, 0.0, 1.0, 0.2];
-        assert_eq!(overburden(&deep, 3, 0.1), [1.0, 0.0, 0.0]);
         // Positions that are not numbers have nothing above or below them.
-        assert_eq!(overburden(&[f32::NAN, 0.0, 0.0, 1.0], 2, 0.1)[1], 0.0);
+        assert_eq!(overburden(&[f32::NAN, 0.0, 0.0, 1.0], 0.1)[1], 0.0);
     }
 
     #[test]
     fn an_acceleration_needs_three_frames() {
         let frames: [&[f32]; 3] = [&[0.0, 0.0], &[1.0, 0.0], &[3.0, -1.0]];
-        let moving = |frames| moving_features(&[NodeFeature::Acceleration], frames, 2, 0.1);
+        let moving = |frames| moving_features(&[NodeFeature::Acceleration], frames, 0.1);
         assert_eq!(moving(&frames), [[1.0, -1.0]]);
         assert_eq!(moving(&frames[1..]), [[0.0; 0]], "and not an overburden");
     }

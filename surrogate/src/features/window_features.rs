@@ -103,8 +103,7 @@ impl Features<'_> {
     fn frame(&self, window: &Window, frame: usize) -> HostFrame {
         let stride = window.points * self.config.dimensions;
         let at = |k: usize| &window.positions[k * stride..(k + 1) * stride];
-        let graph =
-            radius_graph(at(frame), self.config.dimensions, self.config.connection_radius as f32);
+        let graph = radius_graph(at(frame), self.config.connection_radius as f32);
         let (mut nodes, mut edges) = (Vec::new(), Vec::new());
         let steps = match self.config.kind {
             ModelKind::Tgnns => frame..frame + 1,
@@ -196,7 +195,7 @@ impl Features<'_> {
             self.config;
         let stride = (window.points * dimensions).max(1);
         let frames: Vec<&[f32]> = window.positions.chunks_exact(stride).take(frame + 1).collect();
-        let moving = moving_features(features, &frames, *dimensions, *connection_radius as f32);
+        let moving = moving_features(features, &frames, *connection_radius as f32);
         standardised(features, self.norm, window.points, window.statics, &moving)
     }
 

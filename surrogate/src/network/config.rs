@@ -9,6 +9,9 @@ use serde_json::Value;
 use super::mlp::MlpShape;
 use super::node_feature::{NodeFeature, feature_columns};
 
+/// Dimensions of space.
+pub const DIMENSIONS: usize = 2;
+
 /// Networks of the paper's Table 6, in its order, for [`ModelConfig::named`].
 pub const PAPER_NETWORKS: [&str; 10] = [
     "baseline",
@@ -39,7 +42,7 @@ pub enum ModelKind {
 pub struct ModelConfig {
     /// Kind of the network.
     pub kind: ModelKind,
-    /// Dimensions of space n_d: 2.
+    /// [`DIMENSIONS`], which weights and training files may state.
     pub dimensions: usize,
     /// Width of all latent states.
     pub width: usize,
@@ -72,7 +75,7 @@ impl Default for ModelConfig {
     fn default() -> Self {
         Self {
             kind: ModelKind::Tgnns,
-            dimensions: 2,
+            dimensions: DIMENSIONS,
             width: 128,
             hidden_layers: 2,
             message_layers: 2,

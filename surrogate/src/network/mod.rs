@@ -17,7 +17,7 @@ mod precision;
 mod tgnns;
 pub mod weights;
 
-pub use config::{ConfigError, ModelConfig, ModelKind, PAPER_NETWORKS, differences};
+pub use config::{ConfigError, DIMENSIONS, ModelConfig, ModelKind, PAPER_NETWORKS, differences};
 pub use gns::Gns;
 pub use initialisation::Initialisation;
 pub use message::MessageLayer;

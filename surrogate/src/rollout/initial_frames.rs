@@ -130,7 +130,7 @@ impl InitialFrames {
         initial.statics = static_features_of(simulator, &place, || Ok(simulation.frame()))?;
         let began = Instant::now();
         for frame in 0..simulator.first_frames() {
-            while simulation.state.step < frame * steps {
+            while simulation.step < frame * steps {
                 simulation.advance()?;
             }
             let now = simulation.frame();

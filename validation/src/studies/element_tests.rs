@@ -1,7 +1,7 @@
 //! Biaxial and shear tests of single packings.
 
 use dem::element::{Element, Stage, summary};
-use dem::{Preparation, RveParameters, consolidate};
+use dem::{Grains, Preparation, RveParameters, consolidate};
 use miette::IntoDiagnostic;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -102,9 +102,9 @@ fn key(packings: u64) -> String {
 }
 
 fn run((friction, stage, sampling): &Test, seed: u64) -> miette::Result<Found> {
-    let preparation =
-        Preparation { pressure: PRESSURE, friction: *friction, ..Preparation::default() };
-    let parameters = RveParameters { preparation, ..RveParameters::default() };
+    let grains = Grains { preparation_friction: *friction, ..Grains::default() };
+    let preparation = Preparation { pressure: PRESSURE, ..Preparation::default() };
+    let parameters = RveParameters { grains, preparation, ..RveParameters::default() };
     let packing = consolidate(&parameters, seed).into_diagnostic()?;
     let mut element = Element::<f64>::new(packing, &parameters, 1e-4).into_diagnostic()?;
     let mut rows = Vec::new();

@@ -9,7 +9,7 @@ use mpm::cuda::{CudaDruckerPrager, CudaElastic, CudaMaterial};
 
 use super::rve_material::CudaRveMaterial;
 use crate::simulation::error::SimulationError;
-use crate::simulation::state::SceneMaterial;
+use crate::simulation::scene_material::SceneMaterial;
 
 /// The twin of [`SceneMaterial`].
 pub(super) enum DeviceMaterial {

@@ -8,14 +8,14 @@ use cudarc::driver::{CudaEvent, CudaGraph};
 use dem::cuda::Room;
 use gpu::Device;
 use gpu::ranks::Ranks;
-use mpm::Solver;
 use mpm::cuda::{CudaError, CudaSolver};
+use mpm::{Points, Solver};
 
 use super::material::DeviceMaterial;
 use super::timer::{elapsed, timer};
 use crate::scene::{Material, Scene};
 use crate::simulation::error::SimulationError;
-use crate::simulation::state::{SceneMaterial, State};
+use crate::simulation::scene_material::SceneMaterial;
 
 /// Macro steps in the longer of the two graphs.
 const STEPS_PER_GRAPH: usize = 25;
@@ -43,22 +43,24 @@ impl CudaSimulation {
     pub fn new(
         device: &Arc<Device>,
         solver: &Solver,
-        state: &State,
+        material: &SceneMaterial,
+        points: &Points,
+        step: usize,
         scene: &Scene,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<Self, SimulationError> {
         let dt = scene.step;
         let room = match &scene.material {
             Material::Rve(rve) => rve.neighbours,
-            Material::MuI(_) | Material::Elastic(_) => Room::default(),
+            Material::Discs(_) | Material::MuI(_) | Material::Elastic(_) => Room::default(),
         };
         Ok(Self {
-            solver: CudaSolver::new(device, solver, &state.points, dt, state.step)
+            solver: CudaSolver::new(device, solver, points, dt, step)
                 .map_err(|error| SimulationError::on_gpu(error, dt))?,
-            material: DeviceMaterial::new(device, &state.material, room, ranks)?,
+            material: DeviceMaterial::new(device, material, room, ranks)?,
             graphs: None,
             ahead: None,
-            recorded: state.step,
+            recorded: step,
             events: timer(device)?,
             device: device.clone(),
         })
@@ -73,7 +75,8 @@ impl CudaSimulation {
         &mut self,
         steps: usize,
         next: usize,
-        state: &mut State,
+        points: &mut Points,
+        material: &mut SceneMaterial,
         solver: &mut Solver,
     ) -> Result<Duration, CudaError> {
         let start = match self.ahead.take() {
@@ -100,12 +103,9 @@ impl CudaSimulation {
             self.ahead = Some(end);
         }
 
-        self.solver.fetched(&mut state.points, solver, self.material.as_dyn())?;
-        state.step += steps;
+        self.solver.fetched(points, solver, self.material.as_dyn())?;
         let time = end - start;
-        if let (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) =
-            (&self.material, &mut state.material)
-        {
+        if let (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) = (&self.material, material) {
             twin.fetched(rve, steps)?;
             rve.time += time.mul_f64(packings.div_duration_f64(step));
         }
@@ -118,18 +118,22 @@ impl CudaSimulation {
     /// If the GPU fails.
     ///
     /// # Panics
-    /// If steps beyond `state` are queued.
-    pub fn fetch_material(&mut self, state: &mut State) -> Result<(), CudaError> {
+    /// If steps beyond `step` are queued.
+    pub fn fetch_material(
+        &mut self,
+        material: &mut SceneMaterial,
+        step: usize,
+    ) -> Result<(), CudaError> {
         assert!(self.ahead.is_none(), "a checkpoint is of one moment");
-        if self.recorded == state.step {
+        if self.recorded == step {
             return Ok(());
         }
-        match (&self.material, &mut state.material) {
+        match (&self.material, material) {
             (DeviceMaterial::Rve(twin), SceneMaterial::Rve(rve)) => twin.fetch_packings(rve)?,
             (DeviceMaterial::MuI(twin), SceneMaterial::MuI(law)) => twin.fetch(law)?,
             _ => {}
         }
-        self.recorded = state.step;
+        self.recorded = step;
         Ok(())
     }
 

@@ -132,7 +132,7 @@ impl CudaRveMaterial {
             volume_per_area: device.upload(&rve.volume_per_area)?,
             tally: device.upload(&vec![none; packings])?,
             earlier: rve.tally,
-            overlap_warning: rve.parameters().overlap_warning,
+            overlap_warning: rve.parameters().grains.overlap_warning,
             events: timer(device)?,
             device: device.clone(),
         })

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use gpu::{ConstPointer, Function, Pointer, checks, cuda_struct, definitions, files, kernel};
+use gpu::{ConstPointer, Pointer, checks, cuda_struct, definitions, files, kernel};
 
 use super::geometry::{WARP, blocks};
 use super::gradient::Product;
 use super::launcher::{Launcher, Rows};
+use super::resident_or_streamed::ResidentOrStreamed;
 use super::source::Source;
-use super::tile::{Stored, Word, network_source, stream_shared, stream_threads, vector_bytes};
+use super::tile::{Stored, Word, network_source, stream_threads, vector_bytes};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;
 
@@ -116,41 +117,23 @@ pub(super) fn source(precision: Precision, shared: usize) -> Source {
 
 /// Differentiates MLPs.
 #[derive(Debug)]
-pub(in crate::cuda) struct MlpBackward {
-    launcher: Arc<Launcher>,
-    resident: Function<Resident>,
-    streamed: Function<Streamed>,
-    /// Shared memory of a block through which weights are streamed (bytes).
-    stream_shared: usize,
-}
+pub(in crate::cuda) struct MlpBackward(ResidentOrStreamed<Resident, Streamed>);
 
 impl MlpBackward {
     pub fn load(launcher: &Arc<Launcher>) -> Result<Self, CudaError> {
-        let shared = launcher.shared;
-        let stream_shared = stream_shared(launcher.precision, shared);
-        let module = launcher.load(&source(launcher.precision, shared))?;
-        Ok(Self {
-            resident: launcher.kernel(&module)?.with_shared(shared)?,
-            streamed: launcher.kernel(&module)?.with_shared(stream_shared)?,
-            stream_shared,
-            launcher: launcher.clone(),
-        })
-    }
-
-    /// Shared memory (bytes) for the weights and LayerNorm's scale of an MLP, if a block has so much.
-    fn resident_shared(&self, item: &Backward) -> Option<usize> {
-        let bytes = vector_bytes(1) + size_of::<Word>() * item.units as usize;
-        (bytes <= self.launcher.shared).then_some(bytes)
+        ResidentOrStreamed::load(launcher, source).map(Self)
     }
 
     /// MLPs of edges side by side, with the same sizes of weights and the same blocks.
     pub fn of_edges(&self, items: &[Backward], rows: Rows) -> Result<(), CudaError> {
-        let resident = items.iter().map(|item| self.resident_shared(item));
-        let resident = resident.collect::<Option<Vec<_>>>().and_then(|all| all.into_iter().max());
+        let kernels = &self.0;
+        let launcher = &kernels.launcher;
+        let sizes = items.iter().map(|item| (item.units, 1));
+        let resident = kernels.resident_shared(sizes);
         let Some(shared) = resident else {
             return self.streamed("backward, edges", items, rows, false);
         };
-        let threads = self.launcher.precision.threads();
+        let threads = launcher.precision.threads();
         // Each warp sums up the gradients of LayerNorm's scale and shift.
         let sums = vector_bytes(2 * (threads / WARP) as usize);
         for part in items.chunks(BACKWARD_BATCH) {
@@ -158,9 +141,9 @@ impl MlpBackward {
             // No PDL: it costs more than it saves.
             let launch = blocks(grid, threads).shared(shared.max(sums));
             let arguments = Resident { batch: BackwardBatch::new(part) };
-            let kernel = &self.resident;
+            let kernel = &kernels.resident;
             // SAFETY: the pointers of the items are to live buffers for their rows.
-            unsafe { self.launcher.launch("backward, edges", kernel, launch, &arguments)? };
+            unsafe { launcher.launch("backward, edges", kernel, launch, &arguments)? };
         }
         Ok(())
     }
@@ -177,13 +160,14 @@ impl MlpBackward {
         rows: Rows,
         early: bool,
     ) -> Result<(), CudaError> {
+        let kernels = &self.0;
         for part in items.chunks(BACKWARD_BATCH) {
             let count = part[0].blocks as usize;
             let launch = blocks([count, part.len()], stream_threads(rows.max, count));
-            let launch = launch.shared(self.stream_shared).early(early);
+            let launch = launch.shared(kernels.stream_shared).early(early);
             let arguments = Streamed { batch: BackwardBatch::new(part) };
             // SAFETY: the pointers of the items are to live buffers for their rows.
-            unsafe { self.launcher.launch(name, &self.streamed, launch, &arguments)? };
+            unsafe { kernels.launcher.launch(name, &kernels.streamed, launch, &arguments)? };
         }
         Ok(())
     }

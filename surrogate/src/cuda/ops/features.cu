@@ -1,5 +1,5 @@
 // Features of the nodes and edges of frames: the CUDA twin of `window_input` in Rust, equal to it to
-// the bit. Blocks (x, y) make those of frame y. DIMENSIONS is 2 or 3. Structs are defined in features.rs.
+// the bit. Blocks (x, y) make those of frame y. DIMENSIONS is 2. Structs are defined in features.rs.
 
 // A fixed box: lower and upper corner (m).
 struct Obstacle {

@@ -11,12 +11,13 @@ use gpu::{
 use super::geometry::{WARP, one_thread_each};
 use super::graph::FRAMES;
 use super::source::Source;
+use crate::network::DIMENSIONS;
 
 /// Most frames of a history: more than the GNS has at most.
 pub(in crate::cuda) const PAST: usize = 16;
 
 cuda_types! {
-    /// A fixed box: lower and upper corner (m), 2 x dimensions float32.
+    /// A fixed box: lower and upper corner (m), four float32.
     pub(in crate::cuda) struct Obstacle;
 }
 
@@ -44,7 +45,7 @@ cuda_struct! {
     /// A frame to describe.
     #[derive(Default)]
     pub(in crate::cuda) struct Frame {
-        /// Positions (points x dimensions, m) in the frame, in the one before it, and so on.
+        /// Positions (points x 2, m) in the frame, in the one before it, and so on.
         pub past: [ConstPointer<f32>; PAST],
         /// The number of them whose velocities a node knows.
         pub known: i32,
@@ -116,12 +117,12 @@ kernel! {
     }
 }
 
-/// The source of the kernels, for 2 or 3 dimensions.
-pub fn features_source(dimensions: usize) -> Source {
+/// The source of the kernels.
+pub fn features_source() -> Source {
     let definitions = definitions![Scales, Frame, Frames, Standard, Obstacle, Obstacles];
     let checks = checks![NodeFeatures, EdgeFeatures, Overburden, Acceleration];
     let text = [&definitions, files!["features.cu"], &checks].concat();
-    Source { name: "features.cu", text, defines: Vec::new() }.define("DIMENSIONS", dimensions)
+    Source { name: "features.cu", text, defines: Vec::new() }.define("DIMENSIONS", DIMENSIONS)
 }
 
 /// Some frames of the same points.
@@ -145,8 +146,8 @@ pub(in crate::cuda) struct FeatureKernels {
 }
 
 impl FeatureKernels {
-    pub fn load(device: &Arc<Device>, dimensions: usize) -> Result<Self, Error> {
-        let Source { name, text, defines } = features_source(dimensions);
+    pub fn load(device: &Arc<Device>) -> Result<Self, Error> {
+        let Source { name, text, defines } = features_source();
         let module = &device.module(name, &text, &defines)?;
         Ok(Self {
             node_features: Function::load(device, module)?,
@@ -188,17 +189,15 @@ impl FeatureKernels {
         self.launch(&self.overburden, launch, &arguments)
     }
 
-    /// Accelerations of points in `dimensions`, standardised, into the further features from `column`
-    /// on.
+    /// Accelerations of points, standardised, into the further features from `column` on.
     pub fn acceleration(
         &self,
         all: &FeatureFrames,
-        dimensions: usize,
         standard: Standard,
         column: usize,
     ) -> Result<(), Error> {
         let &FeatureFrames { scales, frames, count, points } = all;
-        let launch = one_thread_each(dimensions * points, count);
+        let launch = one_thread_each(DIMENSIONS * points, count);
         let (points, column) = (points as u32, column as i32);
         let arguments = Acceleration { points, scales, frames, standard, column };
         self.launch(&self.acceleration, launch, &arguments)

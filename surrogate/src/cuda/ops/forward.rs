@@ -3,14 +3,13 @@
 
 use std::sync::Arc;
 
-use gpu::{ConstPointer, Function, Pointer, checks, cuda_struct, definitions, files, kernel};
+use gpu::{ConstPointer, Pointer, checks, cuda_struct, definitions, files, kernel};
 
 use super::geometry::blocks;
 use super::launcher::{Launcher, Rows};
+use super::resident_or_streamed::ResidentOrStreamed;
 use super::source::Source;
-use super::tile::{
-    OTHER_VECTORS, Stored, Word, network_source, stream_shared, stream_threads, vector_bytes,
-};
+use super::tile::{OTHER_VECTORS, Stored, Word, network_source, stream_threads};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;
 
@@ -116,65 +115,46 @@ pub(super) fn source(precision: Precision, shared: usize) -> Source {
 
 /// Computes MLPs.
 #[derive(Debug)]
-pub(in crate::cuda) struct MlpForward {
-    launcher: Arc<Launcher>,
-    resident: Function<Resident>,
-    streamed: Function<Streamed>,
-    /// Shared memory of a block through which weights are streamed (bytes).
-    stream_shared: usize,
-}
+pub(in crate::cuda) struct MlpForward(ResidentOrStreamed<Resident, Streamed>);
 
 impl MlpForward {
     pub fn load(launcher: &Arc<Launcher>) -> Result<Self, CudaError> {
-        let shared = launcher.shared;
-        let stream_shared = stream_shared(launcher.precision, shared);
-        let module = launcher.load(&source(launcher.precision, shared))?;
-        Ok(Self {
-            resident: launcher.kernel(&module)?.with_shared(shared)?,
-            streamed: launcher.kernel(&module)?.with_shared(stream_shared)?,
-            stream_shared,
-            launcher: launcher.clone(),
-        })
-    }
-
-    /// Shared memory (bytes) for the weights and vectors of an MLP, if a block has so much.
-    fn resident_shared(&self, item: &Forward) -> Option<usize> {
-        let vectors = vector_bytes(item.layers as usize + OTHER_VECTORS);
-        let bytes = vectors + size_of::<Word>() * item.units as usize;
-        (bytes <= self.launcher.shared).then_some(bytes)
+        ResidentOrStreamed::load(launcher, source).map(Self)
     }
 
     /// MLPs side by side, with the same sizes of weights. A block keeps all weights of its MLP in
     /// shared memory if they fit, or else streams them through it.
     pub fn mlp_forward(&self, items: &[Forward], rows: Rows) -> Result<(), CudaError> {
+        let kernels = &self.0;
+        let launcher = &kernels.launcher;
         let name = if rows.edges { "forward, edges" } else { "forward, nodes" };
-        let resident = items.iter().map(|item| self.resident_shared(item));
-        let resident = resident.collect::<Option<Vec<_>>>().and_then(|all| all.into_iter().max());
+        let sizes = items.iter().map(|item| (item.units, item.layers as usize + OTHER_VECTORS));
+        let resident = kernels.resident_shared(sizes);
         for part in items.chunks(FORWARD_BATCH) {
             let mut batch = ForwardBatch::default();
             for (to, from) in batch.item.iter_mut().zip(part) {
                 *to = *from;
-                if !self.launcher.saves_activations() {
+                if !launcher.saves_activations() {
                     (to.hidden, to.deviation) = (Pointer::NULL, Pointer::NULL);
                 }
             }
             // Each MLP has its share of the multiprocessors.
-            let count = self.launcher.blocks(rows.max, part.len());
+            let count = launcher.blocks(rows.max, part.len());
             let grid = [count, part.len()];
             // SAFETY: the pointers of the items are to live buffers for `rows` rows.
             unsafe {
                 match resident {
                     Some(shared) => {
-                        let launch = blocks(grid, self.launcher.precision.threads());
+                        let launch = blocks(grid, launcher.precision.threads());
                         let launch = launch.shared(shared).early(true);
                         let arguments = Resident { batch };
-                        self.launcher.launch(name, &self.resident, launch, &arguments)?;
+                        launcher.launch(name, &kernels.resident, launch, &arguments)?;
                     }
                     None => {
                         let launch = blocks(grid, stream_threads(rows.max, count));
-                        let launch = launch.shared(self.stream_shared).early(true);
+                        let launch = launch.shared(kernels.stream_shared).early(true);
                         let arguments = Streamed { batch };
-                        self.launcher.launch(name, &self.streamed, launch, &arguments)?;
+                        launcher.launch(name, &kernels.streamed, launch, &arguments)?;
                     }
                 }
             }

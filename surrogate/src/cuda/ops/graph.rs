@@ -10,6 +10,7 @@ use gpu::{
 
 use super::geometry::{WARP, blocks, one_thread_each};
 use super::source::Source;
+use crate::network::DIMENSIONS;
 
 /// Receivers of a thread block, each served by a warp.
 pub(in crate::cuda) const ROWS: u32 = 16;
@@ -34,7 +35,7 @@ cuda_struct! {
         pub inverse_width: f64,
         /// Square of the radius (m²).
         pub radius_squared: f32,
-        /// A window has `side`^dimensions buckets; `side` is a power of two, at least 8, so that the
+        /// A window has `side`² buckets; `side` is a power of two, at least 8, so that the
         /// cells around one have different buckets.
         pub side: u32,
         pub buckets: u32,
@@ -55,7 +56,7 @@ cuda_struct! {
         pub capacity: u32,
     }
 
-    /// A frame: positions (points x dimensions, m) and the graph to build.
+    /// A frame: positions (points x 2, m) and the graph to build.
     #[derive(Default)]
     pub(in crate::cuda) struct Frame {
         pub position: ConstPointer<f32>,
@@ -134,14 +135,14 @@ kernel! {
     }
 }
 
-/// The source of the kernels, for 2 or 3 dimensions.
-pub fn graph_source(dimensions: usize) -> Source {
+/// The source of the kernels.
+pub fn graph_source() -> Source {
     let definitions = definitions![Grid, Graph, Frame, Frames, Cells];
     let checks =
         checks![CountBuckets, PlaceBuckets, SortPoints, CountEdges, FillEdges, ReverseEdges];
     let text = [&definitions, files!["graph.cu"], &checks].concat();
     Source { name: "graph.cu", text, defines: Vec::new() }
-        .define("DIMENSIONS", dimensions)
+        .define("DIMENSIONS", DIMENSIONS)
         .define("ROWS", ROWS as usize)
         .define("FRAMES", FRAMES)
         .define("KEPT", KEPT)
@@ -172,8 +173,8 @@ pub(in crate::cuda) struct GraphKernels {
 }
 
 impl GraphKernels {
-    pub fn load(device: &Arc<Device>, dimensions: usize) -> Result<Self, Error> {
-        let Source { name, text, defines } = graph_source(dimensions);
+    pub fn load(device: &Arc<Device>) -> Result<Self, Error> {
+        let Source { name, text, defines } = graph_source();
         let module = &device.module(name, &text, &defines)?;
         Ok(Self {
             count_buckets: Function::load(device, module)?,

@@ -15,6 +15,7 @@ pub mod launcher;
 pub mod optimiser;
 mod profile;
 pub mod push_forward;
+mod resident_or_streamed;
 pub mod segment;
 pub mod source;
 pub mod tile;

@@ -81,8 +81,8 @@ fn judge(cycle: &Cycle, gas: &Cycle, p: &RveParameters) -> Outcome {
         let part = 100.0 * cycle.free_steps as f64 / cycle.steps as f64;
         format!("stress-free {part:.0} % of RVE steps")
     });
-    let deep = (cycle.overlap > p.overlap_warning)
-        .then(|| dempm::run::monitor::overlap(cycle.overlap, p.overlap_warning));
+    let deep = (cycle.overlap > p.grains.overlap_warning)
+        .then(|| dempm::run::monitor::overlap(cycle.overlap, p.grains.overlap_warning));
     Outcome::of(symptom, deep.or(free))
 }
 

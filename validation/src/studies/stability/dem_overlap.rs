@@ -39,7 +39,7 @@ fn compress(
             error.map(|e| e.to_string())
         });
         let pressure = 0.5 * element.state.stress.trace();
-        let stiffness_number = p.stiffness_number(pressure);
+        let stiffness_number = p.grains.stiffness_number(pressure);
         let strain = (looks.len() + 1) as f64 * step;
         let failed = failure.is_some();
         looks.push(Look { strain, stiffness_number, overlap, failure });
@@ -54,8 +54,11 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
     if let Some(message) = &look.failure {
         return Outcome::Failed { message: message.clone() };
     }
-    let deep = look.overlap > p.overlap_warning;
-    Outcome::of(None, deep.then(|| dempm::run::monitor::overlap(look.overlap, p.overlap_warning)))
+    let deep = look.overlap > p.grains.overlap_warning;
+    Outcome::of(
+        None,
+        deep.then(|| dempm::run::monitor::overlap(look.overlap, p.grains.overlap_warning)),
+    )
 }
 
 /// Compresses packings until the run ends.
@@ -73,12 +76,14 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             "A packing of {} discs prepared at 2 kPa is compressed isotropically, at areal strain \
              rates of 1 to 1000 1/s, until the run ends. An overlap of more than {} of a radius is \
              warned of, more than {} ends the run.",
-            p.discs, p.overlap_warning, p.overlap_limit
+            p.discs, p.grains.overlap_warning, p.grains.overlap_limit
         ),
         ..Study::default()
     };
     for (&rate, (looks, _)) in rates.iter().zip(&cases) {
-        for (limit, name) in [(p.overlap_warning, "warned"), (p.overlap_limit, "ended")] {
+        for (limit, name) in
+            [(p.grains.overlap_warning, "warned"), (p.grains.overlap_limit, "ended")]
+        {
             let reached = looks.iter().position(|l| l.overlap > limit || l.failure.is_some());
             let measured = match reached {
                 Some(0) => Threshold::Before(looks[0].stiffness_number),

@@ -73,8 +73,11 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
     let rows: Vec<Vec<Look>> = strains.par_iter().map(column).collect::<Result<_, _>>()?;
     let judge = |look: &Look| {
         let symptom = format!("stress differs by {:.1} %", 100.0 * look.difference);
-        let said =
-            dempm::run::monitor::unresolved("the smallest pressure of the path", look.pressure, &p);
+        let said = dempm::run::monitor::unresolved(
+            "the smallest pressure of the path",
+            look.pressure,
+            &p.grains,
+        );
         Outcome::of((!look.agrees()).then_some(symptom), said)
     };
     let outcomes: Vec<Vec<Outcome>> =
@@ -87,7 +90,7 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             parameter: "vertical stress, Pa, at least".into(),
             measured: Threshold::of_sweep(sweep),
             theory: Some((
-                p.single_precision_pressure(),
+                p.grains.single_precision_pressure(),
                 "δ = ε d / 0.01, one contact alone".into(),
             )),
             beyond: bad.unwrap_or(Outcome::Stable),

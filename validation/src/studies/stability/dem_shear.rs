@@ -1,7 +1,7 @@
 //! Damping and mass scaling, which make a packing stronger than it is.
 
 use dem::element::{Element, Row, Stage};
-use dem::{Packing, RveParameters};
+use dem::{Grains, Packing, RveParameters};
 use mpm::DruckerPragerParameters;
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ const TOLERANCE: f64 = 0.15;
 
 /// Shear rate (1/s) of an inertial number with the true mass.
 fn rate(p: &RveParameters, inertial_number: f64) -> f64 {
-    inertial_number / (p.mean_diameter() * (p.grain_density / PRESSURE).sqrt())
+    inertial_number / (p.grains.mean_diameter() * (p.grains.grain_density / PRESSURE).sqrt())
 }
 
 /// Steady shear at constant pressure, and its friction `tau / p`: mean over strains of 1/2 to the
@@ -30,9 +30,9 @@ fn sheared(
     strain: f64,
 ) -> Result<(f64, Element<f64>), StudyError> {
     let mut packing = packing.clone();
-    packing.scale_mass(p.mass_scale);
+    packing.scale_mass(p.grains.mass_scale);
     let shear_rate = rate(p, inertial_number);
-    let mut element = Element::new(packing, p, 10.0 * p.step())?;
+    let mut element = Element::new(packing, p, 10.0 * p.grains.step())?;
     let stage = Stage::ConstantPressureShear { pressure: PRESSURE, shear_rate, strain };
     let mut rows: Vec<Row> = Vec::new();
     element.run(&stage, 0.05 / shear_rate, |row| rows.push(*row))?;
@@ -55,9 +55,9 @@ fn friction(
 fn said(p: &RveParameters) -> Option<String> {
     scene_messages::checked(&format!(
         "duration = 1.5\n[domain]\nsize = [6.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
-         [material]\nkind = \"rve\"\n[rve]\nmass_scale = {:?}\nlocal_damping = {:?}\n\
+         [material]\nkind = \"rve\"\n[grains]\nmass_scale = {:?}\nlocal_damping = {:?}\n\
          damping_ratio = {:?}\n",
-        p.mass_scale, p.local_damping, p.damping_ratio
+        p.grains.mass_scale, p.grains.local_damping, p.grains.damping_ratio
     ))
 }
 
@@ -90,17 +90,17 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
         Sweep {
             name: "mass_scale",
             values: vec![1.0, 3.0, 10.0, 30.0, 100.0, 1000.0, 10_000.0],
-            set: |p, value| p.mass_scale = value,
+            set: |p, value| p.grains.mass_scale = value,
         },
         Sweep {
             name: "local_damping",
             values: vec![0.0, 0.1, 0.2, 0.5, 0.7],
-            set: |p, value| p.local_damping = value,
+            set: |p, value| p.grains.local_damping = value,
         },
         Sweep {
             name: "damping_ratio",
             values: vec![0.2, 0.05, 0.1, 0.5, 0.9],
-            set: |p, value| p.damping_ratio = value,
+            set: |p, value| p.grains.damping_ratio = value,
         },
     ];
     let mut study = Study {
@@ -138,7 +138,8 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
             .collect::<Result<_, StudyError>>()?;
         add(&mut study, sweep, &base, &numbers, &reference, measured);
     }
-    let heavy = RveParameters { mass_scale: 100.0, ..base.clone() };
+    let heavy =
+        RveParameters { grains: Grains { mass_scale: 100.0, ..base.grains }, ..base.clone() };
     let (friction, element) = sheared(&packing, &heavy, 0.1, 1.0)?;
     let title = format!("Masses scaled by 100 at I = 0.1: tau/p = {friction:.2}");
     study.pictures.push(picture(&element.rve.packing, title));

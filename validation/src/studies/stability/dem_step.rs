@@ -1,7 +1,7 @@
 //! The DEM step against 2 / omega: lattices with known spectra, packings, dashpots.
 
 use dem::element::Element;
-use dem::{Cell, Packing, PlainDisc, RveParameters};
+use dem::{Cell, Grains, Packing, PlainDisc, RveParameters};
 use nalgebra::Matrix2;
 use rayon::prelude::*;
 
@@ -19,9 +19,12 @@ const HEAT: f64 = 0.01;
 /// Equal discs that only touch: linear springs, without dashpot.
 fn linear() -> RveParameters {
     RveParameters {
-        radius_min: RADIUS,
-        radius_max: RADIUS,
-        damping_ratio: 0.0,
+        grains: Grains {
+            radius_min: RADIUS,
+            radius_max: RADIUS,
+            damping_ratio: 0.0,
+            ..Grains::default()
+        },
         free_solid_fraction: 0.0,
         thin_width: 0.0,
         ..RveParameters::default()
@@ -42,7 +45,7 @@ fn chain(p: &RveParameters) -> Packing<f64> {
     let cell = Cell { h: Matrix2::new(2.0 * distance, 0.0, 0.0, 10.0 * RADIUS) };
     let discs =
         [0.25, 0.75].map(|s| PlainDisc { x: [s * 2.0 * distance, 5.0 * RADIUS], r: RADIUS });
-    disturbed(Packing::new(cell, &discs, |r| p.disc_mass(r)))
+    disturbed(Packing::new(cell, &discs, |r| p.grains.disc_mass(r)))
 }
 
 /// A hexagonal lattice of 4 x 4 discs that just touch, disturbed. With
@@ -56,7 +59,7 @@ fn hexagonal(p: &RveParameters) -> Packing<f64> {
         PlainDisc { x: [(i as f64 + 0.5 * (j % 2) as f64) * d, j as f64 * row], r: RADIUS }
     };
     let discs: Vec<PlainDisc> = (0..16).map(place).collect();
-    disturbed(Packing::new(cell, &discs, |r| p.disc_mass(r)))
+    disturbed(Packing::new(cell, &discs, |r| p.grains.disc_mass(r)))
 }
 
 /// Velocities of 0.1 µm/s and spins of the same speed at the rim, different for every disc.
@@ -80,10 +83,11 @@ impl Rest {
     fn new(packing: Packing<f64>, p: &RveParameters, factor: f64) -> Result<Self, StudyError> {
         // Rounded, for messages that quote it.
         let step_factor = (1.0e3 * factor).round() / 1.0e3;
-        let p = RveParameters { step_factor, ..p.clone() };
-        let element = Element::new(packing, &p, p.step())?;
+        let p = RveParameters { grains: Grains { step_factor, ..p.grains }, ..p.clone() };
+        let element = Element::new(packing, &p, p.grains.step())?;
         let packing = &element.rve.packing;
-        let elastic = packing.elastic_energy(p.normal_stiffness, p.tangential_stiffness);
+        let elastic =
+            packing.elastic_energy(p.grains.normal_stiffness, p.grains.tangential_stiffness);
         Ok(Self { element, elastic })
     }
 
@@ -120,7 +124,10 @@ impl Rest {
 /// The packing after it has come to rest with sticking contacts: crystals of equal discs, prepared
 /// with friction, rearrange for a while at any step.
 fn relaxed(packing: Packing<f64>, p: &RveParameters) -> Result<Packing<f64>, StudyError> {
-    let p = RveParameters { friction: 1e6, damping_ratio: 0.5, ..p.clone() };
+    let p = RveParameters {
+        grains: Grains { friction: 1e6, damping_ratio: 0.5, ..p.grains },
+        ..p.clone()
+    };
     let mut element = Rest::new(packing, &p, 0.1)?.element;
     for _ in 0..10_000 {
         element.advance(&Matrix2::zeros())?;
@@ -132,9 +139,9 @@ fn relaxed(packing: Packing<f64>, p: &RveParameters) -> Result<Packing<f64>, Stu
 fn refused(p: &RveParameters) -> Option<String> {
     super::scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
-         [material]\nkind = \"rve\"\n[rve]\nstep_factor = {:?}\ndamping_ratio = {:?}\n\
+         [material]\nkind = \"rve\"\n[grains]\nstep_factor = {:?}\ndamping_ratio = {:?}\n\
          radius_min = {:?}\nradius_max = {:?}\n",
-        p.step_factor, p.damping_ratio, p.radius_min, p.radius_max
+        p.grains.step_factor, p.grains.damping_ratio, p.grains.radius_min, p.grains.radius_max
     ))
 }
 
@@ -151,13 +158,20 @@ fn critical(packing: &Packing<f64>, p: &RveParameters, tolerance: f64) -> Thresh
 type Case = (&'static str, RveParameters, Packing<f64>, Option<(f64, &'static str)>);
 
 fn cases(suite: Suite) -> Result<Vec<Case>, StudyError> {
-    let smooth = RveParameters { friction: 0.0, ..linear() };
-    let sticking = RveParameters { friction: 1e6, ..linear() };
+    let smooth = RveParameters { grains: Grains { friction: 0.0, ..linear().grains }, ..linear() };
+    let sticking =
+        RveParameters { grains: Grains { friction: 1e6, ..linear().grains }, ..linear() };
     let random = RveParameters { discs: suite.pick(100, 400), ..RveParameters::default() };
-    let equal = RveParameters { radius_min: RADIUS, radius_max: RADIUS, ..random.clone() };
+    let equal = RveParameters {
+        grains: Grains { radius_min: RADIUS, radius_max: RADIUS, ..random.grains },
+        ..random.clone()
+    };
     let packed = consolidated(&random, 1)?;
     let crystal = relaxed(consolidated(&equal, 1)?, &equal)?;
-    let bare = |p: &RveParameters| RveParameters { friction: 1e6, damping_ratio: 0.0, ..p.clone() };
+    let bare = |p: &RveParameters| RveParameters {
+        grains: Grains { friction: 1e6, damping_ratio: 0.0, ..p.grains },
+        ..p.clone()
+    };
     Ok(vec![
         (
             "chain of two discs, no friction",
@@ -191,7 +205,10 @@ fn cases(suite: Suite) -> Result<Vec<Case>, StudyError> {
         ),
         (
             "packing, friction 0.5, no dashpot",
-            RveParameters { damping_ratio: 0.0, ..random.clone() },
+            RveParameters {
+                grains: Grains { damping_ratio: 0.0, ..random.grains },
+                ..random.clone()
+            },
             packed.clone(),
             None,
         ),
@@ -252,7 +269,7 @@ fn dashpot_map(suite: Suite) -> Result<Map, StudyError> {
     let factors: Vec<f64> =
         (0..suite.pick(10, 19)).map(|k| 0.1 + suite.pick(0.1, 0.05) * f64::from(k)).collect();
     let outcome = |zeta: f64, factor: f64| -> Result<Outcome, StudyError> {
-        let p = RveParameters { damping_ratio: zeta, ..p.clone() };
+        let p = RveParameters { grains: Grains { damping_ratio: zeta, ..p.grains }, ..p.clone() };
         Ok(Rest::new(packing.clone(), &p, factor)?.outcome(suite.pick(1000, 5000)))
     };
     let row = |&factor: &f64| damping.iter().map(|&zeta| outcome(zeta, factor)).collect();
@@ -288,8 +305,10 @@ mod tests {
     /// The critical step of a linear oscillator, 2 / omega, of lattices with known spectra.
     #[test]
     fn lattices_become_unstable_where_their_spectra_say() {
-        let smooth = RveParameters { friction: 0.0, ..linear() };
-        let sticking = RveParameters { friction: 1e6, ..linear() };
+        let smooth =
+            RveParameters { grains: Grains { friction: 0.0, ..linear().grains }, ..linear() };
+        let sticking =
+            RveParameters { grains: Grains { friction: 1e6, ..linear().grains }, ..linear() };
         let free = measured(&smooth, &chain(&smooth));
         let rolling = measured(&sticking, &chain(&sticking));
         let hexagonal = measured(&sticking, &hexagonal(&sticking));

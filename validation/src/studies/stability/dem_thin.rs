@@ -64,7 +64,7 @@ fn stretch(p: &RveParameters, looks: usize) -> Result<(Vec<Look>, Picture), Stud
         }
         found.push(Look {
             strain: n as f64 * WINDOW,
-            width: element.rve.packing.cell.min_width() / p.mean_diameter(),
+            width: element.rve.packing.cell.min_width() / p.grains.mean_diameter(),
             sin_phi: if failure.is_some() { f64::NAN } else { sin_phi(&stress) },
             thin: element.thin_steps > held,
             failure: failure.clone(),
@@ -79,8 +79,9 @@ fn judge(look: &Look, p: &RveParameters) -> Outcome {
     if let Some(message) = &look.failure {
         return Outcome::Failed { message: message.clone() };
     }
-    let held =
-        look.thin.then(|| dempm::run::monitor::thin(p.thin_width, look.width * p.mean_diameter()));
+    let held = look
+        .thin
+        .then(|| dempm::run::monitor::thin(p.thin_width, look.width * p.grains.mean_diameter()));
     let sound = (SOUND[0]..SOUND[1]).contains(&look.sin_phi);
     let symptom = format!("sin phi {:.2} in a cell {:.1} diameters wide", look.sin_phi, look.width);
     Outcome::of((!sound).then_some(symptom), held.or_else(|| said(p)))
@@ -151,7 +152,7 @@ fn add(study: &mut Study, thin_width: f64, cases: &[Stretched]) {
                 parameter: "extension, Hencky strain".into(),
                 measured: Threshold::of_sweep(first),
                 theory: Some((
-                    (side / (thin_width * p.mean_diameter())).ln(),
+                    (side / (thin_width * p.grains.mean_diameter())).ln(),
                     "ln(side / 3 diameters)".into(),
                 )),
                 beyond: looks

@@ -53,21 +53,23 @@ mod tests {
     use super::*;
 
     const COLUMN: &str = "duration = 2.0\n[domain]\nsize = [6.0, 2.0]\n[[column]]\n\
-                          size = [1.0, 1.0]\n[material]\nkind = \"rve\"\n[rve]\n";
+                          size = [1.0, 1.0]\n[material]\nkind = \"rve\"\n";
 
     #[test]
     fn silent_failures_that_studies_found_are_warned_of() {
         let said = |line: &str| said(&format!("{COLUMN}{line}\n")).unwrap_or_default();
-        assert_eq!(said("discs = 400"), "");
-        assert!(said("mass_scale = 30.0").contains("mass_scale = 30 makes flow stronger"));
-        assert!(said("thin_width = 0.0").contains("lets packings lock"));
-        assert!(said("local_damping = 0.2").contains("local_damping = 0.2"));
+        assert_eq!(said("[rve]\ndiscs = 400"), "");
+        assert!(
+            said("[grains]\nmass_scale = 30.0").contains("mass_scale = 30 makes flow stronger")
+        );
+        assert!(said("[rve]\nthin_width = 0.0").contains("lets packings lock"));
+        assert!(said("[grains]\nlocal_damping = 0.2").contains("local_damping = 0.2"));
         let unstable = "step_factor = 0.5 may be unstable";
-        assert!(said("step_factor = 0.5\ndamping_ratio = 0.9").contains(unstable));
-        assert!(said("step_factor = 0.5\ndamping_ratio = 0.5").contains(unstable));
-        assert!(said("step_factor = 0.5\nradius_min = 5.0e-3").contains(unstable));
-        assert_eq!(said("step_factor = 0.5"), "");
-        assert!(said("step_factor = 0.6").contains("out of range"));
+        assert!(said("[grains]\nstep_factor = 0.5\ndamping_ratio = 0.9").contains(unstable));
+        assert!(said("[grains]\nstep_factor = 0.5\ndamping_ratio = 0.5").contains(unstable));
+        assert!(said("[grains]\nstep_factor = 0.5\nradius_min = 5.0e-3").contains(unstable));
+        assert_eq!(said("[grains]\nstep_factor = 0.5"), "");
+        assert!(said("[grains]\nstep_factor = 0.6").contains("out of range"));
         assert!(said("[numerics]\ntransfer = \"pic\"").contains("stops all motion"));
         assert!(said("[numerics]\ntransfer = \"apic\"").contains("does not converge"));
         assert!(said("[numerics]\ntransfer = \"flip\"\nrelaxation = 100.0").contains("viscous"));

@@ -1,7 +1,7 @@
 //! Tall columns: energy of their collapse, overlaps under their weight.
 
 use dempm::run::Monitor;
-use dempm::simulation::{SceneMaterial, Simulation, SimulationError};
+use dempm::simulation::{Simulation, SimulationError};
 use rayon::prelude::*;
 
 use super::learned::window;
@@ -40,20 +40,20 @@ fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
     };
     let start = energy(&simulation);
     let per_frame = simulation.scene.steps_per_frame();
-    while simulation.state.step < simulation.scene.steps() {
+    while simulation.step < simulation.scene.steps() {
         if let Err(error) = simulation.advance() {
             fall.error = Some(chain(&error));
             break;
         }
-        if simulation.state.step.is_multiple_of(per_frame) {
+        if simulation.step.is_multiple_of(per_frame) {
             fall.said.extend(monitor.observe(&simulation, &simulation.frame()));
             fall.energy = fall.energy.max(energy(&simulation) / start);
         }
     }
-    if let SceneMaterial::Rve(rve) = &simulation.state.material {
+    if let Some(rve) = simulation.packings() {
         fall.overlap = rve.tally.max_overlap;
     }
-    let points = &simulation.state.points;
+    let points = &simulation.points;
     let position: Vec<[f64; 2]> = points.position.iter().map(|&x| x.into()).collect();
     fall.picture = Picture {
         title: format!("{name}, at t = {:.2} s", simulation.time()),
@@ -174,8 +174,8 @@ fn shaft(height: f64, thickness: f64) -> String {
         "duration = {duration:?}\nframe_interval = {frame:?}\nstep = {step:?}\n[domain]\n\
          size = [0.25, {:?}]\ncell = 0.25\nwalls = {{ left = \"slip\", right = \"slip\", bottom = \
          \"slip\", top = \"slip\" }}\n[[column]]\nsize = [0.25, {height:?}]\n[material]\n\
-         kind = \"rve\"\ninitial_stress = \"none\"\n[rve]\ndiscs = 64\nthickness = {thickness:?}\n\
-         [rve.preparation]\npressure = {:?}\n",
+         kind = \"rve\"\ninitial_stress = \"none\"\n[grains]\nthickness = {thickness:?}\n\
+         [rve]\ndiscs = 64\n[rve.preparation]\npressure = {:?}\n",
         height + 1.0,
         // Of the same stiffness number whatever the thickness.
         2.0e3 * 7.5e-3 / thickness

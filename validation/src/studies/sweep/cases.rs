@@ -47,10 +47,10 @@ const QUICK: Settings = Settings {
         ("100 discs", ""),
         ("50 discs", "rve.discs = 50"),
         ("100 discs + f64", "material.precision = \"f64\""),
-        ("100 discs + long substeps", "rve.step_factor = 0.401"),
-        ("50 discs + long substeps", "rve.discs = 50\nrve.step_factor = 0.401"),
-        ("100 discs + mass x 10", "rve.mass_scale = 10"),
-        ("100 discs + mass x 100", "rve.mass_scale = 100"),
+        ("100 discs + long substeps", "grains.step_factor = 0.401"),
+        ("50 discs + long substeps", "rve.discs = 50\ngrains.step_factor = 0.401"),
+        ("100 discs + mass x 10", "grains.mass_scale = 10"),
+        ("100 discs + mass x 100", "grains.mass_scale = 100"),
         ("100 discs + cells of 0.25 m", "domain.cell = 0.25"),
     ],
 };
@@ -71,13 +71,13 @@ const FULL: Settings = Settings {
         ("50 discs", "rve.discs = 50"),
         ("400 discs, 8 packings", "material.packings = 8"),
         ("400 discs + f64", "material.precision = \"f64\""),
-        ("400 discs + short substeps", "rve.step_factor = 0.1"),
-        ("400 discs + long substeps", "rve.step_factor = 0.401"),
-        ("100 discs + long substeps", "rve.discs = 100\nrve.step_factor = 0.401"),
-        ("50 discs + long substeps", "rve.discs = 50\nrve.step_factor = 0.401"),
-        ("400 discs + mass x 10", "rve.mass_scale = 10"),
-        ("400 discs + mass x 100", "rve.mass_scale = 100"),
-        ("100 discs + mass x 10", "rve.discs = 100\nrve.mass_scale = 10"),
+        ("400 discs + short substeps", "grains.step_factor = 0.1"),
+        ("400 discs + long substeps", "grains.step_factor = 0.401"),
+        ("100 discs + long substeps", "rve.discs = 100\ngrains.step_factor = 0.401"),
+        ("50 discs + long substeps", "rve.discs = 50\ngrains.step_factor = 0.401"),
+        ("400 discs + mass x 10", "grains.mass_scale = 10"),
+        ("400 discs + mass x 100", "grains.mass_scale = 100"),
+        ("100 discs + mass x 10", "rve.discs = 100\ngrains.mass_scale = 10"),
         ("400 discs + step 0.05 ms", "step = 5e-5"),
         ("400 discs + step 0.2 ms", "step = 2e-4"),
         ("400 discs + step 0.5 ms", "step = 5e-4"),
@@ -122,7 +122,7 @@ const CONTINUUM: [(&str, &str); 3] = [
 
 /// Keys of all settings unless they change them.
 const COMMON: &str = "material.precision = \"f32\"\nstep = 1e-4\ndomain.cell = 0.125\n\
-                      rve.step_factor = 0.2\noutput.fields = []";
+                      grains.step_factor = 0.2\noutput.fields = []";
 
 /// Seeds of the two references and of everything else: no setting shares its packings with a
 /// reference.

@@ -82,7 +82,7 @@ impl Direct {
             for _ in 0..if frame == 0 { 0 } else { steps } {
                 simulation.advance()?;
             }
-            let points = &simulation.state.points;
+            let points = &simulation.points;
             positions.push(points.position.iter().map(|&x| x.into()).collect());
             velocities.push(points.velocity.iter().map(|&v| v.into()).collect());
         }

@@ -1,0 +1,254 @@
+//! Structs that Rust and the kernels of assemblies share.
+
+use gpu::{ConstPointer, Pointer, cuda_enum, cuda_struct};
+
+use crate::cuda::real::CudaReal;
+
+/// Most neighbours of a disc: their contacts are marked in a word.
+pub(super) const MOST_ROWS: usize = 24;
+/// Most bodies near a disc.
+pub(super) const NEAR_BODIES: usize = 4;
+/// Steps between two decisions on whether to search.
+pub(super) const STEPS: usize = 16;
+
+cuda_struct! {
+    /// Where a disc is, and what it is: all that finding contacts needs.
+    #[derive(Default)]
+    #[align(4 * size_of::<R>())]
+    pub(super) struct Place<R: CudaReal> {
+        /// Fractions of the region.
+        pub x: R::Fraction,
+        pub y: R::Fraction,
+        /// Radius (m).
+        pub r: R,
+        /// Inverse mass (1/kg); zero for fixed discs.
+        pub inv_mass: R,
+    }
+
+    /// How a disc moves, and what it touches.
+    #[derive(Default)]
+    #[align(4 * size_of::<R>())]
+    pub(super) struct Motion<R: CudaReal> {
+        /// Velocity (m/s).
+        pub x: R,
+        pub y: R,
+        /// Angular velocity (1/s).
+        pub w: R,
+        /// Number of rows, whether bodies are near, and which rows touch; see `assembly.cuh`.
+        pub info: R::Fraction,
+    }
+
+    /// One disc: a sector of the cache.
+    #[derive(Default)]
+    pub(super) struct Disc<R: CudaReal> {
+        pub place: Place<R>,
+        pub motion: Motion<R>,
+    }
+
+    /// Position as fractions of the region.
+    #[derive(Default)]
+    #[align(2 * size_of::<R>())]
+    pub(super) struct Position<R: CudaReal> {
+        pub x: R::Fraction,
+        pub y: R::Fraction,
+    }
+
+    /// What a contact remembers of the last step.
+    #[derive(Default)]
+    #[align(2 * size_of::<R>())]
+    pub(super) struct History<R: CudaReal> {
+        /// Tangential spring force (N).
+        pub tangential: R,
+        /// Normal force (N) less that of the spring.
+        pub viscous: R,
+    }
+
+    /// What is lost in the contacts of a disc (J).
+    #[derive(Default)]
+    #[align(2 * size_of::<R>())]
+    pub(super) struct Loss<R: CudaReal> {
+        pub dashpots: R,
+        pub friction: R,
+    }
+
+    /// What most discs do not lose (J).
+    #[derive(Default)]
+    #[align(2 * size_of::<R>())]
+    pub(super) struct RareLoss<R: CudaReal> {
+        pub damping: R,
+        /// Supplied by boxes.
+        pub boxes: R,
+    }
+
+    /// A disc in its bin.
+    #[derive(Default)]
+    #[align(16)]
+    pub(super) struct Binned<R: CudaReal> {
+        /// Fractions of the region.
+        pub x: R::Fraction,
+        pub y: R::Fraction,
+        /// Radius (m).
+        pub r: R,
+        /// Place in memory.
+        pub disc: R::Fraction,
+    }
+
+    /// A rigid box or half plane.
+    pub(super) struct Body {
+        /// Corners until `start` (m).
+        pub min: [f64; 2],
+        pub max: [f64; 2],
+        /// Velocity (m/s) from `start` (s) on.
+        pub velocity: [f64; 2],
+        pub start: f64,
+        /// Friction of the left, right, bottom and top side.
+        pub friction: [f64; 4],
+    }
+
+    /// The same at one time.
+    #[derive(Default)]
+    pub(super) struct PlacedBody<R: CudaReal> {
+        /// Corners as fractions of the region.
+        pub min: [R::Fraction; 2],
+        pub max: [R::Fraction; 2],
+        /// Velocity (m/s).
+        pub velocity: [R; 2],
+        pub friction: [R; 4],
+    }
+
+    /// State of a grain for output.
+    #[derive(Default)]
+    pub(super) struct Output<R: CudaReal> {
+        /// Fractions of the region.
+        pub x: R::Fraction,
+        pub y: R::Fraction,
+        /// Velocity (m/s).
+        pub vx: R,
+        pub vy: R,
+        /// Angular velocity (1/s).
+        pub w: R,
+        /// Radius (m).
+        pub r: R,
+        /// Inverse mass (1/kg).
+        pub inv_mass: R,
+        /// Force times arm, summed over contacts (N m), row by row.
+        pub virial: [R; 4],
+        /// Half the elastic energy of its contacts with discs, and that with bodies (J).
+        pub elastic: R,
+        pub contacts: u32,
+        pub unused: u32,
+    }
+
+    /// What steers a sequence of steps.
+    pub(super) struct Control<R: CudaReal> {
+        /// Time at the start of the sequence (s).
+        pub time: f64,
+        /// First failure: step, kind and disc in one number; all bits set: none.
+        pub failed: u64,
+        /// Steps done in this sequence, before the present round.
+        pub steps: u32,
+        /// Steps of the sequence.
+        pub target: u32,
+        /// Steps done in the present round.
+        pub done: u32,
+        /// Searches so far.
+        pub searches: u32,
+        /// Step of the last search.
+        pub searched: u32,
+        pub unused: u32,
+        /// Largest overlap over the smaller radius, as bits.
+        pub overlap: R::Fraction,
+        /// Square of the largest displacement (m²) since the last search, as bits: before each step of the
+        /// round, and after the last.
+        pub moved: [R::Fraction; STEPS + 1],
+    }
+
+    /// Arrays over discs in the order of memory. Rows follow each other at a distance of `discs`.
+    pub(super) struct Arrays<R: CudaReal> {
+        pub control: Pointer<Control<R>>,
+        /// Two buffers: steps of even number read the first.
+        pub disc: Pointer<Disc<R>>,
+        /// Identity of each disc.
+        pub id: Pointer<u32>,
+        /// Position at the last search.
+        pub reference: Pointer<Position<R>>,
+        /// Neighbours, row by row.
+        pub list: Pointer<u32>,
+        pub history: Pointer<History<R>>,
+        /// Up to four bodies near the disc, a byte each; 255: none.
+        pub near_bodies: Pointer<u32>,
+        pub body_history: Pointer<History<R>>,
+        pub body: ConstPointer<Body>,
+        /// Two sets, as of discs.
+        pub placed: Pointer<PlacedBody<R>>,
+        /// In the present sequence of steps.
+        pub loss: Pointer<Loss<R>>,
+        pub rare_loss: Pointer<RareLoss<R>>,
+        /// Two sets of counts of the discs in each bin.
+        pub bin_count: Pointer<u32>,
+        /// Discs in each bin.
+        pub binned: Pointer<Binned<R>>,
+    }
+
+    /// Constants of an assembly.
+    pub(super) struct Parameters<R: CudaReal> {
+        /// DEM step (s).
+        pub dt: f64,
+        /// Lower left corner of the region (m).
+        pub origin: [f64; 2],
+        /// Side of the region (m).
+        pub side: f64,
+        /// The same step.
+        pub step: R,
+        /// kn (N/m).
+        pub normal_stiffness: R,
+        /// kt dt (N s/m).
+        pub spring: R,
+        /// 1 / (2 kt dt) (m/(N s)).
+        pub compliance: R,
+        /// 2 zeta sqrt(kn).
+        pub dashpot: R,
+        /// Friction between discs.
+        pub friction: R,
+        /// Cundall's alpha.
+        pub local_damping: R,
+        /// Decay of velocities (1/s).
+        pub drag: R,
+        /// Gravity (m/s²).
+        pub gravity: [R; 2],
+        /// Length of a unit of `Fraction` (m).
+        pub unit: R,
+        /// Units moved at 1 m/s in a step.
+        pub per_unit: R,
+        /// Lists reach this far beyond touch (m).
+        pub skin: R,
+        /// Largest displacement since a search (m).
+        pub allowed: R,
+        pub overlap_limit: R,
+        /// Discs, fixed ones included.
+        pub discs: u32,
+        pub bodies: u32,
+        /// Bins along a side of the region.
+        pub bins: u32,
+        /// Tiles of 8 x 8 bins in a row of the domain, and rows of them.
+        pub tiles: [u32; 2],
+        /// Most discs in a bin.
+        pub capacity: u32,
+        /// Whether any of them moves.
+        pub bodies_move: u32,
+        /// Discs that can move: identities below this.
+        pub mobile: u32,
+    }
+}
+
+cuda_enum! {
+    /// Kinds of failures, in the order in which they are reported.
+    pub(super) enum Failure: u64 {
+        NOT_FINITE = 0,
+        LEAK = 1,
+        OVERLAP = 2,
+        LIST_FULL = 3,
+        BODIES_FULL = 4,
+        BIN_FULL = 5,
+    }
+}

@@ -1,0 +1,167 @@
+// Types and functions of all kernels of an assembly. The structs that Rust knows too are in abi.rs.
+
+constexpr unsigned LANES = 32;
+constexpr unsigned ALL = 0xffffffffu;
+// `Motion::info`: rows in use, whether bodies are near, and one bit for each row that touches.
+constexpr unsigned ROWS_MASK = 31u;
+constexpr unsigned BODIES_NEAR = 1u << 5;
+constexpr unsigned FIRST_ROW = 8;
+constexpr unsigned NO_BODY = 255;
+// Bins along a side of a tile.
+constexpr unsigned TILE = 8;
+
+struct Vec {
+    Real x, y;
+};
+
+__device__ inline Fraction bits_of(Real x) {
+#if REAL_BITS == 32
+    return __float_as_uint(x);
+#else
+    return __double_as_longlong(x);
+#endif
+}
+
+__device__ inline Real real_of(Fraction bits) {
+#if REAL_BITS == 32
+    return __uint_as_float(bits);
+#else
+    return __longlong_as_double(bits);
+#endif
+}
+
+__device__ inline Real warp_sum(Real x) {
+    for (int d = LANES / 2; d > 0; d /= 2) x += __shfl_xor_sync(ALL, x, d);
+    return x;
+}
+
+__device__ inline Fraction warp_max(Fraction x) {
+#if REAL_BITS == 32 && __CUDA_ARCH__ >= 800
+    return __reduce_max_sync(ALL, x);
+#else
+    for (int d = LANES / 2; d > 0; d /= 2) x = max(x, __shfl_xor_sync(ALL, x, d));
+    return x;
+#endif
+}
+
+// Notes a failure: the earliest counts, and of one step the gravest of the lowest disc.
+__device__ inline void fail(Control& c, unsigned step, unsigned kind, unsigned id) {
+    const unsigned long long code =
+        (unsigned long long)step << 36 | (unsigned long long)kind << 32 | id;
+    atomicMin(&c.failed, code);
+}
+
+__device__ inline bool has_failed(const Control& c) { return ~c.failed != 0; }
+
+// Discs after `step` steps.
+__device__ inline Disc* discs_after(const Arrays& a, const Parameters& p, unsigned step) {
+    return a.disc + size_t(step & 1u) * p.discs;
+}
+
+// Vector from `from` to `to` (m).
+__device__ inline Vec separation(const Parameters& p, const Place& from, const Place& to) {
+    return {p.unit * Real(Signed(to.x - from.x)), p.unit * Real(Signed(to.y - from.y))};
+}
+
+// A contact at its present place: what both the step and the output need.
+struct Contact {
+    // From the disc to its partner.
+    Real nx, ny;
+    Real overlap;
+    // Distance from the disc's centre to the contact.
+    Real arm;
+    // Velocity of the partner relative to the disc at the contact.
+    Real vn, vt;
+    Real dashpot;
+};
+
+__device__ inline Contact contact_of(const Parameters& p, const Disc& disc, const Disc& other,
+                                     Vec l, Real distance2) {
+    Contact c;
+    const Vec length = length_and_inverse<Vec>(distance2);
+    c.nx = l.x * length.y;
+    c.ny = l.y * length.y;
+    c.overlap = disc.place.r + other.place.r - length.x;
+    c.arm = disc.place.r - Real(0.5) * c.overlap;
+    const Real other_arm = other.place.r - Real(0.5) * c.overlap;
+    const Real ux = other.motion.x - disc.motion.x;
+    const Real uy = other.motion.y - disc.motion.y;
+    c.vn = ux * c.nx + uy * c.ny;
+    // Seen from either disc the same bits, without fused operations: so is the force.
+#if REAL_BITS == 32
+    const Real turning =
+        __fadd_rn(__fmul_rn(c.arm, disc.motion.w), __fmul_rn(other_arm, other.motion.w));
+#else
+    const Real turning =
+        __dadd_rn(__dmul_rn(c.arm, disc.motion.w), __dmul_rn(other_arm, other.motion.w));
+#endif
+    c.vt = (uy * c.nx - ux * c.ny) - turning;
+    c.dashpot = p.dashpot * length_and_inverse<Vec>(disc.place.inv_mass + other.place.inv_mass).y;
+    return c;
+}
+
+// A coordinate (m) as a fraction of the region; one outside of it is moved to its edge.
+__device__ inline Fraction encoded(double x, double origin, double side) {
+    const double unit = 1.0 / PERIOD;
+    const double largest = 1.0 - max(unit, 2.220446049250313e-16);
+    return Fraction(min(max((x - origin) / side, 0.0), largest) * PERIOD);
+}
+
+// Writes where a body is at `time`. Returns its displacement since `before`, squared (m²). Work of few
+// threads: not inlined, so that it takes no registers from the others.
+__device__ __noinline__ double place_body(const Body* body, PlacedBody* at, double origin_x,
+                                          double origin_y, double side, double time,
+                                          double before) {
+    const bool moves = time >= body->start;
+    const double moved = moves ? time - body->start : 0.0;
+    const double x = body->velocity[0] * moved;
+    const double y = body->velocity[1] * moved;
+    at->min[0] = encoded(body->min[0] + x, origin_x, side);
+    at->min[1] = encoded(body->min[1] + y, origin_y, side);
+    at->max[0] = encoded(body->max[0] + x, origin_x, side);
+    at->max[1] = encoded(body->max[1] + y, origin_y, side);
+    for (int k = 0; k < 2; ++k) at->velocity[k] = moves ? Real(body->velocity[k]) : Real(0);
+    for (int k = 0; k < 4; ++k) at->friction[k] = Real(min(body->friction[k], 1e30));
+    const double since = moved - max(before - body->start, 0.0);
+    const double dx = body->velocity[0] * since;
+    const double dy = body->velocity[1] * since;
+    return dx * dx + dy * dy;
+}
+
+// Bodies after `step` steps. Those that never move are the same at all times.
+__device__ inline PlacedBody* bodies_after(const Arrays& a, const Parameters& p, unsigned step) {
+    return a.placed + (p.bodies_move != 0 && (step & 1u) != 0 ? p.bodies : 0);
+}
+
+// Distance along one axis from s to the interval from min to max, in units.
+__device__ inline Real distance_to(Fraction s, Fraction min, Fraction max) {
+    return s < min ? Real(Signed(min - s)) : s > max ? Real(Signed(max - s)) : Real(0);
+}
+
+// From the disc's centre to the nearest point of a body (m); zero inside.
+__device__ inline Vec branch_to(const Parameters& p, const PlacedBody& body, const Place& disc) {
+    return {p.unit * distance_to(disc.x, body.min[0], body.max[0]),
+            p.unit * distance_to(disc.y, body.min[1], body.max[1])};
+}
+
+// Friction of the side that a branch ends on; at a corner, of the side that it faces more directly.
+__device__ inline Real friction_of(const PlacedBody& body, Vec branch) {
+    const bool sideways = fabs(branch.x) >= fabs(branch.y);
+    return body.friction[sideways ? (branch.x > Real(0) ? 0 : 1) : (branch.y > Real(0) ? 2 : 3)];
+}
+
+__device__ inline Contact contact_with(const Parameters& p, const Disc& disc,
+                                       const PlacedBody& body, Vec branch, Real distance2) {
+    Contact c;
+    const Vec length = length_and_inverse<Vec>(distance2);
+    c.nx = branch.x * length.y;
+    c.ny = branch.y * length.y;
+    c.overlap = disc.place.r - length.x;
+    c.arm = length.x;
+    const Real ux = body.velocity[0] - disc.motion.x;
+    const Real uy = body.velocity[1] - disc.motion.y;
+    c.vn = ux * c.nx + uy * c.ny;
+    c.vt = (uy * c.nx - ux * c.ny) - c.arm * disc.motion.w;
+    c.dashpot = p.dashpot * length_and_inverse<Vec>(disc.place.inv_mass).y;
+    return c;
+}

@@ -1,0 +1,117 @@
+//! The source of all kernels of an assembly, and how they are loaded.
+
+use std::sync::Arc;
+
+use gpu::{Device, Function, checks, definitions, files};
+
+use super::abi::{
+    Arrays, Binned, Body, Control, Disc, Failure, History, Loss, Motion, Output, Parameters, Place,
+    PlacedBody, Position, RareLoss, STEPS,
+};
+use super::losses::SumLosses;
+use super::output::WriteOutput;
+use super::search::{Begin, Bins, Finish, List};
+use super::sort::{Count, Places, Reorder, Scan, Starts};
+use super::step::Step;
+use crate::cuda::real::CudaReal;
+
+/// Threads of a block of a step.
+pub(super) const THREADS: u32 = 256;
+
+const FILES: &str = files!(
+    "../real.cuh",
+    "../contact.cuh",
+    "assembly.cuh",
+    "step.cu",
+    "search.cu",
+    "sort.cu",
+    "losses.cu",
+    "output.cu"
+);
+
+/// The source of the kernels; needs [`defines`].
+pub fn source<R: CudaReal>() -> String {
+    let structs = definitions![
+        Place<R>,
+        Motion<R>,
+        Disc<R>,
+        Position<R>,
+        History<R>,
+        Loss<R>,
+        RareLoss<R>,
+        Binned<R>,
+        Body,
+        PlacedBody<R>,
+        Output<R>,
+        Control<R>,
+        Arrays<R>,
+        Parameters<R>,
+        Failure,
+    ];
+    let checks = checks![
+        Step<R>,
+        Begin<R>,
+        Bins<R>,
+        List<R>,
+        Finish<R>,
+        Count<R>,
+        Scan,
+        Starts<R>,
+        Places<R>,
+        Reorder<R>,
+        SumLosses<R>,
+        WriteOutput<R>,
+    ];
+    [&structs, FILES, &checks].concat()
+}
+
+/// Compile-time constants of the kernels.
+pub fn defines<R: CudaReal>(rows: usize) -> Vec<String> {
+    [
+        ("REAL_BITS", R::BITS),
+        ("THREADS", THREADS as usize),
+        ("BLOCKS", if R::BITS == 32 { 5 } else { 2 }),
+        ("ROWS", rows),
+        ("STEPS", STEPS),
+    ]
+    .map(|(name, value)| format!("{name}={value}"))
+    .to_vec()
+}
+
+/// The kernels, loaded.
+#[derive(Debug)]
+pub(super) struct Kernels<R: CudaReal> {
+    pub step: Function<Step<R>>,
+    pub begin: Function<Begin<R>>,
+    pub bins: Function<Bins<R>>,
+    pub list: Function<List<R>>,
+    pub finish: Function<Finish<R>>,
+    pub count: Function<Count<R>>,
+    pub scan: Function<Scan>,
+    pub starts: Function<Starts<R>>,
+    pub places: Function<Places<R>>,
+    pub reorder: Function<Reorder<R>>,
+    pub losses: Function<SumLosses<R>>,
+    pub output: Function<WriteOutput<R>>,
+}
+
+impl<R: CudaReal> Kernels<R> {
+    /// Compiles the kernels, or takes them from the cache.
+    pub fn load(device: &Arc<Device>, rows: usize) -> Result<Self, gpu::Error> {
+        let module = device.module("assembly.cu", &source::<R>(), &defines::<R>(rows))?;
+        Ok(Self {
+            step: Function::load(device, &module)?,
+            begin: Function::load(device, &module)?,
+            bins: Function::load(device, &module)?,
+            list: Function::load(device, &module)?,
+            finish: Function::load(device, &module)?,
+            count: Function::load(device, &module)?,
+            scan: Function::load(device, &module)?,
+            starts: Function::load(device, &module)?,
+            places: Function::load(device, &module)?,
+            reorder: Function::load(device, &module)?,
+            losses: Function::load(device, &module)?,
+            output: Function::load(device, &module)?,
+        })
+    }
+}

@@ -1,0 +1,21 @@
+//! Whole scenes on an NVIDIA GPU: the CUDA twin of [`Assembly`](crate::assembly::Assembly).
+//!
+//! Every step is one kernel, one thread a disc (`step.cu`). Sixteen steps and the decision on a search
+//! (`search.cu`) are one CUDA graph, which the host launches until the steps are done: steps that find the
+//! lists outdated do nothing.
+
+mod abi;
+mod error;
+mod grid;
+mod kernels;
+mod losses;
+mod output;
+mod search;
+mod solver;
+mod sort;
+mod step;
+mod transfer;
+
+pub use error::CudaAssemblyError;
+pub use kernels::{defines, source};
+pub use solver::CudaAssembly;

@@ -1,0 +1,536 @@
+//! An assembly in device memory.
+
+use std::sync::Arc;
+
+use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
+use cudarc::driver::{CudaGraph, CudaSlice, PinnedHostSlice};
+use gpu::{ConstPointer, Device, Launch, Pointer};
+use rayon::prelude::*;
+
+use super::abi::{
+    Arrays, Binned, Body, Control, Disc, Failure, History, Loss, NEAR_BODIES, Output, Parameters,
+    PlacedBody, Position, RareLoss, STEPS,
+};
+use super::error::CudaAssemblyError;
+use super::grid::Grid;
+use super::kernels::{Kernels, THREADS};
+use super::losses::{LOSSES, SUM_THREADS, SumLosses};
+use super::output::WriteOutput;
+use super::search::{Begin, Bins, Finish, List};
+use super::sort::{CHUNK, Count, Places, Reorder, SCAN_THREADS, Scan, Starts};
+use super::step::Step;
+use super::transfer::Host;
+use crate::assembly::{Assembly, AssemblyError, Energy, GrainFailure, GrainState, Losses};
+use crate::cuda::real::CudaReal;
+
+/// Threads of the blocks of searches and copies.
+const COPY_THREADS: u32 = 128;
+
+/// An assembly on a GPU: the twin of [`Assembly`].
+///
+/// State stays on the device between calls of [`advance`](Self::advance), each of which begins with a new
+/// order of memory and a search: results have the same bits from run to run, and whether or not the
+/// assembly was downloaded and uploaded in between.
+pub struct CudaAssembly<R: CudaReal> {
+    device: Arc<Device>,
+    kernels: Kernels<R>,
+    p: Parameters<R>,
+    grid: Grid,
+    control: CudaSlice<Control<R>>,
+    /// Discs with their contacts, and room for them in another order.
+    discs: DeviceDiscs<R>,
+    spare: DeviceDiscs<R>,
+    reference: CudaSlice<Position<R>>,
+    body: CudaSlice<Body>,
+    placed: CudaSlice<PlacedBody<R>>,
+    loss: CudaSlice<Loss<R>>,
+    rare_loss: CudaSlice<RareLoss<R>>,
+    /// By block of [`SUM_THREADS`] discs, since the upload or the last download.
+    lost: CudaSlice<f64>,
+    bin_count: CudaSlice<u32>,
+    binned: CudaSlice<Binned<R>>,
+    chunk: CudaSlice<u32>,
+    start: CudaSlice<u32>,
+    place_of: CudaSlice<u32>,
+    disc_at: CudaSlice<u32>,
+    output: CudaSlice<Output<R>>,
+    /// The same on the host, of the last fetch, and the losses then.
+    fetched: PinnedHostSlice<Output<R>>,
+    fetched_losses: Losses,
+    /// A round of steps, for each of the two sets of discs.
+    graphs: [Option<CudaGraph>; 2],
+    /// Which of the sets is in use.
+    swapped: bool,
+    /// Time of the device (s), steps and searches of the last sequence.
+    time: f64,
+    steps: u64,
+    searches: u64,
+    last: Option<Control<R>>,
+    /// Losses up to the upload or the last download.
+    losses: Losses,
+}
+
+/// Arrays in the order of memory.
+#[derive(Debug)]
+struct DeviceDiscs<R: CudaReal> {
+    disc: CudaSlice<Disc<R>>,
+    id: CudaSlice<u32>,
+    list: CudaSlice<u32>,
+    history: CudaSlice<History<R>>,
+    near_bodies: CudaSlice<u32>,
+    body_history: CudaSlice<History<R>>,
+}
+
+impl<R: CudaReal> DeviceDiscs<R> {
+    fn zeros(device: &Device, discs: usize, rows: usize) -> Result<Self, gpu::Error> {
+        Ok(Self {
+            disc: device.zeros(2 * discs)?,
+            id: device.zeros(discs)?,
+            list: device.zeros(rows * discs)?,
+            history: device.zeros(rows * discs)?,
+            near_bodies: device.zeros(discs)?,
+            body_history: device.zeros(NEAR_BODIES * discs)?,
+        })
+    }
+}
+
+impl<R: CudaReal> CudaAssembly<R> {
+    /// Copies an assembly to the GPU.
+    ///
+    /// # Errors
+    /// Too little memory; radii too unequal for the lists; no compiler.
+    pub fn upload(device: &Arc<Device>, assembly: &Assembly<R>) -> Result<Self, CudaAssemblyError> {
+        let count = assembly.discs.len();
+        if count >= 1 << 31 {
+            return Err(CudaAssemblyError::TooMany(count));
+        }
+        let grid = Grid::of(assembly)?;
+        let rows = grid.rows as usize;
+        device.reserve(bytes::<R>(count, &grid))?;
+        let host = Host::from_assembly(assembly, rows);
+        let mut discs = DeviceDiscs::zeros(device, count, rows)?;
+        let stream = device.stream();
+        stream.memcpy_htod(&host.disc, &mut discs.disc.slice_mut(..count))?;
+        stream.memcpy_htod(&host.id, &mut discs.id)?;
+        stream.memcpy_htod(&host.list, &mut discs.list)?;
+        stream.memcpy_htod(&host.history, &mut discs.history)?;
+        stream.memcpy_htod(&host.near_bodies, &mut discs.near_bodies)?;
+        stream.memcpy_htod(&host.body_history, &mut discs.body_history)?;
+        let bodies: Vec<Body> = assembly.bodies.iter().map(Body::from).collect();
+        let kernels = Kernels::load(device, rows)?;
+        Ok(Self {
+            kernels,
+            p: parameters(assembly, &grid, bodies.len()),
+            grid,
+            control: device.upload(&[Control::sequence(0.0, 0, 0, 0.0)])?,
+            spare: DeviceDiscs::zeros(device, count, rows)?,
+            discs,
+            reference: device.zeros(count)?,
+            body: device.upload(&bodies)?,
+            placed: device.zeros(2 * bodies.len())?,
+            loss: device.zeros(count)?,
+            rare_loss: device.zeros(count)?,
+            lost: device.zeros(LOSSES * count.div_ceil(SUM_THREADS as usize))?,
+            bin_count: device.zeros(2 * grid.count())?,
+            binned: device.zeros(grid.capacity as usize * grid.count())?,
+            chunk: device.zeros(grid.count().div_ceil(CHUNK))?,
+            start: device.zeros(grid.count())?,
+            place_of: device.zeros(count)?,
+            disc_at: device.zeros(count)?,
+            output: device.zeros(assembly.len())?,
+            fetched: device.pinned(assembly.len())?,
+            fetched_losses: assembly.losses,
+            graphs: [None, None],
+            swapped: false,
+            time: assembly.time(),
+            steps: 0,
+            searches: 0,
+            last: None,
+            losses: assembly.losses,
+            device: device.clone(),
+        })
+    }
+
+    /// Device memory that an assembly takes (bytes).
+    ///
+    /// # Errors
+    /// Radii too unequal for the lists.
+    pub fn bytes(assembly: &Assembly<R>) -> Result<usize, CudaAssemblyError> {
+        Ok(bytes::<R>(assembly.discs.len(), &Grid::of(assembly)?))
+    }
+
+    /// Sets the time (s) of the next step.
+    pub fn set_time(&mut self, time: f64) {
+        self.time = time;
+    }
+
+    /// Queues `steps` DEM steps; [`finish`](Self::finish) waits for them and makes those that searches have
+    /// delayed.
+    ///
+    /// # Errors
+    /// A launch was refused.
+    pub fn queue(&mut self, steps: usize) -> Result<(), CudaAssemblyError> {
+        let overlap = self.last.map_or(0.0, |c| c.overlap());
+        // Steps of even number read the first buffer.
+        let first = self.last.map_or(0, |c| c.steps & 1);
+        let mut control =
+            Control::sequence(self.time, steps as u32, self.parity_searches(), overlap);
+        control.time -= f64::from(first) * self.p.dt;
+        (control.steps, control.searched) = (first, first);
+        control.target += first;
+        let stream = self.device.stream().clone();
+        stream.memcpy_htod(&[control], &mut self.control)?;
+        self.sort()?;
+        self.search(1)?;
+        // Searches interrupt rounds: a few more are needed.
+        let rounds = steps.div_ceil(STEPS);
+        self.rounds(rounds + rounds / 4 + 1)
+    }
+
+    /// Waits for queued steps.
+    ///
+    /// # Errors
+    /// A grain failed, as on the CPU; the assembly then stands still.
+    pub fn finish(&mut self) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream().clone();
+        loop {
+            let control = stream.clone_dtoh(&self.control)?[0];
+            if control.failed != u64::MAX {
+                return Err(self.failure(&control)?);
+            }
+            if control.steps >= control.target {
+                let steps = control.steps - self.last.map_or(0, |c| c.steps & 1);
+                self.steps += u64::from(steps);
+                self.searches += u64::from(control.searches - self.parity_searches());
+                self.time += f64::from(steps) * self.p.dt;
+                self.last = Some(control);
+                return Ok(());
+            }
+            let left = (control.target - control.steps) as usize;
+            self.rounds(left.div_ceil(STEPS) + 1)?;
+        }
+    }
+
+    /// Advances by `steps` DEM steps.
+    ///
+    /// # Errors
+    /// As [`finish`](Self::finish).
+    pub fn advance(&mut self, steps: usize) -> Result<(), CudaAssemblyError> {
+        if steps == 0 {
+            return Ok(());
+        }
+        self.queue(steps)?;
+        self.finish()
+    }
+
+    /// Copies the states of all grains to the host, for [`states`](Self::states). More steps can be queued
+    /// before those are asked for.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn fetch_states(&mut self) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream().clone();
+        let launch = self.each(COPY_THREADS);
+        let output = Pointer::to(&self.output, &stream);
+        let arguments = WriteOutput { a: self.arrays(), p: self.p, output };
+        // SAFETY: the output has one entry for each grain that can move.
+        unsafe { self.kernels.output.launch(&stream, launch, &arguments) }?;
+        stream.memcpy_dtoh(&self.output, &mut self.fetched)?;
+        self.fetched_losses = self.losses()?;
+        stream.synchronize()?;
+        Ok(())
+    }
+
+    /// State of each grain that was last fetched, in the order of
+    /// [`Packed::grains`](crate::assembly::Packed::grains), and the energy. `assembly` is the one that was
+    /// uploaded.
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn states(
+        &self,
+        assembly: &Assembly<R>,
+    ) -> Result<(Vec<GrainState>, Energy), CudaAssemblyError> {
+        let fetched = self.fetched.as_slice()?;
+        let states: Vec<GrainState> = fetched.par_iter().map(|o| o.state(assembly)).collect();
+        let mut energy = Energy { losses: self.fetched_losses, ..assembly.energy_of(&states) };
+        energy.elastic = fetched.iter().map(|o| o.elastic.to_f64()).sum();
+        Ok((states, energy))
+    }
+
+    /// Losses since the start, after all queued work.
+    fn losses(&self) -> Result<Losses, CudaAssemblyError> {
+        let mut losses = self.losses;
+        let stream = self.device.stream();
+        let launch = self.each(SUM_THREADS);
+        let total = Pointer::to(&self.lost, stream);
+        let arguments = SumLosses { a: self.arrays(), p: self.p, total };
+        // SAFETY: totals have as many entries as there are blocks.
+        unsafe { self.kernels.losses.launch(stream, launch, &arguments) }?;
+        for block in stream.clone_dtoh(&self.lost)?.chunks(LOSSES) {
+            losses += Losses {
+                dashpots: block[0],
+                friction: block[1],
+                damping: block[2],
+                boxes: block[3],
+            };
+        }
+        Ok(losses)
+    }
+
+    /// Brings the assembly that was uploaded up to date.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn download_into(&mut self, assembly: &mut Assembly<R>) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream().clone();
+        self.losses = self.losses()?;
+        assembly.losses = self.losses;
+        stream.memset_zeros(&mut self.lost)?;
+        let count = self.p.discs as usize;
+        let parity = self.last.map_or(0, |c| c.steps as usize & 1);
+        let from = parity * count;
+        Host {
+            disc: stream.clone_dtoh(&self.discs.disc.slice(from..from + count))?,
+            id: stream.clone_dtoh(&self.discs.id)?,
+            list: stream.clone_dtoh(&self.discs.list)?,
+            history: stream.clone_dtoh(&self.discs.history)?,
+            near_bodies: stream.clone_dtoh(&self.discs.near_bodies)?,
+            body_history: stream.clone_dtoh(&self.discs.body_history)?,
+        }
+        .write_to(assembly);
+        assembly.time = self.time;
+        assembly.steps += std::mem::take(&mut self.steps);
+        assembly.searches += std::mem::take(&mut self.searches);
+        if let Some(control) = &self.last {
+            assembly.max_overlap = assembly.max_overlap.max(control.overlap());
+        }
+        Ok(())
+    }
+
+    /// Largest overlap over the smaller radius since the upload.
+    pub fn max_overlap(&self) -> f64 {
+        self.last.map_or(0.0, |c| c.overlap())
+    }
+
+    /// Searches since the last download.
+    pub fn searches(&self) -> u64 {
+        self.searches
+    }
+
+    /// Which set of counts the next search finds empty: the parity of all searches so far.
+    fn parity_searches(&self) -> u32 {
+        self.last.map_or(0, |c| c.searches & 1)
+    }
+
+    /// Puts discs in the order of bins.
+    fn sort(&mut self) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream().clone();
+        let (a, p) = (self.arrays(), self.p);
+        let chunk = Pointer::to(&self.chunk, &stream);
+        let start = Pointer::to(&self.start, &stream);
+        let place_of = Pointer::to(&self.place_of, &stream);
+        let disc_at = Pointer::to(&self.disc_at, &stream);
+        let chunks = self.grid.count().div_ceil(CHUNK) as u32;
+        let blocks = Launch::blocks(chunks, SCAN_THREADS);
+        let each = self.each(COPY_THREADS);
+        let b = self.arrays_of(&self.spare);
+        let k = &self.kernels;
+        // SAFETY: arrays are as long as the numbers of discs, bins and chunks say.
+        unsafe {
+            k.begin.launch(&stream, Launch::blocks(1, 32), &Begin { a, p })?;
+            // Losses are by place.
+            let total = Pointer::to(&self.lost, &stream);
+            k.losses.launch(&stream, self.each(SUM_THREADS), &SumLosses { a, p, total })?;
+            k.bins.launch(&stream, each, &Bins { a, p, force: 1 })?;
+            k.count.launch(&stream, blocks, &Count { a, p, chunk })?;
+            k.scan.launch(&stream, Launch::blocks(1, SCAN_THREADS), &Scan { chunk, chunks })?;
+            let starts = Starts { a, p, chunk: chunk.into(), start };
+            k.starts.launch(&stream, blocks, &starts)?;
+            let places = Places { a, p, start: start.into(), place_of, disc_at };
+            k.places.launch(&stream, each, &places)?;
+            let (place_of, disc_at) = (place_of.into(), disc_at.into());
+            k.reorder.launch(&stream, each, &Reorder { a, b, p, place_of, disc_at })?;
+        }
+        // The search that follows counts anew.
+        stream.memset_zeros(&mut self.bin_count)?;
+        std::mem::swap(&mut self.discs, &mut self.spare);
+        self.swapped = !self.swapped;
+        Ok(())
+    }
+
+    /// Queues a search, in any case or where one is due, which ends a round.
+    fn search(&self, force: u32) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream();
+        let (a, p) = (self.arrays(), self.p);
+        let each = self.each(COPY_THREADS).early(true);
+        let one = Launch::blocks(1, 1).early(true);
+        // SAFETY: arrays are as long as the numbers of discs and bins say.
+        unsafe {
+            self.kernels.bins.launch(stream, each, &Bins { a, p, force })?;
+            self.kernels.list.launch(stream, each, &List { a, p, force })?;
+            self.kernels.finish.launch(stream, one, &Finish { a, p, force })?;
+        }
+        Ok(())
+    }
+
+    /// Queues rounds of steps.
+    fn rounds(&mut self, rounds: usize) -> Result<(), CudaAssemblyError> {
+        let set = usize::from(self.swapped);
+        if self.graphs[set].is_none() {
+            self.graphs[set] = Some(self.capture()?);
+        }
+        if let Some(graph) = &self.graphs[set] {
+            for _ in 0..rounds {
+                graph.launch()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// One round as a graph.
+    fn capture(&self) -> Result<CudaGraph, CudaAssemblyError> {
+        let stream = self.device.stream();
+        stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
+        let queued = self.queue_round();
+        // Always ended: a stream in capture mode is unusable.
+        let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
+        queued?;
+        graph.ok_or_else(|| gpu::Error::Driver("an empty graph".into()).into())
+    }
+
+    fn queue_round(&self) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream();
+        let mut launch = self.each(THREADS).early(true);
+        // One more block moves the bodies.
+        launch.grid[0] += self.p.bodies_move;
+        for k in 0..STEPS as u32 {
+            let arguments = Step { a: self.arrays(), p: self.p, k };
+            // SAFETY: arrays are as long as the numbers of discs say.
+            unsafe { self.kernels.step.launch(stream, launch, &arguments) }?;
+        }
+        self.search(0)
+    }
+
+    /// One thread for each disc.
+    fn each(&self, threads: u32) -> Launch {
+        Launch::each(self.p.discs as usize, threads)
+    }
+
+    fn arrays(&self) -> Arrays<R> {
+        self.arrays_of(&self.discs)
+    }
+
+    fn arrays_of(&self, discs: &DeviceDiscs<R>) -> Arrays<R> {
+        let stream = self.device.stream();
+        Arrays {
+            control: Pointer::to(&self.control, stream),
+            disc: Pointer::to(&discs.disc, stream),
+            id: Pointer::to(&discs.id, stream),
+            reference: Pointer::to(&self.reference, stream),
+            list: Pointer::to(&discs.list, stream),
+            history: Pointer::to(&discs.history, stream),
+            near_bodies: Pointer::to(&discs.near_bodies, stream),
+            body_history: Pointer::to(&discs.body_history, stream),
+            body: ConstPointer::to(&self.body, stream),
+            placed: Pointer::to(&self.placed, stream),
+            loss: Pointer::to(&self.loss, stream),
+            rare_loss: Pointer::to(&self.rare_loss, stream),
+            bin_count: Pointer::to(&self.bin_count, stream),
+            binned: Pointer::to(&self.binned, stream),
+        }
+    }
+
+    /// The grain that failed first.
+    fn failure(&self, control: &Control<R>) -> Result<CudaAssemblyError, CudaAssemblyError> {
+        let (step, kind) = (self.steps + (control.failed >> 36), control.failed >> 32 & 15);
+        let id = control.failed as u32;
+        let grain = id as usize;
+        let stream = self.device.stream();
+        let full = |what| CudaAssemblyError::Full { step, grain, what };
+        let failure = match kind {
+            Failure::NOT_FINITE => GrainFailure::NotFinite,
+            Failure::LEAK => GrainFailure::Leak,
+            Failure::OVERLAP => GrainFailure::Overlap(control.overlap()),
+            Failure::LIST_FULL => return Ok(full("grains")),
+            Failure::BODIES_FULL => return Ok(full("walls and boxes")),
+            _ => return Ok(full("grains in one place")),
+        };
+        let ids = stream.clone_dtoh(&self.discs.id)?;
+        let at = ids.iter().position(|&i| i == id).unwrap_or(0);
+        let place = stream.clone_dtoh(&self.discs.disc.slice(at..=at))?[0].place;
+        let unit = self.p.side * R::UNIT;
+        let s = [place.x, place.y].map(R::fraction_to_f64);
+        let position = [0, 1].map(|k| self.p.origin[k] + s[k] / R::UNIT * unit);
+        Ok(AssemblyError::Grain { step, grain, position, failure }.into())
+    }
+}
+
+impl<R: CudaReal> Control<R> {
+    /// A sequence of `target` steps from `time` (s) on.
+    fn sequence(time: f64, target: u32, searches: u32, overlap: f64) -> Self {
+        Self {
+            time,
+            failed: u64::MAX,
+            steps: 0,
+            target,
+            done: 0,
+            searches,
+            searched: 0,
+            unused: 0,
+            overlap: R::from_f64(overlap).to_bits(),
+            moved: [R::Fraction::default(); STEPS + 1],
+        }
+    }
+
+    /// Largest overlap over the smaller radius.
+    fn overlap(&self) -> f64 {
+        R::from_bits(self.overlap).to_f64()
+    }
+}
+
+fn parameters<R: CudaReal>(assembly: &Assembly<R>, grid: &Grid, bodies: usize) -> Parameters<R> {
+    let (grains, dt) = (&assembly.grains, assembly.dt());
+    let unit = assembly.region.unit::<R>();
+    let kt = grains.tangential_stiffness;
+    let moving = assembly.bodies.iter().any(|body| body.velocity != [0.0; 2]);
+    let real = R::from_f64;
+    Parameters {
+        dt,
+        origin: assembly.region.origin,
+        side: assembly.region.side,
+        step: real(dt),
+        normal_stiffness: real(grains.normal_stiffness),
+        spring: real(kt * dt),
+        compliance: real(0.5 / (kt * dt)),
+        dashpot: real(2.0 * grains.damping_ratio * grains.normal_stiffness.sqrt()),
+        friction: real(grains.friction),
+        local_damping: real(grains.local_damping),
+        drag: real(assembly.drag),
+        gravity: assembly.gravity.map(real),
+        unit: real(unit),
+        per_unit: real(dt / unit),
+        skin: real(grid.skin),
+        allowed: real(0.5 * grid.skin),
+        overlap_limit: real(grains.overlap_limit),
+        discs: assembly.discs.len() as u32,
+        bodies: bodies as u32,
+        bins: grid.bins,
+        tiles: grid.tiles,
+        capacity: grid.capacity,
+        bodies_move: u32::from(moving),
+        mobile: assembly.len() as u32,
+    }
+}
+
+/// Device memory (bytes).
+fn bytes<R: CudaReal>(discs: usize, grid: &Grid) -> usize {
+    let rows = grid.rows as usize;
+    let contact = size_of::<u32>() + size_of::<History<R>>();
+    let bodies = NEAR_BODIES * size_of::<History<R>>() + size_of::<u32>();
+    let disc = 2 * size_of::<Disc<R>>() + size_of::<u32>() + rows * contact + bodies;
+    let losses = size_of::<Loss<R>>() + size_of::<RareLoss<R>>();
+    let once = size_of::<Position<R>>() + size_of::<Output<R>>() + 2 * size_of::<u32>() + losses;
+    let bin = 3 * size_of::<u32>() + grid.capacity as usize * size_of::<Binned<R>>();
+    discs * (2 * disc + once) + grid.count() * bin
+}

@@ -1,0 +1,211 @@
+// One DEM step of all discs, one thread each: twin of dem/src/assembly/tile.rs. Both discs of a pair
+// evaluate their contact, with the same bits, so that no thread writes what another one reads.
+
+// Sums over the contacts of a disc.
+struct Sums {
+    // Minus the force (N) and minus the torque (N m) on the disc.
+    Real x, y, torque;
+    // Largest overlap over the smaller radius.
+    Real overlap;
+    // Power (W).
+    Real dashpots, friction, boxes;
+};
+
+// Adds a contact and returns its new history. `share` is the part of its power that counts here: half where
+// both discs evaluate the contact.
+__device__ inline History evaluate(const Parameters& p, const Contact& c, Real friction,
+                                   History before, Real share, Sums& sum, Vec& force) {
+    const Real normal = normal_force(p.normal_stiffness, c.overlap, c.dashpot, c.vn);
+    const Real tangential =
+        tangential_force(before.tangential, p.spring, c.vt, friction * normal);
+    // Power over the step by the mean of the forces at its two ends, less what the springs store.
+    const Real viscous = normal - p.normal_stiffness * c.overlap;
+    sum.dashpots -= share * (Real(0.5) * (viscous + before.viscous) * c.vn);
+    sum.friction -= share * ((tangential + before.tangential) *
+                             (Real(0.5) * c.vt + (tangential - before.tangential) * p.compliance));
+    force = {normal * c.nx - tangential * c.ny, normal * c.ny + tangential * c.nx};
+    sum.x += force.x;
+    sum.y += force.y;
+    sum.torque += tangential * c.arm;
+    return {tangential, viscous};
+}
+
+// Neighbours that are loaded together.
+constexpr unsigned BATCH = 2;
+
+// Contacts with discs. Returns which rows touch.
+__device__ inline unsigned touch_discs(const Arrays& a, const Parameters& p, const Disc* now,
+                                       const Disc& disc, unsigned i, Sums& sum) {
+    const unsigned count = unsigned(disc.motion.info) & ROWS_MASK;
+    const unsigned touched = unsigned(disc.motion.info) >> FIRST_ROW;
+    unsigned touching = 0;
+    for (unsigned first = 0; first < count; first += BATCH) {
+        const Disc* other[BATCH];
+        Place place[BATCH];
+#pragma unroll
+        for (unsigned k = 0; k < BATCH; ++k) {
+            other[k] = now + (first + k < count ? a.list[size_t(first + k) * p.discs + i] : i);
+        }
+#pragma unroll
+        for (unsigned k = 0; k < BATCH; ++k) place[k] = other[k]->place;
+#pragma unroll
+        for (unsigned k = 0; k < BATCH; ++k) {
+            const unsigned row = first + k;
+            const Vec l = separation(p, disc.place, place[k]);
+            const Real distance2 = l.x * l.x + l.y * l.y;
+            const Real reach = disc.place.r + place[k].r;
+            if (row >= count || distance2 >= reach * reach) continue;
+            History& history = a.history[size_t(row) * p.discs + i];
+            const History before = touched >> row & 1u ? history : History{};
+            const Contact c =
+                contact_of(p, disc, {place[k], other[k]->motion}, l, distance2);
+            // A fixed disc does not evaluate its side.
+            const Real share = place[k].inv_mass == Real(0) ? Real(1) : Real(0.5);
+            Vec force;
+            history = evaluate(p, c, p.friction, before, share, sum, force);
+            sum.overlap = max(sum.overlap, ratio(c.overlap, min(disc.place.r, place[k].r)));
+            touching |= 1u << row;
+        }
+    }
+    return touching;
+}
+
+// Contacts with rigid bodies. Returns false if the disc is inside one.
+__device__ inline bool touch_bodies(const Arrays& a, const Parameters& p, const Disc& disc,
+                                    unsigned i, unsigned step, Sums& sum) {
+    const unsigned near = a.near_bodies[i];
+    for (unsigned k = 0; k < 4; ++k) {
+        const unsigned index = near >> (8 * k) & 255u;
+        if (index == NO_BODY) break;
+        const PlacedBody& body = bodies_after(a, p, step)[index];
+        const Vec l = branch_to(p, body, disc.place);
+        const Real distance2 = l.x * l.x + l.y * l.y;
+        if (distance2 == Real(0)) return false;
+        History& history = a.body_history[size_t(k) * p.discs + i];
+        if (distance2 >= disc.place.r * disc.place.r) {
+            history = {};
+            continue;
+        }
+        const Contact c = contact_with(p, disc, body, l, distance2);
+        Vec force;
+        history = evaluate(p, c, friction_of(body, l), history, Real(1), sum, force);
+        sum.boxes -= force.x * body.velocity[0] + force.y * body.velocity[1];
+        sum.overlap = max(sum.overlap, ratio(c.overlap, disc.place.r));
+    }
+    return true;
+}
+
+// Moves a disc: symplectic Euler. Returns the power of damping (W).
+__device__ inline Real move(const Parameters& p, const Sums& sum, Disc& disc) {
+    Motion& u = disc.motion;
+    const Real mass = Real(1) / disc.place.inv_mass;
+    const Real inertia = Real(0.5) * mass * disc.place.r * disc.place.r;
+    Real fx = mass * p.gravity[0] - sum.x;
+    Real fy = mass * p.gravity[1] - sum.y;
+    Real torque = -sum.torque;
+    Real lost = 0;
+    if (p.local_damping != Real(0) || p.drag != Real(0)) {
+        const Real x = fx + damped(-fx, u.x, p.local_damping) + mass * p.drag * u.x;
+        const Real y = fy + damped(-fy, u.y, p.local_damping) + mass * p.drag * u.y;
+        const Real t = torque + damped(-torque, u.w, p.local_damping) + inertia * p.drag * u.w;
+        lost = x * u.x + y * u.y + t * u.w;
+        fx -= x;
+        fy -= y;
+        torque -= t;
+    }
+    const Real kick = p.step * disc.place.inv_mass;
+    u.x += fx * kick;
+    u.y += fy * kick;
+    u.w += torque * ratio(p.step, inertia);
+    disc.place.x = moved(disc.place.x, p.per_unit * u.x);
+    disc.place.y = moved(disc.place.y, p.per_unit * u.y);
+    return lost;
+}
+
+// Adds to the losses of a disc in this sequence of steps (J).
+__device__ inline void add_losses(const Arrays& a, const Parameters& p, unsigned i, const Sums& sum,
+                                  Real lost) {
+    if (sum.dashpots != Real(0) || sum.friction != Real(0)) {
+        Loss& loss = a.loss[i];
+        loss = {loss.dashpots + p.step * sum.dashpots, loss.friction + p.step * sum.friction};
+    }
+    if (lost != Real(0) || sum.boxes != Real(0)) {
+        RareLoss& loss = a.rare_loss[i];
+        loss = {loss.damping + p.step * lost, loss.boxes + p.step * sum.boxes};
+    }
+}
+
+// Notes the displacement of a disc since the search. Exact at the end of a round; before it, only what
+// makes the lists outdated counts.
+__device__ inline void note_move(Control& c, const Parameters& p, unsigned k, Real moved2) {
+    const bool last = k + 1 == STEPS;
+    if (last) {
+        const Fraction largest = warp_max(bits_of(moved2));
+        if (threadIdx.x % LANES == 0 && largest > c.moved[k + 1]) {
+            atomicMax(&c.moved[k + 1], largest);
+        }
+    } else if (moved2 > p.allowed * p.allowed) {
+        atomicMax(&c.moved[k + 1], bits_of(moved2));
+    }
+}
+
+// The last block, which has no discs of its own where bodies move, places them for the next step. Returns
+// the square of a displacement since the last search (m²).
+__device__ inline Real move_bodies(const Arrays& a, const Parameters& p, const Control& c,
+                                   unsigned step) {
+    if (p.bodies_move == 0) return Real(0);
+    double largest2 = 0.0;
+    for (unsigned b = threadIdx.x; b < p.bodies; b += THREADS) {
+        largest2 = max(largest2, place_body(&a.body[b], &bodies_after(a, p, step + 1)[b],
+                                            p.origin[0], p.origin[1], p.side,
+                                            c.time + (step + 1) * p.dt,
+                                            c.time + c.searched * p.dt));
+    }
+    return Real(largest2);
+}
+
+extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
+    assembly_step(Arrays a, Parameters p, unsigned k) {
+    await_turn();
+    Control& c = *a.control;
+    const unsigned step = c.steps + k;
+    const unsigned i = blockIdx.x * THREADS + threadIdx.x;
+    const Fraction moved_before = c.moved[k];
+    if (has_failed(c) || step >= c.target) return;
+    if (real_of(moved_before) > p.allowed * p.allowed) {
+        // The lists are outdated, and remain so until a search.
+        if (i == 0) c.moved[k + 1] = moved_before;
+        return;
+    }
+    if (i == 0) c.done = k + 1;
+    Real moved2 = 0;
+    if (blockIdx.x == gridDim.x - 1) moved2 = move_bodies(a, p, c, step);
+    if (i < p.discs) {
+        const Disc* now = discs_after(a, p, step);
+        Disc disc = now[i];
+        if (disc.place.inv_mass != Real(0)) {
+            Sums sum = {};
+            unsigned info = unsigned(disc.motion.info);
+            const unsigned touching = touch_discs(a, p, now, disc, i, sum);
+            if ((info & BODIES_NEAR) != 0 && !touch_bodies(a, p, disc, i, step, sum)) {
+                fail(c, step, LEAK, a.id[i]);
+            }
+            info = (info & (ROWS_MASK | BODIES_NEAR)) | touching << FIRST_ROW;
+            const Real lost = move(p, sum, disc);
+            disc.motion.info = info;
+            const Motion& u = disc.motion;
+            if (!(u.x * u.x + u.y * u.y + u.w * u.w < Real(1e30))) {
+                fail(c, step, NOT_FINITE, a.id[i]);
+            }
+            if (sum.overlap > real_of(c.overlap)) atomicMax(&c.overlap, bits_of(sum.overlap));
+            if (sum.overlap > p.overlap_limit) fail(c, step, OVERLAP, a.id[i]);
+            add_losses(a, p, i, sum, lost);
+            const Position r = a.reference[i];
+            const Real x = p.unit * Real(Signed(disc.place.x - r.x));
+            const Real y = p.unit * Real(Signed(disc.place.y - r.y));
+            moved2 = max(moved2, x * x + y * y);
+        }
+        discs_after(a, p, step + 1)[i] = disc;
+    }
+    note_move(c, p, k, moved2);
+}

@@ -1,0 +1,40 @@
+// The contact law: twin of dem/src/contact.rs.
+
+// Length and its inverse.
+template <class Vector2>
+__device__ inline Vector2 length_and_inverse(Real length2) {
+#if REAL_BITS == 32
+    // One Newton step takes the length to within half a unit in the last place or so.
+    const Real inverse = rsqrtf(length2);
+    const Real guess = length2 * inverse;
+    return {fmaf(fmaf(-guess, guess, length2), Real(0.5) * inverse, guess), inverse};
+#else
+    const Real length = sqrt(length2);
+    return {length, Real(1) / length};
+#endif
+}
+
+// To a unit in the last place or two.
+__device__ inline Real ratio(Real a, Real b) {
+#if REAL_BITS == 32
+    return __fdividef(a, b);
+#else
+    return a / b;
+#endif
+}
+
+// Normal force (N): a spring and a dashpot that must not pull.
+__device__ inline Real normal_force(Real stiffness, Real overlap, Real dashpot, Real vn) {
+    return max(stiffness * overlap - dashpot * vn, Real(0));
+}
+
+// Tangential force (N) after one step: a spring, kt dt = `spring`, that slides at the Coulomb limit.
+__device__ inline Real tangential_force(Real before, Real spring, Real vt, Real limit) {
+    return min(max(before - spring * vt, -limit), limit);
+}
+
+// Cundall local damping: `resisting` is minus the force.
+__device__ inline Real damped(Real resisting, Real velocity, Real alpha) {
+    const Real power = resisting * velocity;
+    return resisting - (power < Real(0) ? alpha : power > Real(0) ? -alpha : Real(0)) * resisting;
+}

@@ -1,0 +1,193 @@
+//! Assemblies on a GPU against their CPU twin.
+//!
+//! Without a GPU these tests say so and pass, unless `DEMPM_REQUIRE_GPU=1`.
+
+use dem::Grains;
+use dem::assembly::{
+    Assembly, AssemblyError, Boundary, Faces, Floor, Grain, GrainFailure, GrainState, Packed,
+    RigidBox,
+};
+use dem::cuda::{CudaAssembly, CudaAssemblyError, CudaReal, assembly_defines, assembly_source};
+use gpu::compile;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rstest::rstest;
+
+/// Grains in motion in a box with an obstacle and a moving plate, many of them overlapping.
+fn violent<R: CudaReal>(count: usize, seed: u64) -> Assembly<R> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let grains = Grains::default();
+    let columns = 20;
+    let spacing = 1.9 * 0.5 * grains.mean_diameter();
+    let obstacle = RigidBox::fixed([0.2, 0.0], [0.25, 0.1], faces(0.5));
+    let plate = RigidBox {
+        velocity: [-0.5, 0.1],
+        start: 1.0e-3,
+        ..RigidBox::fixed([0.37, 0.05], [0.4, 0.3], faces(f64::INFINITY))
+    };
+    let boundary = Boundary {
+        size: [0.5, 1.0],
+        walls: faces(0.3),
+        floor: Floor::Rough,
+        boxes: vec![obstacle, plate],
+        seed: 3,
+    };
+    let mut packed = Packed::default();
+    for k in 0..count {
+        let mut uniform = |scale: f64| rng.random_range(-scale..scale);
+        let x = [
+            0.01 + spacing * ((k % columns) as f64 + uniform(0.1)),
+            0.01 + spacing * ((k / columns) as f64 + uniform(0.1)),
+        ];
+        let (v, w) = ([uniform(0.5), uniform(0.5)], uniform(100.0));
+        let r = rng.random_range(grains.radius_min..=grains.radius_max);
+        packed.grains.push(Grain { x, v, w, r });
+    }
+    Assembly::new(&grains, &boundary, [0.0, -9.81], grains.step(), &packed).unwrap()
+}
+
+fn faces(friction: f64) -> Faces {
+    Faces { left: friction, right: friction, bottom: friction, top: friction }
+}
+
+/// Largest differences of positions (m), velocities (m/s) and spins (1/s).
+fn difference(a: &[GrainState], b: &[GrainState]) -> [f64; 3] {
+    let mut most = [0.0_f64; 3];
+    for (a, b) in a.iter().zip(b) {
+        let apart = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        most[0] = most[0].max(apart(a.x, b.x));
+        most[1] = most[1].max(apart(a.v, b.v));
+        most[2] = most[2].max((a.w - b.w).abs());
+    }
+    most
+}
+
+#[rstest]
+#[case("sm_80")]
+#[case("sm_90a")]
+fn kernels_compile(#[case] architecture: &str) {
+    if !gpu::nvrtc_for_tests() {
+        return;
+    }
+    let compiled = |source: &str, defines: &[String]| {
+        compile("assembly.cu", source, architecture, defines).map(|_| ())
+    };
+    compiled(&assembly_source::<f32>(), &assembly_defines::<f32>(16)).unwrap();
+    compiled(&assembly_source::<f64>(), &assembly_defines::<f64>(16)).unwrap();
+}
+
+/// The same arithmetic but for fused operations and the order of sums: velocities of 1 m/s differ by
+/// round-off, which collisions multiply. 100 steps are some ten times the period of a contact.
+fn agrees<R: CudaReal>(steps: usize, tolerance: f64) {
+    let Some(device) = gpu::for_tests() else { return };
+    let mut cpu = violent::<R>(600, 1);
+    let mut gpu = CudaAssembly::upload(&device, &cpu).unwrap();
+    gpu.advance(steps).unwrap();
+    cpu.advance(steps).unwrap();
+    gpu.fetch_states().unwrap();
+    let (states, energy) = gpu.states(&cpu).unwrap();
+    let [x, v, w] = difference(&states, &cpu.states());
+    assert!(x < tolerance * 1e-3 && v < tolerance && w < tolerance * 1e3, "{x:e} {v:e} {w:e}");
+    let expected = cpu.energy();
+    let scale = 1e3 * tolerance * expected.kinetic;
+    for (name, found, expected) in [
+        ("kinetic", energy.kinetic, expected.kinetic),
+        ("potential", energy.potential, expected.potential),
+        ("elastic", energy.elastic, expected.elastic),
+        ("dashpots", energy.losses.dashpots, expected.losses.dashpots),
+        ("friction", energy.losses.friction, expected.losses.friction),
+        ("boxes", energy.losses.boxes, expected.losses.boxes),
+    ] {
+        assert!((found - expected).abs() < scale, "{name}: {found} on the GPU, {expected}");
+    }
+    let virial = |s: &[GrainState]| s.iter().map(|s| s.virial.norm()).sum::<f64>();
+    let (found, expected) = (virial(&states), virial(&cpu.states()));
+    assert!((found / expected - 1.0).abs() < 1e3 * tolerance, "{found} {expected}");
+    let contacts = |s: &[GrainState]| s.iter().map(|s| f64::from(s.contacts)).sum::<f64>();
+    assert!((contacts(&states) / contacts(&cpu.states()) - 1.0).abs() < 1e-2);
+}
+
+#[test]
+fn first_steps_agree_in_single_precision() {
+    agrees::<f32>(1, 1e-5);
+    agrees::<f32>(100, 1e-3);
+}
+
+#[test]
+fn first_steps_agree_in_double_precision() {
+    agrees::<f64>(100, 1e-11);
+}
+
+/// Also across searches, of which a violent start needs many.
+#[test]
+fn the_same_bits_from_run_to_run_and_after_a_download() {
+    let Some(device) = gpu::for_tests() else { return };
+    let start = violent::<f32>(2000, 2);
+    let run = |pause: bool| {
+        let mut host = start.clone();
+        let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
+        gpu.advance(400).unwrap();
+        if pause {
+            gpu.download_into(&mut host).unwrap();
+            gpu = CudaAssembly::upload(&device, &host).unwrap();
+        }
+        gpu.advance(400).unwrap();
+        gpu.download_into(&mut host).unwrap();
+        (host.packed(), host.steps(), host.searches())
+    };
+    let (packed, steps, searches) = run(false);
+    assert_eq!(steps, 800);
+    assert!(searches > 5, "{searches}");
+    let (again, ..) = run(false);
+    assert!(packed == again, "run to run");
+    let (resumed, ..) = run(true);
+    assert_eq!(packed.grains, resumed.grains, "after a download");
+}
+
+/// The lists of the GPU miss no contact: as many steps with searches at every step come to the same, but for
+/// the order of sums, which each collision of the violent start multiplies.
+#[test]
+fn lists_are_complete() {
+    let Some(device) = gpu::for_tests() else { return };
+    let host = violent::<f64>(1000, 4);
+    let run = |pieces: usize| {
+        let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
+        for _ in 0..pieces {
+            gpu.advance(64 / pieces).unwrap();
+        }
+        gpu.fetch_states().unwrap();
+        gpu.states(&host).unwrap().0
+    };
+    let [x, v, _] = difference(&run(1), &run(64));
+    assert!(x < 1e-12 && v < 1e-8, "{x:e} {v:e}");
+}
+
+#[test]
+fn failures_name_the_grain_and_the_step() {
+    let Some(device) = gpu::for_tests() else { return };
+    let grains = Grains { overlap_limit: 0.2, ..Grains::default() };
+    let boundary = Boundary {
+        size: [0.5, 0.5],
+        walls: faces(0.5),
+        floor: Floor::Flat,
+        boxes: Vec::new(),
+        seed: 0,
+    };
+    let grain = |x, v| Grain { x: [x, 0.1], v: [v, 0.0], w: 0.0, r: 4e-3 };
+    let packed = Packed {
+        grains: vec![grain(0.3, 0.0), grain(0.1, 50.0), grain(0.12, 0.0)],
+        ..Packed::default()
+    };
+    let host =
+        Assembly::<f32>::new(&grains, &boundary, [0.0, 0.0], grains.step(), &packed).unwrap();
+    let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
+    let error = gpu.advance(1000).unwrap_err();
+    let CudaAssemblyError::Assembly(AssemblyError::Grain { step, grain, position, failure }) =
+        error
+    else {
+        panic!("{error}")
+    };
+    assert!(step < 100 && (1..=2).contains(&grain), "{step} {grain}");
+    assert!((position[0] - 0.12).abs() < 0.01, "{position:?}");
+    assert!(matches!(failure, GrainFailure::Overlap(o) if o > 0.2), "{failure}");
+}

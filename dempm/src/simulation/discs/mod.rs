@@ -1,0 +1,10 @@
+//! Every grain of a scene as a disc; points are means over the grains that started in their squares.
+
+mod columns;
+mod means;
+mod members;
+mod model;
+mod scene_assembly;
+
+pub use means::PointMeans;
+pub use model::{DiscModel, DiscState};
