@@ -26,10 +26,11 @@ impl Region {
         (0..2).all(|k| (0.0..self.side).contains(&(x[k] - self.origin[k])))
     }
 
-    /// A position (m) as fractions; one outside of the region is moved to its edge.
+    /// A position (m) as the nearest fractions; one outside of the region is moved to its edge.
     pub fn encode<R: Real>(&self, x: [f64; 2]) -> [R::Fraction; 2] {
         let largest = 1.0 - R::UNIT.max(f64::EPSILON);
-        [0, 1].map(|k| R::fraction(((x[k] - self.origin[k]) / self.side).clamp(0.0, largest)))
+        let nearest = |k: usize| (x[k] - self.origin[k]) / self.side + 0.5 * R::UNIT;
+        [0, 1].map(|k| R::fraction(nearest(k).clamp(0.0, largest)))
     }
 
     /// Fractions as a position (m).

@@ -18,19 +18,13 @@ pub(crate) struct ContactMemory<R: Real> {
 impl<R: Real> ContactMemory<R> {
     /// The contacts of tiles whose discs have these identities.
     pub(super) fn of_tiles(tiles: &[Tile<R>], ids: &[u32]) -> Self {
-        let pairs = tiles.iter().flat_map(|tile| {
-            let own = tile.len() as u16;
-            let id = move |k: u16| ids[tile.place_of(k)];
-            // A pair across a border is in both tiles, and its first disc is one of only one.
-            let outer = tile.outer.iter().filter(move |pair| pair.i < own);
-            tile.inner.iter().chain(outer).map(move |pair| (id(pair.i), id(pair.j), pair.contact))
-        });
-        let bodies = tiles.iter().flat_map(|tile| {
-            tile.bodies.iter().map(|pair| {
-                let id = ids[(tile.first + u32::from(pair.disc)) as usize];
-                (id, pair.body, pair.contact)
-            })
-        });
+        let id = |k: u32| ids[k as usize];
+        // A pair across a border is in both tiles.
+        let outer = tiles.iter().flat_map(|tile| tile.outer.iter().filter(|pair| pair.i < pair.j));
+        let pairs = tiles.iter().flat_map(|tile| &tile.inner).chain(outer);
+        let pairs = pairs.map(|pair| (id(pair.i), id(pair.j), pair.contact));
+        let bodies = tiles.iter().flat_map(|tile| &tile.bodies);
+        let bodies = bodies.map(|pair| (id(pair.disc), pair.body, pair.contact));
         Self::new(ids.len(), &pairs.collect::<Vec<_>>(), bodies)
     }
 

@@ -13,6 +13,7 @@ mod memory;
 mod output;
 mod packed;
 mod prepare;
+mod profile;
 mod search;
 mod solver;
 mod tile;
@@ -23,6 +24,7 @@ pub use energy::{Energy, Losses};
 pub use error::{AssemblyError, GrainFailure};
 pub use packed::{Grain, GrainState, Packed, PackedContact, Partner};
 pub use prepare::{Advance, ColumnBox, prepare_column};
+pub use profile::{Layer, profile};
 pub use solver::Assembly;
 
 pub(crate) use memory::ContactMemory;

@@ -28,7 +28,7 @@ impl<R: Real> Assembly<R> {
         let law = self.law();
         let bodies = self.bodies_now();
         let tiles: Vec<Vec<GrainState>> =
-            self.tiles.par_iter().map(|tile| self.tile_states(tile, &law, &bodies)).collect();
+            self.listed().par_iter().map(|tile| self.tile_states(tile, &law, &bodies)).collect();
         let mut states = vec![GrainState::default(); self.mobile];
         for (state, &id) in tiles.into_iter().flatten().zip(&self.ids) {
             if let Some(place) = states.get_mut(id as usize) {
@@ -57,24 +57,23 @@ impl<R: Real> Assembly<R> {
                 ..GrainState::default()
             })
             .collect();
-        let place = |k: u16| tile.place_of(k);
         for pair in tile.inner.iter().chain(&tile.outer) {
-            let (a, b) = (&self.discs[place(pair.i)], &self.discs[place(pair.j)]);
+            let (a, b) = (&self.discs[pair.i as usize], &self.discs[pair.j as usize]);
             let Some(contact) = self.contact(law, a, b, pair.contact, pair.dashpot) else {
                 continue;
             };
             for (k, r) in [(pair.i, a.r), (pair.j, b.r)] {
-                if let Some(state) = states.get_mut(usize::from(k)) {
+                if let Some(state) = states.get_mut(k.wrapping_sub(tile.first) as usize) {
                     state.add(&contact, r.to_f64() - 0.5 * contact.overlap);
                 }
             }
         }
         for pair in &tile.bodies {
-            let disc = &own[usize::from(pair.disc)];
+            let disc = &self.discs[pair.disc as usize];
             let body = &bodies[usize::from(pair.body)];
             if let Some(contact) = self.body_contact(law, disc, body, pair.contact, pair.dashpot) {
                 let arm = disc.r.to_f64() - contact.overlap;
-                states[usize::from(pair.disc)].add(&contact, arm);
+                states[(pair.disc - tile.first) as usize].add(&contact, arm);
             }
         }
         states
@@ -137,17 +136,17 @@ impl<R: Real> Assembly<R> {
             let (kn, kt) = (self.grains.normal_stiffness, self.grains.tangential_stiffness);
             0.5 * kn * contact.overlap.powi(2) + 0.5 * contact.tangential.powi(2) / kt
         };
-        for tile in &self.tiles {
+        for tile in &self.listed() {
             for (pairs, weight) in [(&tile.inner, 1.0), (&tile.outer, 0.5)] {
                 for pair in pairs {
-                    let a = &self.discs[tile.place_of(pair.i)];
-                    let b = &self.discs[tile.place_of(pair.j)];
+                    let a = &self.discs[pair.i as usize];
+                    let b = &self.discs[pair.j as usize];
                     let contact = self.contact(&law, a, b, pair.contact, pair.dashpot);
                     energy.elastic += weight * contact.as_ref().map_or(0.0, stored);
                 }
             }
             for pair in &tile.bodies {
-                let disc = &self.discs[tile.place_of(pair.disc)];
+                let disc = &self.discs[pair.disc as usize];
                 let body = &bodies[usize::from(pair.body)];
                 let contact = self.body_contact(&law, disc, body, pair.contact, pair.dashpot);
                 energy.elastic += contact.as_ref().map_or(0.0, stored);

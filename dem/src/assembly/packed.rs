@@ -17,7 +17,7 @@ pub struct Grain {
 }
 
 /// What a grain is in contact with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Partner {
     /// A grain, by its index.
     Grain(u32),

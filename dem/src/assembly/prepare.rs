@@ -28,26 +28,32 @@ pub type Advance<'a, R> = dyn FnMut(&mut Assembly<R>, usize) -> Result<(), Assem
 const DENSEST: f64 = 0.88;
 /// More grains than fill the column, as the top layer is cut.
 const OVERFILL: f64 = 1.04;
-/// Decay of velocities (1/s) while grains fall, and while they settle.
+/// Decay of velocities (1/s) while grains fall, while they settle, and once they hardly move.
 const FALLING_DRAG: f64 = 2.0;
 const SETTLING_DRAG: f64 = 20.0;
+const RESTING_DRAG: f64 = 200.0;
 /// Time (s) between two looks at the motion.
 const LOOK: f64 = 0.01;
-/// Grains are at rest below this mean kinetic energy, in units of the mean weight times the mean diameter.
-const AT_REST: f64 = 1.0e-6;
+/// Mean kinetic energies, in units of the mean weight times the mean diameter, at which grains hardly move
+/// and at which they are at rest.
+const HARDLY_MOVING: f64 = 1.0e-3;
+const AT_REST: f64 = 1.0e-7;
 /// Shortest settling, in looks, and longest, in times of a free fall from the top of the column.
 const SHORTEST: usize = 5;
 const LONGEST: f64 = 30.0;
+/// Largest gap beside a grain, over its radius, and distance of grains over that of touching ones.
+const GAP: f64 = 0.3;
+const CLEARANCE: f64 = 1.001;
 /// Solid fraction for the weight of a column.
 const SOLID_FRACTION: f64 = 0.85;
 /// Pressure at the base of a column that is not loaded (Pa).
-const UNLOADED: f64 = 2.0e3;
+const UNLOADED: f64 = 100.0;
 /// The floor's index among bodies.
 const FLOOR: u32 = 2;
 
 /// Fills a column with grains that are at rest within frictionless sides, on the floor of the domain if it
 /// stands there. Grains are dropped with the friction of preparation; then what is above the column is
-/// taken away, and the rest relaxes with the friction of flow.
+/// taken away, and the rest relaxes with the weight and the friction that it has in the scene.
 ///
 /// # Errors
 /// The column is too small for the grains, they do not come to rest, or a step fails.
@@ -75,7 +81,7 @@ pub fn prepare_column<R: Real>(
     smooth.friction = grains.preparation_friction;
     let mut assembly = Assembly::new(&smooth, &silo, [0.0, weight], dt, &rain)?;
     assembly.set_drag(FALLING_DRAG);
-    let fall = (2.0 * silo.size[1] / -weight).sqrt();
+    let fall = (2.0 * (silo.size[1] - place.corner[1] - height).max(0.0) / -weight).sqrt();
     advance(&mut assembly, (fall / dt).ceil() as usize)?;
     settle(&mut assembly, weight, place, advance)?;
 
@@ -87,10 +93,14 @@ pub fn prepare_column<R: Real>(
     }
     packed.retain(|grain| grain.x[1] < top);
 
-    // Then the weight that the grains carry in the scene, with the friction of flow.
-    let bulk_density = SOLID_FRACTION * grains.grain_density;
-    let carried = if place.loaded { weight } else { -UNLOADED / (bulk_density * height) };
-    let mut assembly = Assembly::new(grains, &silo, [0.0, carried], dt, &packed)?;
+    // Without the friction of flow at first, which would lock in the horizontal stress under what was cut.
+    let mut assembly = Assembly::new(&smooth, &silo, [0.0, weight], dt, &packed)?;
+    settle(&mut assembly, weight, place, advance)?;
+    assembly.set_friction(grains.friction);
+    if !place.loaded {
+        let bulk_density = SOLID_FRACTION * grains.grain_density;
+        assembly.set_gravity([0.0, -UNLOADED / (bulk_density * height)]);
+    }
     settle(&mut assembly, weight, place, advance)?;
     let mut packed = assembly.packed();
     packed.retain(|grain| grain.x[1] < top);
@@ -121,15 +131,17 @@ fn settle<R: Real>(
     let looks = (longest / LOOK).ceil() as usize + SHORTEST;
     for k in 1..=looks {
         advance(assembly, look)?;
-        if k >= SHORTEST && assembly.agitation(-weight) < AT_REST {
+        let agitation = assembly.agitation(-weight);
+        if k >= SHORTEST && agitation < AT_REST {
             return Ok(());
         }
+        assembly.set_drag(if agitation < HARDLY_MOVING { RESTING_DRAG } else { SETTLING_DRAG });
     }
     let reason = format!("the grains are not at rest after {longest:.1} s");
     Err(AssemblyError::Preparation { corner: place.corner, reason })
 }
 
-/// Grains above each other in staggered rows that do not touch, slightly out of order.
+/// Grains of random radii in rows, each as low as those below let it lie at its place in the row.
 fn rain(grains: &Grains, place: &ColumnBox, seed: u64) -> Packed {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let [width, height] = place.size;
@@ -137,30 +149,33 @@ fn rain(grains: &Grains, place: &ColumnBox, seed: u64) -> Packed {
     let mean_square = (a * a + a * b + b * b) / 3.0;
     let area = OVERFILL * width * (height + 2.0 * b);
     let count = (DENSEST * area / (std::f64::consts::PI * mean_square)).ceil() as usize;
-    let spacing = 2.02 * b;
-    let shift = 0.25 * spacing;
-    let in_row = ((width - 2.0 * b - 2.0 * shift) / spacing + 1.0).floor().max(1.0) as usize;
-    let row_height = 0.87 * spacing;
-    let mut grain = |k: usize| {
-        let (row, column) = (k / in_row, k % in_row);
-        let stagger = if row.is_multiple_of(2) { -shift } else { shift };
-        // Rows fill the width evenly.
-        let pitch = (width - 2.0 * b - 2.0 * shift) / (in_row.max(2) - 1) as f64;
-        let middle = if in_row == 1 { 0.5 * width - b - shift } else { column as f64 * pitch };
+    let mut fallen: Vec<Grain> = Vec::with_capacity(count);
+    // Indices of the grains in vertical strips that are as wide as two grains reach.
+    let strip = |x: f64| (x / (2.0 * CLEARANCE * b)) as usize + 1;
+    let mut strips: Vec<Vec<usize>> = vec![Vec::new(); strip(width) + 2];
+    let mut end = 0.0;
+    for index in 0..count {
         let r = rng.random_range(a..=b);
-        // Drawn in this order for each grain: radius, then motion.
-        let kick = rng.random_range(-0.01..0.01);
-        Grain {
-            x: [
-                place.corner[0] + b + shift + middle + stagger,
-                place.corner[1] + b + row as f64 * row_height,
-            ],
-            v: [kick, 0.0],
-            w: 0.0,
-            r,
+        let gap = rng.random_range(0.0..GAP) * r;
+        let fits = end + gap + 2.0 * r <= width;
+        let x = r + if fits { end + gap } else { 0.0 };
+        end = x + r;
+        let mut y = r;
+        for &other in strips[strip(x) - 1..=strip(x) + 1].iter().flatten() {
+            let other = &fallen[other];
+            let reach = CLEARANCE * (r + other.r);
+            let dx = x - (other.x[0] - place.corner[0]);
+            if dx.abs() < reach {
+                let above = (reach * reach - dx * dx).sqrt();
+                y = y.max(other.x[1] - place.corner[1] + above);
+            }
         }
-    };
-    Packed { grains: (0..count).map(&mut grain).collect(), contacts: Vec::new() }
+        strips[strip(x)].push(index);
+        let kick = rng.random_range(-0.01..0.01);
+        let x = [place.corner[0] + x, place.corner[1] + y];
+        fallen.push(Grain { x, v: [kick, 0.0], w: 0.0, r });
+    }
+    Packed { grains: fallen, contacts: Vec::new() }
 }
 
 /// The box in which a column is prepared: frictionless sides, and the floor of the domain below a column that

@@ -1,12 +1,13 @@
 //! Search for neighbours: discs are put in the order of tiles and bins, and every tile lists the pairs
-//! within reach.
+//! within reach. As discs move, tiles list their pairs again, each when its discs demand it, until a disc
+//! has moved by a bin and all are sorted again.
 
 use rayon::prelude::*;
 
 use super::boundary::RigidBox;
 use super::coordinates::Region;
 use super::memory::ContactMemory;
-use super::tile::{BodyPair, Pair, Tile};
+use super::tile::{BodyPair, History, Pair, Tile};
 use crate::contact::ContactLaw;
 use crate::disc::Disc;
 use crate::grains::Grains;
@@ -33,6 +34,11 @@ impl Bins {
         let in_bin = side * side / (std::f64::consts::PI * mean * mean);
         let per_tile = (TILE_DISCS / in_bin).sqrt().ceil().max(1.0) as u32;
         Self { region, side, per_tile }
+    }
+
+    /// How far a disc may move between two sorts (m): less than a bin, as places are rounded.
+    pub fn drift(&self) -> f64 {
+        0.99 * self.side
     }
 
     /// Column and row of the bin of a disc.
@@ -75,6 +81,19 @@ fn divide<R: Real>(discs: &[Disc<R>], bins: &Bins) -> Vec<Tile<R>> {
     tiles
 }
 
+/// Places in the list of this tile and those around it, row by row.
+fn around<R: Real>(tile: &Tile<R>, tiles: &[Tile<R>]) -> Vec<u32> {
+    let [x, y] = tile.place;
+    let mut around = Vec::with_capacity(9);
+    for ty in y.saturating_sub(1)..=y + 1 {
+        let left = (ty, x.saturating_sub(1));
+        let first = tiles.partition_point(|t| (t.place[1], t.place[0]) < left);
+        let row = tiles[first..].iter().take_while(|t| t.place[1] == ty && t.place[0] <= x + 1);
+        around.extend((first as u32..).zip(row).map(|(k, _)| k));
+    }
+    around
+}
+
 /// What a search works with.
 pub(super) struct Search<'a, R: Real> {
     pub law: &'a ContactLaw<R>,
@@ -82,43 +101,70 @@ pub(super) struct Search<'a, R: Real> {
     /// Pairs are listed up to this distance beyond touch (m).
     pub skin: f64,
     pub discs: &'a [Disc<R>],
-    pub ids: &'a [u32],
     /// Walls and boxes where they are now.
     pub bodies: &'a [RigidBox],
     pub time: f64,
-    pub memory: &'a ContactMemory<R>,
 }
 
 impl<R: Real> Search<'_, R> {
-    /// Tiles with all pairs within reach, whose contacts continue.
-    pub fn tiles(&self) -> Vec<Tile<R>> {
+    /// Tiles of sorted discs with these identities, with all pairs within reach, whose contacts continue.
+    pub fn tiles(&self, ids: &[u32], memory: &ContactMemory<R>) -> Vec<Tile<R>> {
         let empty: Vec<Tile<R>> = divide(self.discs, &self.bins);
+        let id = |k: u32| ids[k as usize];
         let listed = empty.par_iter().map(|tile| {
             let mut tile = tile.clone();
-            self.list(&mut tile, &empty);
+            tile.around = around(&tile, &empty);
+            tile.halo = self.halo(&tile, &empty);
+            self.list(&mut tile, |i, j| memory.of_pair(id(i), id(j)));
+            self.list_bodies(&mut tile, |disc, body| memory.of_body(id(disc), body));
             tile
         });
         listed.collect()
     }
 
-    fn list(&self, tile: &mut Tile<R>, tiles: &[Tile<R>]) {
-        let near = Near::around(tile, tiles, self.discs, &self.bins);
+    /// Lists the pairs of a tile again.
+    pub fn renew(&self, tile: &mut Tile<R>) {
+        let touching = |pair: &Pair<R>| pair.contact != History::default();
+        let pairs = tile.inner.drain(..).chain(tile.outer.drain(..));
+        let mut pairs: Vec<Pair<R>> = pairs.filter(touching).collect();
+        pairs.sort_by_key(|pair| pair.i);
+        // Pairs are asked for in the order of their first disc.
+        let mut next = 0;
+        self.list(tile, |i, j| {
+            next += pairs[next..].iter().take_while(|pair| pair.i < i).count();
+            let of_disc = pairs[next..].iter().take_while(|pair| pair.i == i);
+            of_disc.copied().find(|pair| pair.j == j).unwrap_or_default().contact
+        });
+        let bodies = std::mem::take(&mut tile.bodies);
+        self.list_bodies(tile, |disc, body| {
+            let found = bodies.binary_search_by_key(&(disc, body), |pair| (pair.disc, pair.body));
+            found.map_or_else(|_| History::default(), |k| bodies[k].contact)
+        });
+    }
+
+    /// Discs of the tiles around that can come within reach of one of a tile before the next sort: both
+    /// move by less than a bin, and pairs reach one bin far.
+    fn halo(&self, tile: &Tile<R>, tiles: &[Tile<R>]) -> Vec<u32> {
+        let frame = Frame::new(tile, &self.bins, 3);
+        let others = tile.around.iter().map(|&k| &tiles[k as usize]);
+        let discs = others.filter(|t| t.place != tile.place).flat_map(|t| t.first..t.end);
+        discs.filter(|&k| frame.bin(&self.discs[k as usize]).is_some()).collect()
+    }
+
+    /// Lists pairs of discs, whose contacts continue from `memory`.
+    fn list(&self, tile: &mut Tile<R>, mut memory: impl FnMut(u32, u32) -> History<R>) {
+        let near = Near::new(tile, self.discs, &self.bins);
         let unit = R::from_f64(self.bins.region.unit::<R>());
         let skin = R::from_f64(self.skin);
-        let own = tile.len();
-        // Place of each nearby disc in the tile; ghosts get one when they are first needed.
-        let mut local: Vec<u16> = (0..near.discs.len()).map(|k| k as u16).collect();
-        local[own..].fill(u16::MAX);
-        for (i, &index) in near.discs[..own].iter().enumerate() {
-            let a = &self.discs[index as usize];
-            for &candidate in near.around_bin(near.bin[i]) {
-                let j = candidate as usize;
-                let other = near.discs[j];
+        for (i, bin) in (tile.first..tile.end).zip(near.own_bins(self.discs)) {
+            let a = &self.discs[i as usize];
+            for &j in near.around_bin(bin) {
                 // Both tiles list a pair across their border, a tile an own pair once.
-                if j < own && j <= i {
+                let inner = (tile.first..tile.end).contains(&j);
+                if inner && j <= i {
                     continue;
                 }
-                let b = &self.discs[other as usize];
+                let b = &self.discs[j as usize];
                 let x = unit * R::nearest(a.s[0], b.s[0]);
                 let y = unit * R::nearest(a.s[1], b.s[1]);
                 let range = a.r + b.r + skin;
@@ -126,28 +172,21 @@ impl<R: Real> Search<'_, R> {
                 if x * x + y * y >= range * range || fixed {
                     continue;
                 }
-                if local[j] == u16::MAX {
-                    local[j] = (own + tile.ghosts.len()) as u16;
-                    tile.ghosts.push(other);
-                }
-                let (i, j) =
-                    if index < other { (local[i], local[j]) } else { (local[j], local[i]) };
-                let (id, other_id) = (self.ids[index as usize], self.ids[other as usize]);
-                let contact = self.memory.of_pair(id, other_id);
-                let pair = Pair { i, j, contact, dashpot: self.law.dashpot(a, b) };
-                if usize::from(i.max(j)) < own {
-                    tile.inner.push(pair);
-                } else {
-                    tile.outer.push(pair);
-                }
+                let pair = Pair { i, j, contact: memory(i, j), dashpot: self.law.dashpot(a, b) };
+                if inner { &mut tile.inner } else { &mut tile.outer }.push(pair);
             }
         }
-        self.list_bodies(tile);
+        tile.reference.clear();
+        let positions = (tile.first..tile.end).chain(tile.halo.iter().copied());
+        tile.reference.extend(positions.map(|k| self.discs[k as usize].s));
+        tile.listed = self.time;
+        tile.travel = 0.0;
     }
 
-    fn list_bodies(&self, tile: &mut Tile<R>) {
-        let own = tile.first as usize..tile.end as usize;
-        for (k, (disc, &id)) in self.discs[own.clone()].iter().zip(&self.ids[own]).enumerate() {
+    /// Lists pairs of discs and bodies, whose contacts continue from `memory`.
+    fn list_bodies(&self, tile: &mut Tile<R>, memory: impl Fn(u32, u16) -> History<R>) {
+        for k in tile.first..tile.end {
+            let disc = &self.discs[k as usize];
             if disc.inv_mass == R::default() {
                 continue;
             }
@@ -156,82 +195,81 @@ impl<R: Real> Search<'_, R> {
             for (body, rigid) in self.bodies.iter().enumerate() {
                 let [dx, dy] = rigid.branch(x, self.time);
                 if dx * dx + dy * dy < range * range {
-                    tile.bodies.push(BodyPair {
-                        disc: k as u16,
-                        body: body as u16,
-                        contact: self.memory.of_body(id, body as u16),
-                        dashpot: self.law.body_dashpot(disc),
-                    });
+                    let body = body as u16;
+                    let (contact, dashpot) = (memory(k, body), self.law.body_dashpot(disc));
+                    tile.bodies.push(BodyPair { disc: k, body, contact, dashpot });
                 }
             }
         }
+    }
+}
+
+/// The bins of a tile, with some more around it.
+struct Frame<'a> {
+    bins: &'a Bins,
+    /// Lower left bin of the tile.
+    corner: [u32; 2],
+    margin: u32,
+    /// Bins along a side.
+    side: u32,
+}
+
+impl<'a> Frame<'a> {
+    fn new<R: Real>(tile: &Tile<R>, bins: &'a Bins, margin: u32) -> Self {
+        let corner = tile.place.map(|place| place * bins.per_tile);
+        Self { bins, corner, margin, side: bins.per_tile + 2 * margin }
+    }
+
+    /// Bin of a disc, row by row, if it is one of these.
+    fn bin<R: Real>(&self, disc: &Disc<R>) -> Option<u32> {
+        let bin = self.bins.of(disc);
+        let [x, y] = [0, 1].map(|k| (bin[k] + self.margin).wrapping_sub(self.corner[k]));
+        (x < self.side && y < self.side).then_some(y * self.side + x)
     }
 }
 
 /// Discs in and around a tile, by bins.
-struct Near {
-    /// Own discs, then those of the bins around the tile.
-    discs: Vec<u32>,
-    /// Bin of each, in the tile with a margin of one bin.
-    bin: Vec<u32>,
-    /// Bins in a row of them.
-    row: u32,
+struct Near<'a> {
+    frame: Frame<'a>,
+    own: std::ops::Range<u32>,
+    /// `sorted[start[b]..start[b + 1]]` are the discs of bin b.
     start: Vec<u32>,
-    sorted: Vec<u16>,
+    sorted: Vec<u32>,
 }
 
-impl Near {
-    fn around<R: Real>(tile: &Tile<R>, tiles: &[Tile<R>], discs: &[Disc<R>], bins: &Bins) -> Self {
-        let row = bins.per_tile + 2;
-        // Bin of a disc, counted from one left of and below the tile.
-        let local = |disc: &Disc<R>| {
-            let [bx, by] = bins.of(disc);
-            let [tx, ty] = tile.place.map(|place| place * bins.per_tile);
-            let (x, y) = ((bx + 1).wrapping_sub(tx), (by + 1).wrapping_sub(ty));
-            (x < row && y < row).then(|| y * row + x)
-        };
-        let mut near =
-            Self { discs: Vec::new(), bin: Vec::new(), row, start: Vec::new(), sorted: Vec::new() };
-        let mut add = |from: &Tile<R>| {
-            for index in from.first..from.end {
-                if let Some(bin) = local(&discs[index as usize]) {
-                    near.discs.push(index);
-                    near.bin.push(bin);
-                }
-            }
-        };
-        add(tile);
-        let [x, y] = tile.place;
-        for ty in y.saturating_sub(1)..=y + 1 {
-            let first =
-                tiles.partition_point(|t| (t.place[1], t.place[0]) < (ty, x.saturating_sub(1)));
-            let row = tiles[first..].iter().take_while(|t| t.place[1] == ty && t.place[0] <= x + 1);
-            row.filter(|t| t.place != tile.place).for_each(&mut add);
+impl<'a> Near<'a> {
+    fn new<R: Real>(tile: &Tile<R>, discs: &[Disc<R>], bins: &'a Bins) -> Self {
+        // Own discs have moved by less than a bin since they were sorted into the tile.
+        let frame = Frame::new(tile, bins, 2);
+        let binned = || tile.nearby().filter_map(|k| Some((k, frame.bin(&discs[k as usize])?)));
+        let mut start = vec![0; (frame.side * frame.side) as usize + 1];
+        for (_, bin) in binned() {
+            start[bin as usize + 1] += 1;
         }
-        near.sort();
-        near
+        for b in 1..start.len() {
+            start[b] += start[b - 1];
+        }
+        let mut next = start.clone();
+        let mut sorted = vec![0; start[start.len() - 1] as usize];
+        for (k, bin) in binned() {
+            let place = &mut next[bin as usize];
+            sorted[*place as usize] = k;
+            *place += 1;
+        }
+        Self { frame, own: tile.first..tile.end, start, sorted }
     }
 
-    /// Counting sort: `sorted[start[b]..start[b + 1]]` are the discs of bin b.
-    fn sort(&mut self) {
-        self.start = vec![0; (self.row * self.row) as usize + 1];
-        for &bin in &self.bin {
-            self.start[bin as usize + 1] += 1;
-        }
-        for b in 1..self.start.len() {
-            self.start[b] += self.start[b - 1];
-        }
-        let mut next = self.start.clone();
-        self.sorted = vec![0; self.discs.len()];
-        for (k, &bin) in self.bin.iter().enumerate() {
-            self.sorted[next[bin as usize] as usize] = k as u16;
-            next[bin as usize] += 1;
-        }
+    /// Column and row in the frame of each own disc.
+    fn own_bins<R: Real>(&self, discs: &[Disc<R>]) -> impl Iterator<Item = u32> {
+        let own = &discs[self.own.start as usize..self.own.end as usize];
+        // An own disc elsewhere has a velocity beyond all measure, which ends the run.
+        own.iter().map(|disc| self.frame.bin(disc).unwrap_or(self.frame.side + 1))
     }
 
     /// The discs of a bin and the eight around it, row by row.
-    fn around_bin(&self, bin: u32) -> impl Iterator<Item = &u16> {
-        [bin - self.row, bin, bin + self.row].into_iter().flat_map(|middle| {
+    fn around_bin(&self, bin: u32) -> impl Iterator<Item = &u32> {
+        let row = self.frame.side;
+        [bin - row, bin, bin + row].into_iter().flat_map(|middle| {
             let range = self.start[middle as usize - 1]..self.start[middle as usize + 2];
             &self.sorted[range.start as usize..range.end as usize]
         })

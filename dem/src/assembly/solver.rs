@@ -10,7 +10,7 @@ use super::error::{AssemblyError, GrainFailure};
 use super::memory::ContactMemory;
 use super::packed::{Grain, Packed, PackedContact, Partner};
 use super::search::{Bins, Search, sort};
-use super::tile::{History, Step, Tile, TileSums};
+use super::tile::{History, Step, Tile, TileSums, Work};
 use crate::contact::ContactLaw;
 use crate::disc::Disc;
 use crate::grains::Grains;
@@ -18,8 +18,8 @@ use crate::real::Real;
 
 /// Discs in a bounded domain with rigid walls, boxes and a floor: a complete scene.
 ///
-/// Every step evaluates the contacts of all discs and moves them. Neighbours are searched anew before any
-/// pair outside of the lists could touch. Results have the same bits for any number of threads.
+/// Every step evaluates the contacts of all discs and moves them. Neighbours are listed anew before any pair
+/// outside of the lists could touch. Results have the same bits for any number of threads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub struct Assembly<R: Real> {
@@ -44,10 +44,8 @@ pub struct Assembly<R: Real> {
     /// Number of grains that move.
     pub(crate) mobile: usize,
     pub(super) tiles: Vec<Tile<R>>,
-    /// Positions at the last search; empty: there was none.
-    pub(crate) reference: Vec<[R::Fraction; 2]>,
-    /// Time of the last search (s).
-    pub(crate) searched: f64,
+    /// Positions at the last search.
+    pub(super) reference: Vec<[R::Fraction; 2]>,
     /// Upper bound of the displacement of any disc since then (m).
     travel: f64,
     /// Searches since the start.
@@ -56,7 +54,17 @@ pub struct Assembly<R: Real> {
     /// Largest overlap over the smaller radius since the start.
     pub(crate) max_overlap: f64,
     #[serde(skip)]
-    next: Vec<Disc<R>>,
+    next: Buffer<R>,
+}
+
+/// The discs of the next step, and of the last one after it. No part of the state.
+#[derive(Clone, Debug, Default)]
+struct Buffer<R: Real>(Vec<Disc<R>>);
+
+impl<R: Real> PartialEq for Buffer<R> {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 impl<R: Real> Assembly<R> {
@@ -90,7 +98,7 @@ impl<R: Real> Assembly<R> {
             let error = |failure| {
                 Err(AssemblyError::Grain { step: 0, grain: index, position: grain.x, failure })
             };
-            if !grain.x.iter().chain(&grain.v).all(|x| x.is_finite()) {
+            if !grain.x.iter().chain(&grain.v).chain([&grain.w, &grain.r]).all(|x| x.is_finite()) {
                 return error(GrainFailure::NotFinite);
             }
             if !region.contains(grain.x) {
@@ -119,12 +127,11 @@ impl<R: Real> Assembly<R> {
             mobile: packed.grains.len(),
             tiles: Vec::new(),
             reference: Vec::new(),
-            searched: 0.0,
             travel: 0.0,
             searches: 0,
             losses: Losses::default(),
             max_overlap: 0.0,
-            next: Vec::new(),
+            next: Buffer::default(),
         };
         let count = assembly.discs.len();
         assembly.search_with(|_| memory(packed, count));
@@ -205,7 +212,7 @@ impl<R: Real> Assembly<R> {
     /// finite. The assembly is then not usable further.
     pub fn advance(&mut self, steps: usize) -> Result<(), AssemblyError> {
         for _ in 0..steps {
-            if self.outdated() {
+            if self.unsorted() {
                 self.search();
             }
             self.step()?;
@@ -214,29 +221,35 @@ impl<R: Real> Assembly<R> {
     }
 
     fn step(&mut self) -> Result<(), AssemblyError> {
-        let bodies = self.bodies_now();
+        let (law, bodies) = (self.law(), self.bodies_now());
         let step = Step {
-            law: self.law(),
+            law,
             unit: R::from_f64(self.region.unit::<R>()),
             gravity: self.gravity.map(R::from_f64),
             drag: R::from_f64(self.drag),
             bodies: &bodies,
         };
-        let Self { tiles, discs, next, .. } = self;
-        next.resize(discs.len(), Disc::default());
+        let mut tiles = std::mem::take(&mut self.tiles);
+        let Buffer(mut next) = std::mem::take(&mut self.next);
+        next.resize(self.discs.len(), Disc::default());
         let mut rest = next.as_mut_slice();
-        let mut slices = Vec::with_capacity(tiles.len());
-        for tile in &*tiles {
+        let mut parts = Vec::with_capacity(tiles.len());
+        for tile in &mut tiles {
             let (slice, others) = rest.split_at_mut(tile.len());
-            slices.push(slice);
+            parts.push((tile, slice));
             rest = others;
         }
-        let sums: Vec<TileSums<R>> = tiles
-            .par_iter_mut()
-            .zip(slices)
-            .map(|(tile, next)| tile.advance(&step, discs, next))
-            .collect();
-        std::mem::swap(discs, next);
+        let search = self.searcher(&law);
+        let advance = |buffers: &mut Work<R>, (tile, next): (&mut Tile<R>, &mut [Disc<R>])| {
+            if self.outdated(tile) {
+                search.renew(tile);
+            }
+            tile.advance(&step, &self.discs, next, buffers)
+        };
+        let sums: Vec<TileSums<R>> =
+            parts.into_par_iter().map_init(Work::default, advance).collect();
+        self.tiles = tiles;
+        self.next = Buffer(std::mem::replace(&mut self.discs, next));
         self.steps += 1;
         self.time += self.dt;
         self.add(&sums)
@@ -258,6 +271,10 @@ impl<R: Real> Assembly<R> {
             };
         }
         self.travel += fastest * self.dt;
+        for tile in &mut self.tiles {
+            let around = tile.around.iter().map(|&k| sums[k as usize].fastest.to_f64());
+            tile.travel += around.fold(0.0, f64::max) * self.dt;
+        }
         if !finite || overlap > self.grains.overlap_limit {
             return Err(self.failure(overlap));
         }
@@ -265,24 +282,33 @@ impl<R: Real> Assembly<R> {
         Ok(())
     }
 
-    /// Whether a pair outside of the lists may touch now. A pair not listed was further apart than touch
-    /// and the skin; two discs, or a disc and a box, close in on each other by no more than twice the
-    /// largest displacement.
-    fn outdated(&mut self) -> bool {
-        let allowed = 0.5 * self.skin();
-        if self.reference.is_empty() {
-            return true;
-        }
-        let boxes = self.bodies.iter().map(|body| {
-            let [[ax, ay], [bx, by]] = [self.searched, self.time].map(|t| body.displacement(t));
-            (ax - bx).hypot(ay - by)
-        });
-        let boxes = boxes.fold(0.0, f64::max);
-        if self.travel.max(boxes) <= allowed {
+    /// Whether a disc may have moved too far for the order of discs and tiles.
+    fn unsorted(&mut self) -> bool {
+        let allowed = self.bins().drift();
+        if self.travel <= allowed {
             return false;
         }
         self.travel = self.displacement();
-        self.travel.max(boxes) > allowed || self.travel.is_nan()
+        self.travel > allowed || self.travel.is_nan()
+    }
+
+    /// Whether a pair outside of the lists of a tile may touch now. A pair not listed was further apart than
+    /// touch and the skin; two discs, or a disc and a box, close in on each other by no more than twice the
+    /// largest displacement.
+    fn outdated(&self, tile: &mut Tile<R>) -> bool {
+        let allowed = 0.5 * self.skin();
+        let boxes = self.bodies.iter().map(|body| {
+            let [[ax, ay], [bx, by]] = [tile.listed, self.time].map(|t| body.displacement(t));
+            (ax - bx).hypot(ay - by)
+        });
+        if boxes.fold(0.0, f64::max) > allowed {
+            return true;
+        }
+        if tile.travel <= allowed {
+            return false;
+        }
+        tile.travel = tile.displacement(&self.discs) * self.region.unit::<R>();
+        tile.travel > allowed
     }
 
     /// Largest displacement since the last search (m).
@@ -302,25 +328,43 @@ impl<R: Real> Assembly<R> {
 
     pub(crate) fn search_with(&mut self, memory: impl FnOnce(&Self) -> ContactMemory<R>) {
         let memory = memory(self);
-        let bins = Bins::new(&self.grains, self.region, self.skin());
+        let bins = self.bins();
         sort(&mut self.discs, &mut self.ids, &bins);
-        let law = self.law();
-        self.tiles = Search {
-            law: &law,
-            bins,
-            skin: self.skin(),
-            discs: &self.discs,
-            ids: &self.ids,
-            bodies: &self.bodies,
-            time: self.time,
-            memory: &memory,
-        }
-        .tiles();
+        self.tiles = self.searcher(&self.law()).tiles(&self.ids, &memory);
         self.reference.clear();
         self.reference.extend(self.discs.iter().map(|disc| disc.s));
-        self.searched = self.time;
         self.travel = 0.0;
         self.searches += 1;
+    }
+
+    /// Tiles with lists that hold at the present positions, for output. Those of the assembly are renewed by
+    /// the next step, so that results do not depend on when output is made.
+    pub(super) fn listed(&self) -> Vec<Tile<R>> {
+        let law = self.law();
+        let search = self.searcher(&law);
+        let listed = self.tiles.par_iter().map(|tile| {
+            let mut tile = tile.clone();
+            if self.outdated(&mut tile) {
+                search.renew(&mut tile);
+            }
+            tile
+        });
+        listed.collect()
+    }
+
+    fn bins(&self) -> Bins {
+        Bins::new(&self.grains, self.region, self.skin())
+    }
+
+    fn searcher<'a>(&'a self, law: &'a ContactLaw<R>) -> Search<'a, R> {
+        Search {
+            law,
+            bins: self.bins(),
+            skin: self.skin(),
+            discs: &self.discs,
+            bodies: &self.bodies,
+            time: self.time,
+        }
     }
 
     /// How far lists reach beyond touch (m).
@@ -353,7 +397,7 @@ impl<R: Real> Assembly<R> {
             return (place, GrainFailure::NotFinite);
         }
         // The forces were those at the positions before the move.
-        let before = &self.next;
+        let Buffer(before) = &self.next;
         let inside = |disc: &Disc<R>| {
             let x = self.region.decode::<R>(disc.s);
             let fixed = disc.inv_mass == R::default();
@@ -364,7 +408,7 @@ impl<R: Real> Assembly<R> {
         }
         let deepest = self.tiles.iter().flat_map(|tile| {
             let pairs = tile.inner.iter().chain(&tile.outer);
-            pairs.map(|pair| (tile.place_of(pair.i), tile.place_of(pair.j)))
+            pairs.map(|pair| (pair.i as usize, pair.j as usize))
         });
         let relative = |&(i, j): &(usize, usize)| {
             let (a, b): (&Disc<R>, &Disc<R>) = (&before[i], &before[j]);
@@ -410,7 +454,9 @@ impl<R: Real> Assembly<R> {
                 tangential: history.tangential.to_f64(),
                 viscous: history.viscous.to_f64(),
             });
-        Packed { grains, contacts: contacts.chain(bodies).collect() }
+        let mut contacts: Vec<PackedContact> = contacts.chain(bodies).collect();
+        contacts.sort_by_key(|contact| (contact.grain, contact.partner));
+        Packed { grains, contacts }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Tiles: square parts of an assembly that are advanced in parallel, each with the pairs of its discs.
 //!
-//! A pair of discs in one tile is evaluated once. A pair across a border is evaluated by both tiles, in
-//! the same order of its discs and so with the same bits, and each tile uses its side. No tile writes what
+//! A pair of discs in one tile is evaluated once. A pair across a border is evaluated by both tiles: the law
+//! is antisymmetric in its two discs to the last bit, and each tile uses its side. No tile writes what
 //! another one reads during a step, so results do not depend on the number of threads.
 
 use serde::{Deserialize, Serialize};
@@ -12,23 +12,23 @@ use crate::disc::Disc;
 use crate::integrate::damp;
 use crate::real::Real;
 
-/// Two discs that can touch before the next search, by their places in the tile.
+/// Two discs that can touch before the next listing, by their places in the assembly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub(super) struct Pair<R: Real> {
-    /// The disc that comes first in the order of the assembly.
-    pub i: u16,
-    pub j: u16,
+    /// A disc of the tile.
+    pub i: u32,
+    pub j: u32,
     pub contact: History<R>,
     /// Normal dashpot (kg/s).
     pub dashpot: R,
 }
 
-/// A disc and a rigid box that can touch before the next search.
+/// A disc and a rigid box that can touch before the next listing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub(super) struct BodyPair<R: Real> {
-    pub disc: u16,
+    pub disc: u32,
     pub body: u16,
     pub contact: History<R>,
     /// Normal dashpot (kg/s).
@@ -45,7 +45,7 @@ pub(crate) struct History<R: Real> {
     pub viscous: R,
 }
 
-/// Discs `first..end` of the assembly, those of other tiles near them, and their pairs.
+/// Discs `first..end` of the assembly and their pairs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub(super) struct Tile<R: Real> {
@@ -53,33 +53,33 @@ pub(super) struct Tile<R: Real> {
     pub place: [u32; 2],
     pub first: u32,
     pub end: u32,
-    /// Discs of other tiles, which come after the own ones in the tile.
-    pub ghosts: Vec<u32>,
-    /// Pairs of own discs.
+    /// Places in the list of tiles: this tile and those around it.
+    pub around: Vec<u32>,
+    /// Discs of other tiles that can come near before the next sort.
+    pub halo: Vec<u32>,
+    /// Pairs of own discs, in the order of `i`, the smaller one.
     pub inner: Vec<Pair<R>>,
-    /// Pairs of an own disc and a ghost.
+    /// Pairs of an own disc and one of the halo, in the order of `i`, the own one.
     pub outer: Vec<Pair<R>>,
+    /// In the order of discs, then of bodies.
     pub bodies: Vec<BodyPair<R>>,
-    #[serde(skip)]
-    pub work: Work<R>,
+    /// Positions of the own discs and of the halo when pairs were listed.
+    pub reference: Vec<[R::Fraction; 2]>,
+    /// When pairs were listed (s).
+    pub listed: f64,
+    /// Upper bound of the displacement of any of these discs since then (m).
+    pub travel: f64,
 }
 
-/// Buffers of a step.
+/// Buffers of a step, which tiles share one after the other.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work<R: Real> {
-    /// Own discs, then ghosts.
-    pub discs: Vec<Disc<R>>,
-    /// Force (N) and torque (N m) on each.
+    /// Force (N) and torque (N m) on each own disc.
     forces: Vec<[R; 4]>,
+    /// Indices of the touching pairs, then unused entries.
     touching: Vec<u32>,
+    /// Branch vectors of the touching pairs (m), then unused entries.
     branch: Vec<[R; 2]>,
-}
-
-/// Buffers are no state.
-impl<R: Real> PartialEq for Work<R> {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
 }
 
 /// What acts on all tiles in one step.
@@ -107,7 +107,7 @@ pub(super) struct TileSums<R: Real> {
     pub boxes: R,
 }
 
-/// Contacts evaluated side by side, one per SIMD lane.
+/// Pairs or discs treated side by side, one per SIMD lane.
 const LANES: usize = 8;
 
 impl<R: Real> Tile<R> {
@@ -116,12 +116,19 @@ impl<R: Real> Tile<R> {
         (self.end - self.first) as usize
     }
 
-    /// Place in the assembly of a disc of this tile.
-    pub fn place_of(&self, local: u16) -> usize {
-        match usize::from(local).checked_sub(self.len()) {
-            None => self.first as usize + usize::from(local),
-            Some(ghost) => self.ghosts[ghost] as usize,
-        }
+    /// Own discs, then the halo, by their places in the assembly.
+    pub fn nearby(&self) -> impl Iterator<Item = u32> {
+        (self.first..self.end).chain(self.halo.iter().copied())
+    }
+
+    /// Largest displacement of a nearby disc since pairs were listed, in units of [`Real::Fraction`].
+    pub fn displacement(&self, discs: &[Disc<R>]) -> f64 {
+        let squares = self.nearby().zip(&self.reference).map(|(k, reference)| {
+            let s = discs[k as usize].s;
+            let [x, y] = [0, 1].map(|k| R::nearest(reference[k], s[k]).to_f64());
+            x * x + y * y
+        });
+        squares.fold(0.0, f64::max).sqrt()
     }
 
     /// Advances the own discs by one step, from the assembly's `discs` into `next`.
@@ -130,14 +137,15 @@ impl<R: Real> Tile<R> {
         step: &Step<'_, R>,
         discs: &[Disc<R>],
         next: &mut [Disc<R>],
+        work: &mut Work<R>,
     ) -> TileSums<R> {
         // The same arithmetic without fused operations: the same bits on every processor.
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
-            return unsafe { self.advance_avx2(step, discs, next) };
+            return unsafe { self.advance_avx2(step, discs, next, work) };
         }
-        self.advance_portable(step, discs, next)
+        self.advance_portable(step, discs, next, work)
     }
 
     /// [`Self::advance_portable`], compiled with 32-byte vectors.
@@ -148,8 +156,9 @@ impl<R: Real> Tile<R> {
         step: &Step<'_, R>,
         discs: &[Disc<R>],
         next: &mut [Disc<R>],
+        work: &mut Work<R>,
     ) -> TileSums<R> {
-        self.advance_portable(step, discs, next)
+        self.advance_portable(step, discs, next, work)
     }
 
     #[inline(always)]
@@ -158,21 +167,23 @@ impl<R: Real> Tile<R> {
         step: &Step<'_, R>,
         discs: &[Disc<R>],
         next: &mut [Disc<R>],
+        work: &mut Work<R>,
     ) -> TileSums<R> {
-        let Self { inner, outer, bodies, work, ghosts, .. } = self;
-        work.discs.clear();
-        work.discs.extend_from_slice(&discs[self.first as usize..self.end as usize]);
-        work.discs.extend(ghosts.iter().map(|&g| discs[g as usize]));
+        let Self { inner, outer, bodies, first, end, .. } = self;
+        let own = *first as usize..*end as usize;
         work.forces.clear();
-        work.forces.resize(work.discs.len(), [R::default(); 4]);
+        work.forces.resize(own.len(), [R::default(); 4]);
         let mut sums = TileSums::default();
-        // Both tiles count a pair across their border.
-        for (pairs, weight) in [(inner, 1.0), (outer, 0.5)] {
-            let contacts = find_touching(pairs, work, step.unit);
-            evaluate(pairs, contacts, work, &step.law, R::from_f64(weight), &mut sums);
+        let contacts = find_touching(inner, discs, work, step.unit);
+        evaluate::<R, true>(inner, contacts, discs, *first, work, &step.law, &mut sums);
+        let contacts = find_touching(outer, discs, work, step.unit);
+        evaluate::<R, false>(outer, contacts, discs, *first, work, &step.law, &mut sums);
+        evaluate_bodies(bodies, discs, *first, &mut work.forces, step, &mut sums);
+        let own = &discs[own];
+        if step.law.local_damping != R::default() || step.drag != R::default() {
+            resist(own, &mut work.forces, step, &mut sums);
         }
-        evaluate_bodies(bodies, work, step, &mut sums);
-        integrate(work, step, next, &mut sums);
+        integrate(own, &work.forces, step, next, &mut sums);
         sums
     }
 }
@@ -180,41 +191,62 @@ impl<R: Real> Tile<R> {
 /// Lists the touching pairs with their branch vectors, without branching on whether a pair touches, and
 /// ends the history of the others. Returns how many touch.
 #[inline(always)]
-fn find_touching<R: Real>(pairs: &mut [Pair<R>], work: &mut Work<R>, unit: R) -> usize {
-    let Work { discs, touching, branch, .. } = work;
+fn find_touching<R: Real>(
+    pairs: &mut [Pair<R>],
+    discs: &[Disc<R>],
+    work: &mut Work<R>,
+    unit: R,
+) -> usize {
+    let (zero, one) = (R::default(), R::from_f64(1.0));
     // One more than can be used: the entry after the last touching pair is written speculatively.
-    touching.resize(touching.len().max(pairs.len() + 1), 0);
-    branch.resize(touching.len(), [R::default(); 2]);
-    let keep = [R::default(), R::from_f64(1.0)];
-    let mut contacts = 0;
-    for (index, pair) in pairs.iter_mut().enumerate() {
-        let (a, b) = (&discs[pair.i as usize], &discs[pair.j as usize]);
-        let lx = unit * R::nearest(a.s[0], b.s[0]);
-        let ly = unit * R::nearest(a.s[1], b.s[1]);
-        let reach = a.r + b.r;
-        let touches = usize::from(lx * lx + ly * ly < reach * reach);
-        touching[contacts] = index as u32;
-        branch[contacts] = [lx, ly];
-        contacts += touches;
-        pair.contact.tangential = pair.contact.tangential * keep[touches];
-        pair.contact.viscous = pair.contact.viscous * keep[touches];
+    let longest = work.touching.len().max(pairs.len() + 1);
+    work.touching.resize(longest, 0);
+    work.branch.resize(longest, [zero; 2]);
+    let (touching, branch) = (&mut work.touching[..longest], &mut work.branch[..longest]);
+    let (mut contacts, mut index) = (0, 0);
+    for chunk in pairs.chunks_mut(LANES) {
+        let (mut x, mut y, mut reach) = ([zero; LANES], [zero; LANES], [zero; LANES]);
+        for (k, pair) in chunk.iter().enumerate() {
+            let (a, b) = (&discs[pair.i as usize], &discs[pair.j as usize]);
+            x[k] = R::nearest(a.s[0], b.s[0]);
+            y[k] = R::nearest(a.s[1], b.s[1]);
+            reach[k] = a.r + b.r;
+        }
+        let (mut touches, mut keep) = ([0; LANES], [zero; LANES]);
+        for k in 0..LANES {
+            (x[k], y[k]) = (unit * x[k], unit * y[k]);
+            let touch = x[k] * x[k] + y[k] * y[k] < reach[k] * reach[k];
+            touches[k] = u32::from(touch);
+            keep[k] = if touch { one } else { zero };
+        }
+        for (k, pair) in chunk.iter_mut().enumerate() {
+            touching[contacts] = index;
+            branch[contacts] = [x[k], y[k]];
+            contacts += touches[k] as usize;
+            index += 1;
+            pair.contact.tangential = pair.contact.tangential * keep[k];
+            pair.contact.viscous = pair.contact.viscous * keep[k];
+        }
     }
     contacts
 }
 
-/// Contact law of the touching pairs, [`LANES`] at a time: gather, compute, scatter.
+/// Contact law of the touching pairs, [`LANES`] at a time: gather, compute, scatter. Of pairs that are not
+/// `INNER`, another tile has the second disc.
 #[inline(always)]
-fn evaluate<R: Real>(
+fn evaluate<R: Real, const INNER: bool>(
     pairs: &mut [Pair<R>],
     contacts: usize,
+    discs: &[Disc<R>],
+    first: u32,
     work: &mut Work<R>,
     law: &ContactLaw<R>,
-    weight: R,
     sums: &mut TileSums<R>,
 ) {
     let (zero, half, one) = (R::default(), R::from_f64(0.5), R::from_f64(1.0));
     let compliance = half / (law.tangential_stiffness * law.dt);
-    let Work { discs, forces, touching, branch } = work;
+    let Work { forces, touching, branch } = work;
+    let forces = forces.as_mut_slice();
     let mut deepest = [zero; LANES];
     let (mut dashpots, mut friction) = ([zero; LANES], [zero; LANES]);
 
@@ -239,8 +271,8 @@ fn evaluate<R: Real>(
             dashpot[k] = pair.dashpot;
         }
 
-        let (mut fx, mut fy) = ([zero; LANES], [zero; LANES]);
-        let (mut torque_i, mut torque_j) = ([zero; LANES], [zero; LANES]);
+        // Force and torque on the first disc of each pair and on the second one.
+        let (mut on_i, mut on_j) = ([[zero; 4]; LANES], [[zero; 4]; LANES]);
         for k in 0..LANES {
             let length = (lx[k] * lx[k] + ly[k] * ly[k]).sqrt();
             let inverse = one / length;
@@ -248,7 +280,7 @@ fn evaluate<R: Real>(
             let overlap = ri[k] + rj[k] - length;
             let (arm_i, arm_j) = (ri[k] - half * overlap, rj[k] - half * overlap);
             let vn = ux[k] * nx + uy[k] * ny;
-            let vt = uy[k] * nx - ux[k] * ny - arm_i * wi[k] - arm_j * wj[k];
+            let vt = (uy[k] * nx - ux[k] * ny) - (arm_i * wi[k] + arm_j * wj[k]);
             let [normal, ft] =
                 law.forces(overlap, [vn, vt], dashpot[k], tangential[k], law.friction);
 
@@ -258,27 +290,26 @@ fn evaluate<R: Real>(
             let sum = ft + tangential[k];
             friction[k] += sum * (half * vt + (ft - tangential[k]) * compliance);
             (tangential[k], viscous[k]) = (ft, dissipative);
-
-            fx[k] = normal * nx - ft * ny;
-            fy[k] = normal * ny + ft * nx;
-            torque_i[k] = ft * arm_i;
-            torque_j[k] = ft * arm_j;
             deepest[k] = deepest[k].max(overlap / ri[k].min(rj[k]));
+
+            let (fx, fy) = (normal * nx - ft * ny, normal * ny + ft * nx);
+            on_i[k] = [fx, fy, ft * arm_i, zero];
+            on_j[k] = [fx, fy, -(ft * arm_j), zero];
         }
 
         for (k, &index) in chunk.iter().enumerate() {
             let pair = &mut pairs[index as usize];
             pair.contact = History { tangential: tangential[k], viscous: viscous[k] };
-            let fi = &mut forces[pair.i as usize];
-            fi[0] -= fx[k];
-            fi[1] -= fy[k];
-            fi[2] -= torque_i[k];
-            let fj = &mut forces[pair.j as usize];
-            fj[0] += fx[k];
-            fj[1] += fy[k];
-            fj[2] -= torque_j[k];
+            let force = &mut forces[(pair.i - first) as usize];
+            *force = [0, 1, 2, 3].map(|c| force[c] - on_i[k][c]);
+            if INNER {
+                let force = &mut forces[(pair.j - first) as usize];
+                *force = [0, 1, 2, 3].map(|c| force[c] + on_j[k][c]);
+            }
         }
     }
+    // Both tiles count a pair across their border.
+    let weight = R::from_f64(if INNER { 1.0 } else { 0.5 });
     for k in 0..LANES {
         sums.overlap = sums.overlap.max(deepest[k]);
         sums.dashpots += -(weight * dashpots[k]);
@@ -290,7 +321,9 @@ fn evaluate<R: Real>(
 #[inline(always)]
 fn evaluate_bodies<R: Real>(
     pairs: &mut [BodyPair<R>],
-    work: &mut Work<R>,
+    discs: &[Disc<R>],
+    first: u32,
+    forces: &mut [[R; 4]],
     step: &Step<'_, R>,
     sums: &mut TileSums<R>,
 ) {
@@ -298,7 +331,7 @@ fn evaluate_bodies<R: Real>(
     let (zero, half) = (R::default(), R::from_f64(0.5));
     let compliance = half / (law.tangential_stiffness * law.dt);
     for pair in pairs {
-        let disc = &work.discs[pair.disc as usize];
+        let disc = &discs[pair.disc as usize];
         let body = &step.bodies[pair.body as usize];
         let branch = body.branch(disc.s);
         let [lx, ly] = branch.map(|l| step.unit * l);
@@ -330,17 +363,44 @@ fn evaluate_bodies<R: Real>(
         let (fx, fy) = (normal * nx - ft * ny, normal * ny + ft * nx);
         sums.boxes += -(fx * body.velocity[0] + fy * body.velocity[1]);
         sums.overlap = sums.overlap.max(overlap / disc.r);
-        let force = &mut work.forces[pair.disc as usize];
+        let force = &mut forces[(pair.disc - first) as usize];
         force[0] -= fx;
         force[1] -= fy;
         force[2] -= ft * length;
     }
 }
 
+/// Takes what local damping and drag resist with from the forces.
+#[inline(always)]
+fn resist<R: Real>(
+    own: &[Disc<R>],
+    forces: &mut [[R; 4]],
+    step: &Step<'_, R>,
+    sums: &mut TileSums<R>,
+) {
+    let (zero, one) = (R::default(), R::from_f64(1.0));
+    for (disc, force) in own.iter().zip(forces) {
+        if disc.inv_mass == zero {
+            continue;
+        }
+        let (mass, inertia) = (one / disc.inv_mass, one / disc.inv_inertia);
+        let weight = [mass * step.gravity[0], mass * step.gravity[1], zero];
+        let resistance = [mass, mass, inertia].map(|m| m * step.drag);
+        for (k, velocity) in [disc.u[0], disc.u[1], disc.w].into_iter().enumerate() {
+            let total = force[k] + weight[k];
+            let damped = damp(total, velocity, step.law.local_damping);
+            let resisting = total - damped + resistance[k] * velocity;
+            force[k] -= resisting;
+            sums.damping += resisting * velocity;
+        }
+    }
+}
+
 /// One step of symplectic Euler (leapfrog with velocities at half steps). Fixed discs stay.
 #[inline(always)]
 fn integrate<R: Real>(
-    work: &Work<R>,
+    own: &[Disc<R>],
+    forces: &[[R; 4]],
     step: &Step<'_, R>,
     next: &mut [Disc<R>],
     sums: &mut TileSums<R>,
@@ -348,37 +408,31 @@ fn integrate<R: Real>(
     let zero = R::default();
     let dt = step.law.dt;
     let per_unit = dt / step.unit;
-    let alpha = step.law.local_damping;
+    let falls = [dt * step.gravity[0], dt * step.gravity[1]];
     // Not only the maximum: comparisons drop NaN, a sum keeps it.
     let (mut fastest, mut sum) = (zero, zero);
-    for ((old, force), new) in work.discs.iter().zip(&work.forces).zip(next) {
-        *new = *old;
-        if old.inv_mass == zero {
-            continue;
+    let chunks = own.chunks(LANES).zip(forces.chunks(LANES));
+    for ((own, forces), next) in chunks.zip(next.chunks_mut(LANES)) {
+        let mut positions = [[R::Fraction::default(); 2]; LANES];
+        let mut moves = [[zero; 2]; LANES];
+        for (k, ((old, force), new)) in own.iter().zip(forces).zip(&mut *next).enumerate() {
+            let [gx, gy] = if old.inv_mass == zero { [zero; 2] } else { falls };
+            let kick = dt * old.inv_mass;
+            let ux = old.u[0] + (force[0] * kick + gx);
+            let uy = old.u[1] + (force[1] * kick + gy);
+            let w = old.w + force[2] * (dt * old.inv_inertia);
+            *new = Disc { u: [ux, uy], w, ..*old };
+            (positions[k], moves[k]) = (old.s, [per_unit * ux, per_unit * uy]);
+            let speed2 = ux * ux + uy * uy;
+            fastest = fastest.max(speed2);
+            sum += speed2 + w * w;
         }
-        let mass = R::from_f64(1.0) / old.inv_mass;
-        let mut f = [force[0], force[1], force[2]];
-        f[0] += mass * step.gravity[0];
-        f[1] += mass * step.gravity[1];
-        let mut lost = zero;
-        if alpha != zero || step.drag != zero {
-            let inertia = R::from_f64(1.0) / old.inv_inertia;
-            let resistance = [mass, mass, inertia].map(|m| m * step.drag);
-            for (k, velocity) in [old.u[0], old.u[1], old.w].into_iter().enumerate() {
-                let resisting = f[k] - damp(f[k], velocity, alpha) + resistance[k] * velocity;
-                f[k] -= resisting;
-                lost += resisting * velocity;
-            }
+        for (s, &step) in positions.as_flattened_mut().iter_mut().zip(moves.as_flattened()) {
+            *s = R::advance(*s, step);
         }
-        new.u[0] = old.u[0] + f[0] * (dt * old.inv_mass);
-        new.u[1] = old.u[1] + f[1] * (dt * old.inv_mass);
-        new.w = old.w + f[2] * (dt * old.inv_inertia);
-        new.s[0] = R::advance(old.s[0], per_unit * new.u[0]);
-        new.s[1] = R::advance(old.s[1], per_unit * new.u[1]);
-        let speed2 = new.u[0] * new.u[0] + new.u[1] * new.u[1];
-        fastest = fastest.max(speed2);
-        sum += speed2 + new.w * new.w;
-        sums.damping += lost;
+        for (new, &s) in next.iter_mut().zip(&positions) {
+            new.s = s;
+        }
     }
     let finite = sum.to_f64().is_finite();
     sums.fastest = if finite { fastest.sqrt() } else { R::from_f64(f64::NAN) };

@@ -85,7 +85,7 @@ fn measure(
     device: Option<&Arc<gpu::Device>>,
     extent: Extent,
 ) -> miette::Result<Vec<String>> {
-    let mut simulation = Simulation::new(scene)?;
+    let mut simulation = Simulation::prepare(scene, device)?;
     if let Some(device) = device {
         simulation.move_to(device, None)?;
     }
