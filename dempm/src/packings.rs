@@ -2,10 +2,13 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use dem::assembly::{AssemblyError, Boundary, ColumnBox, Packed, prepare_column};
+use dem::assembly::{Assembly, AssemblyError, Boundary, ColumnBox, Packed, prepare_column};
+use dem::cuda::{CudaAssembly, CudaAssemblyError, CudaReal};
 use dem::{Grains, Packing, Real, Rung, RveParameters};
 use files::{FileLock, note, read_sealed, seal, write_atomically};
+use gpu::Device;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -57,26 +60,55 @@ pub fn bulk_density(p: &RveParameters, packing: &Packing<f64>) -> f64 {
 }
 
 /// Fills a column of a scene with discs at rest; see [`prepare_column`]. A column found in the cache is not
-/// filled again.
+/// filled again; the CPU and GPUs have columns of their own, which differ as their round-off does.
 ///
 /// # Errors
 /// When the column cannot be filled. A cache that cannot be read or written is not an error.
-pub fn column<R: Real>(
+pub fn column<R: CudaReal>(
     grains: &Grains,
     boundary: &Boundary,
     gravity: [f64; 2],
     place: &ColumnBox,
     seed: u64,
+    device: Option<&Arc<Device>>,
 ) -> Result<Packed, AssemblyError> {
     // Of the boundary, only what lies below the column matters.
     let floor = (boundary.size[0], boundary.walls.bottom, boundary.floor, boundary.seed);
     let ColumnBox { corner, size, loaded } = *place;
-    let file = cache_file(&("column", R::NAME, grains, floor, gravity, corner, size, loaded, seed));
+    let file = cache_file(&(
+        "column",
+        <R as Real>::NAME,
+        device.is_some(),
+        grains,
+        floor,
+        gravity,
+        corner,
+        size,
+        loaded,
+        seed,
+    ));
     cached(file, || {
         prepare_column::<R>(grains, boundary, gravity, place, seed, &mut |assembly, steps| {
-            assembly.advance(steps)
+            let Some(device) = device else { return assembly.advance(steps) };
+            advance_on(device, assembly, steps).map_err(|error| match error {
+                CudaAssemblyError::Assembly(error) => error,
+                other => {
+                    AssemblyError::Preparation { corner: place.corner, reason: other.to_string() }
+                }
+            })
         })
     })
+}
+
+/// Advances an assembly on a GPU.
+fn advance_on<R: CudaReal>(
+    device: &Arc<Device>,
+    assembly: &mut Assembly<R>,
+    steps: usize,
+) -> Result<(), CudaAssemblyError> {
+    let mut twin = CudaAssembly::upload(device, assembly)?;
+    twin.advance(steps)?;
+    twin.download_into(assembly)
 }
 
 /// The value kept in `file`, or a new one, which is then kept.

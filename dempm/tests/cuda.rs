@@ -198,6 +198,78 @@ fn checkpoints_change_places(#[values("rve", "mu-i")] material: &str) {
     assert_frames_close(&next_frame(&mut back).unwrap(), &expected, TOLERANCE);
 }
 
+/// Some three hundred discs, 50 steps a frame.
+fn discs(precision: &str) -> Scene {
+    let text = format!(
+        r#"
+        duration = 0.05
+        frame_interval = 0.005
+        [domain]
+        size = [0.5, 0.25]
+        cell = 0.0625
+        [[column]]
+        size = [0.125, 0.125]
+        velocity = [0.3, 0.0]
+        [plate]
+        corner = [0.0, 0.1875]
+        size = [0.0625, 0.0625]
+        velocity = [0.0, -2.0]
+        start = 0.00225
+        [material]
+        kind = "discs"
+        precision = "{precision}"
+        "#
+    );
+    Scene::parse(&text, "discs.toml").unwrap()
+}
+
+#[test]
+fn discs_are_those_of_the_cpu() {
+    let Some(device) = gpu::for_tests() else { return };
+    let directory = TempDir::new().unwrap();
+    let [mut cpu, mut gpu] = twins(&discs("f64"), &device, directory.path());
+    for _ in 0..2 {
+        let expected = next_frame(&mut cpu).unwrap();
+        assert_frames_close(&next_frame(&mut gpu).unwrap(), &expected, TOLERANCE);
+    }
+}
+
+/// As packings: a run that is stopped and resumed is the uninterrupted one, which went on while its frames were
+/// looked at, bit by bit.
+#[rstest]
+fn a_resumed_run_of_discs_is_bitwise_the_same(#[values("f32", "f64")] precision: &str) {
+    let Some(device) = gpu::for_tests() else { return };
+    let directory = TempDir::new().unwrap();
+    let scene = discs(precision);
+    let [_, mut whole] = twins(&scene, &device, directory.path());
+    let [_, mut stopped] = twins(&scene, &device, directory.path());
+    whole.advance_and(true).unwrap();
+    assert_eq!(whole.frame(), next_frame(&mut stopped).unwrap());
+    stopped.record().unwrap();
+    let state = copy(directory.path(), &scene, &stopped.state());
+    let mut resumed = Simulation::resume(scene, state).unwrap();
+    resumed.move_to(&device, None).unwrap();
+    for last in [false, false, true] {
+        whole.advance_and(!last).unwrap();
+        assert_eq!(whole.frame(), next_frame(&mut resumed).unwrap());
+    }
+}
+
+/// Columns prepared on a GPU rest as those of the CPU do.
+#[test]
+fn columns_are_prepared_on_a_gpu() {
+    let Some(device) = gpu::for_tests() else { return };
+    let scene = discs("f32");
+    let mean = |values: Option<Vec<f32>>| {
+        let values = values.unwrap();
+        values.iter().sum::<f32>() / values.len() as f32
+    };
+    let start = |device| Simulation::prepare(scene.clone(), device).unwrap().frame();
+    let (cpu, gpu) = (start(None), start(Some(&device)));
+    assert!((mean(cpu.solid_fraction) - mean(gpu.solid_fraction)).abs() < 0.02);
+    assert!((mean(cpu.coordination) - mean(gpu.coordination)).abs() < 0.5);
+}
+
 /// The message with its causes.
 fn words(error: &SimulationError) -> String {
     let mut text = error.to_string();

@@ -2,7 +2,8 @@
 
 use dem::Grains;
 
-use super::units::quantity;
+use super::units::{bytes, quantity};
+use crate::memory;
 use crate::run::monitor;
 use crate::scene::{CROSSING, Material, Precision, Scene};
 use crate::trajectory::Field;
@@ -100,8 +101,6 @@ const SOFT: f64 = 50.0;
 pub(super) const COLLISIONAL: f64 = 0.1;
 /// Ratio of local pressures in impacts to the pressure at the base.
 const IMPACT: f64 = 4.0;
-/// Memory of a disc of a whole scene (bytes) in f32 and f64.
-const SCENE_DISC: [f64; 2] = [1500.0, 2000.0];
 /// Macro steps times points per second, without packings.
 const POINT_STEPS_PER_SECOND: f64 = 2.5e6;
 
@@ -232,6 +231,12 @@ impl Needs {
                 warnings.push("the front is expected to reach the left wall".into());
             }
         }
+        if let Some(available) = memory::available().filter(|available| self.memory > *available) {
+            warnings.push(format!(
+                "this machine has {} of memory left, which is too little",
+                bytes(available)
+            ));
+        }
         if let Some(time) = self.collapse_time.filter(|time| *time > scene.duration) {
             warnings.push(format!("the run ends before a collapse does ({time:.2} s)"));
         }
@@ -327,22 +332,20 @@ fn bytes_per_point(optional: &[Field]) -> f64 {
 }
 
 /// State of points, grid and discs (bytes). A disc of a packing, the pairs near it and their history take
-/// about 100 bytes in f32; one of a whole scene more, with what frames and searches need besides.
+/// about 100 bytes in f32.
 fn memory(scene: &Scene, points: usize, discs: f64) -> f64 {
     let points = 300.0 * points as f64;
-    let grid = || scene.domain.cells().map(|cells| cells as f64).iter().product::<f64>();
-    let of_disc = |f32, f64, precision| match precision {
-        Precision::F32 => f32,
-        Precision::F64 => f64,
-    };
+    let grid = || 100.0 * scene.domain.cells().map(|cells| cells as f64).iter().product::<f64>();
     match &scene.material {
-        Material::Discs(model) => {
-            points + of_disc(SCENE_DISC[0], SCENE_DISC[1], model.precision) * discs
-        }
+        Material::Discs(model) => points + model.memory(discs),
         Material::Rve(rve) => {
-            points + 100.0 * grid() + of_disc(100.0, 200.0, rve.precision) * discs
+            let disc = match rve.precision {
+                Precision::F32 => 100.0,
+                Precision::F64 => 200.0,
+            };
+            points + grid() + disc * discs
         }
-        Material::MuI(_) | Material::Elastic(_) => points + 100.0 * grid(),
+        Material::MuI(_) | Material::Elastic(_) => points + grid(),
     }
 }
 

@@ -27,7 +27,7 @@ impl SceneProgress {
 impl Observer for SceneProgress {
     fn preparing(&mut self) {
         self.bar = self.bars.add(ProgressBar::new_spinner());
-        self.bar.set_message("preparing packings");
+        self.bar.set_message("preparing grains");
         self.bar.enable_steady_tick(Duration::from_millis(100));
     }
 

@@ -102,6 +102,12 @@ fn place(
         return Ok(Place { device: selection.first(), ranks: None });
     }
     let Environment { rank, size, local_rank, .. } = *environment;
+    if matches!(scene.material, Material::Discs(_)) {
+        bail!(
+            help = "start it once, without mpirun, srun or torchrun",
+            "rank {rank} of {size}: a scene of discs runs on one GPU, not on several ranks"
+        );
+    }
     let has_packings = matches!(scene.material, Material::Rve(_));
     if !has_packings || device == Device::Cpu {
         bail!(

@@ -64,11 +64,12 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
         );
     }
     if let Model::Discs(discs) = &simulation.model {
-        let disc_steps = discs.steps() as f64 * discs.discs() as f64;
+        let steps = (simulation.step * discs.substeps()) as f64;
+        let disc_steps = steps * discs.discs() as f64;
         let rate = disc_steps / times.get("dem").copied().unwrap_or(f64::NAN);
         line("discs", discs.discs().to_string());
         line("disc-steps", format!("{disc_steps:.2e}, {rate:.2e} per second"));
-        let searches = 100.0 * discs.searches() as f64 / discs.steps().max(1) as f64;
+        let searches = 100.0 * discs.searches() as f64 / steps.max(1.0);
         line("neighbour searches", format!("{searches:.1} in 100 DEM steps"));
         line("largest overlap", format!("{:.2} of a radius", discs.max_overlap()));
     }

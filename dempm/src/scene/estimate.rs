@@ -3,7 +3,7 @@
 use dem::Grains;
 use mpm::ElasticParameters;
 
-use super::model::{Discs, Domain, Material, Rve, Scene};
+use super::model::{Discs, Domain, Material, Precision, Rve, Scene};
 
 /// Solid fraction of a dense packing of discs.
 pub const SOLID_FRACTION: f64 = 0.84;
@@ -80,6 +80,15 @@ impl Discs {
     /// Discs in an area (m²) of dense packing, about.
     pub fn count_in(&self, area: f64) -> f64 {
         area * SOLID_FRACTION / mean_area(&self.grains)
+    }
+
+    /// Memory for so many discs, with what searches and frames need besides (bytes); measured.
+    pub fn memory(&self, discs: f64) -> f64 {
+        let bytes = match self.precision {
+            Precision::F32 => 1500.0,
+            Precision::F64 => 2000.0,
+        };
+        bytes * discs
     }
 }
 

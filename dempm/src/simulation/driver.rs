@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use gpu::Device;
 use gpu::ranks::Ranks;
 use mpm::Points;
 
@@ -42,8 +43,17 @@ impl Simulation {
     /// # Errors
     /// If a packing or column cannot be prepared or the grid cannot be set up.
     pub fn new(scene: Scene) -> Result<Self, SimulationError> {
+        Self::prepare(scene, None)
+    }
+
+    /// As [`new`](Self::new), but discs are prepared on a GPU. It is left where it is:
+    /// [`move_to`](Self::move_to) follows.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn prepare(scene: Scene, device: Option<&Arc<Device>>) -> Result<Self, SimulationError> {
         let start = Instant::now();
-        let (model, points) = initial_model(&scene)?;
+        let (model, points) = initial_model(&scene, device)?;
         let prepared = start.elapsed().as_secs_f64();
         let wall_time = BTreeMap::from([("preparation".to_owned(), prepared)]);
         Ok(Self {
@@ -65,7 +75,7 @@ impl Simulation {
         let State { step, points, model, wall_time } = state;
         let model = match (model, &scene.material) {
             (ModelState::Discs(state), Material::Discs(discs)) => {
-                Model::Discs(Box::new(DiscModel::resume(&scene, discs, *state)))
+                Model::Discs(Box::new(DiscModel::resume(&scene, discs, *state)?))
             }
             (ModelState::Mpm(state), _) => Model::Mpm(Box::new(MpmModel::resume(&scene, state)?)),
             (ModelState::Discs(_), _) => return Err(SimulationError::OtherModel),
@@ -81,7 +91,7 @@ impl Simulation {
             points: self.points.clone(),
             model: match &self.model {
                 Model::Mpm(mpm) => ModelState::Mpm(mpm.state()),
-                Model::Discs(discs) => ModelState::Discs(Box::new(discs.state().clone())),
+                Model::Discs(discs) => ModelState::Discs(Box::new(discs.state())),
             },
             wall_time: self.wall_time.clone(),
         }
@@ -93,13 +103,14 @@ impl Simulation {
     /// If the simulation does not fit into the GPU's memory or a kernel cannot be compiled.
     pub fn move_to(
         &mut self,
-        device: &Arc<gpu::Device>,
+        device: &Arc<Device>,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<(), SimulationError> {
         let start = Instant::now();
         match &mut self.model {
             Model::Mpm(mpm) => mpm.move_to(device, ranks, &self.scene, self.step, &self.points)?,
-            Model::Discs(_) => return Err(SimulationError::DiscsOnGpu),
+            Model::Discs(_) if ranks.is_some() => return Err(SimulationError::DiscsOnRanks),
+            Model::Discs(discs) => discs.move_to(device)?,
         }
         let count = ranks.map_or(1, |ranks| ranks.size());
         let gpus = if count > 1 { format!("{count} x ") } else { String::new() };
@@ -147,7 +158,7 @@ impl Simulation {
         self.record_wall_time();
         match &mut self.model {
             Model::Mpm(mpm) => mpm.record(self.step, self.scene.step),
-            Model::Discs(_) => Ok(()),
+            Model::Discs(discs) => discs.record(),
         }
     }
 

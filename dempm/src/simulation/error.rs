@@ -1,6 +1,7 @@
 //! Errors of simulations.
 
 use dem::assembly::AssemblyError;
+use dem::cuda::CudaAssemblyError;
 use gpu::ranks::RanksError;
 use mpm::MaterialError;
 
@@ -52,10 +53,26 @@ pub enum SimulationError {
     /// The state of a checkpoint is that of another model.
     #[error("the state is not that of the scene's model")]
     OtherModel,
-    /// Discs run on the CPU only.
-    #[error("scenes of discs run on the CPU only")]
-    #[diagnostic(help("start it with --device cpu"))]
-    DiscsOnGpu,
+    /// Discs failed on a GPU.
+    #[error(transparent)]
+    CudaDiscs(#[from] CudaAssemblyError),
+    /// Discs run on one GPU.
+    #[error("a scene of discs runs on one GPU, not on several ranks")]
+    DiscsOnRanks,
+    /// There is too little memory for the discs.
+    #[error(
+        "about {discs:.2e} discs need {:.1} GB of memory, and {:.1} GB are free",
+        1e-9 * needed, 1e-9 * available
+    )]
+    #[diagnostic(help("larger grains or smaller columns; `dempm check` estimates the need"))]
+    Memory {
+        /// Number of discs, about.
+        discs: f64,
+        /// Memory that they need (bytes).
+        needed: f64,
+        /// Memory that is free (bytes).
+        available: f64,
+    },
     /// A continuum is compressed beyond what its law describes.
     #[error(
         "at t = {time:.3} s point {point} at ({:.3}, {:.3}) m is compressed to {:.0} % of its volume",

@@ -1,6 +1,9 @@
 //! Points and model at time zero.
 
+use std::sync::Arc;
+
 use dem::Packing;
+use gpu::Device;
 use mpm::{Mat2, Points, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -14,8 +17,11 @@ use super::scene_material::SceneMaterial;
 use crate::packings::{self, Ladder};
 use crate::scene::{self, InitialStress, Scene};
 
-/// The model of a scene and its points at time zero.
-pub(super) fn initial_model(scene: &Scene) -> Result<(Model, Points), SimulationError> {
+/// The model of a scene and its points at time zero; discs are prepared on the GPU, if one is given.
+pub(super) fn initial_model(
+    scene: &Scene,
+    device: Option<&Arc<Device>>,
+) -> Result<(Model, Points), SimulationError> {
     let start = scene.points();
     let area = scene.point_area();
     let mut points = Points::default();
@@ -29,7 +35,7 @@ pub(super) fn initial_model(scene: &Scene) -> Result<(Model, Points), Simulation
     };
     let material = match &scene.material {
         scene::Material::Discs(discs) => {
-            let model = DiscModel::new(scene, discs, &mut points)?;
+            let model = DiscModel::new(scene, discs, &mut points, device)?;
             return Ok((Model::Discs(Box::new(model)), points));
         }
         scene::Material::Rve(rve) => {

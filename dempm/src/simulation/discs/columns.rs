@@ -1,9 +1,11 @@
 //! The grains of a scene at time zero: every column filled, and put in place.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
-use dem::Real;
 use dem::assembly::{Boundary, ColumnBox, Grain, Packed};
+use dem::cuda::CudaReal;
+use gpu::Device;
 
 use crate::packings;
 use crate::scene::{Discs, InitialStress, Scene};
@@ -13,10 +15,11 @@ use crate::simulation::error::SimulationError;
 const TOUCH: f64 = 0.05;
 
 /// The grains of all columns with their contacts, and those of each column.
-pub(super) fn filled<R: Real>(
+pub(super) fn filled<R: CudaReal>(
     scene: &Scene,
     discs: &Discs,
     boundary: &Boundary,
+    device: Option<&Arc<Device>>,
 ) -> Result<(Packed, Vec<Vec<Grain>>), SimulationError> {
     let resting = scene.resting_columns();
     let mut all = Packed::default();
@@ -30,7 +33,7 @@ pub(super) fn filled<R: Real>(
         };
         let seed = (scene.seed << 16) + k as u64;
         let mut packed =
-            packings::column::<R>(&discs.grains, boundary, scene.gravity, &place, seed)?;
+            packings::column::<R>(&discs.grains, boundary, scene.gravity, &place, seed, device)?;
         // The top layer may reach into what lies on it.
         packed.retain(|grain| {
             let free = |branch: [f64; 2]| branch[0].hypot(branch[1]) > (1.0 - TOUCH) * grain.r;

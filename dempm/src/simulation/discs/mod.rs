@@ -4,7 +4,7 @@ mod columns;
 mod means;
 mod members;
 mod model;
-mod scene_assembly;
+mod running;
 
 pub use means::PointMeans;
 pub use model::{DiscModel, DiscState};

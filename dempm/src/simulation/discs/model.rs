@@ -1,26 +1,37 @@
 //! Discs as the model of a scene.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use dem::assembly::{Assembly, Boundary};
-use dem::{Grains, Real};
+use dem::Grains;
+use dem::assembly::{Assembly, Energy};
+use dem::cuda::CudaReal;
+use gpu::Device;
 use mpm::{Points, Vec2};
 use serde::{Deserialize, Serialize};
 
 use super::columns::filled;
 use super::means::{PointMeans, Surroundings};
 use super::members::Members;
-use super::scene_assembly::SceneAssembly;
+use super::running::{Running, SceneAssembly};
+use crate::memory;
 use crate::scene::{Discs, Precision, Scene};
 use crate::simulation::error::SimulationError;
 use crate::simulation::span::Span;
 
 /// The discs of a scene.
 pub struct DiscModel {
-    state: DiscState,
+    discs: Box<dyn Running>,
+    members: Members,
     grains: Grains,
+    /// DEM steps in a macro step.
     substeps: usize,
+    /// Means over the grains of points, as of the last frame.
+    means: PointMeans,
+    /// Energy at time zero, and as of the last frame (J).
+    start_energy: f64,
+    energy: Energy,
     /// Wall time spent on means.
     averaging: Duration,
 }
@@ -30,62 +41,86 @@ pub struct DiscModel {
 pub struct DiscState {
     assembly: SceneAssembly,
     members: Members,
-    /// Means over the grains of points, as of the last frame.
     means: PointMeans,
-    /// Energy at time zero (J).
     start_energy: f64,
 }
 
 impl DiscModel {
-    /// Fills the columns of a scene with discs at time zero, and sets the points to the means over them.
+    /// Fills the columns of a scene with discs at time zero, on a GPU if one is given, and sets the points to
+    /// the means over them.
     pub(in crate::simulation) fn new(
         scene: &Scene,
         discs: &Discs,
         points: &mut Points,
+        device: Option<&Arc<Device>>,
     ) -> Result<Self, SimulationError> {
-        let boundary = scene.boundary(discs);
+        check_memory(discs, discs.count_in(scene.point_area() * points.len() as f64))?;
         let (assembly, members) = match discs.precision {
-            Precision::F32 => {
-                let (assembly, members) = assemble(scene, discs, &boundary)?;
-                (SceneAssembly::F32(assembly), members)
-            }
-            Precision::F64 => {
-                let (assembly, members) = assemble(scene, discs, &boundary)?;
-                (SceneAssembly::F64(assembly), members)
-            }
+            Precision::F32 => assemble::<f32>(scene, discs, device)?,
+            Precision::F64 => assemble::<f64>(scene, discs, device)?,
         };
         if let Some(point) = members.first_empty() {
             let position = points.position[point].into();
             return Err(SimulationError::Empty { point, position });
         }
-        let start_energy = assembly.energy().total();
-        let state = DiscState { assembly, members, means: PointMeans::default(), start_energy };
-        let mut model = Self::with(scene, discs.grains.clone(), state);
-        model.update(scene, 0, points);
+        let (means, start_energy) = (PointMeans::default(), 0.0);
+        let state = DiscState { assembly, members, means, start_energy };
+        let mut model = Self::resume(scene, discs, state)?;
+        model.start_energy = model.energy.total();
+        model.update(scene, 0, points)?;
         Ok(model)
     }
 
     /// The discs in the state of a checkpoint.
-    pub(in crate::simulation) fn resume(scene: &Scene, discs: &Discs, state: DiscState) -> Self {
-        Self::with(scene, discs.grains.clone(), state)
+    pub(in crate::simulation) fn resume(
+        scene: &Scene,
+        discs: &Discs,
+        state: DiscState,
+    ) -> Result<Self, SimulationError> {
+        let running = state.assembly.running();
+        let (_, energy) = running.states()?;
+        Ok(Self {
+            discs: running,
+            members: state.members,
+            grains: discs.grains.clone(),
+            substeps: discs.grains.substeps(scene.step),
+            means: state.means,
+            start_energy: state.start_energy,
+            energy,
+            averaging: Duration::ZERO,
+        })
     }
 
-    fn with(scene: &Scene, grains: Grains, state: DiscState) -> Self {
-        let substeps = grains.substeps(scene.step);
-        Self { state, grains, substeps, averaging: Duration::ZERO }
+    /// The state for a checkpoint, as of the last call of [`Self::record`].
+    pub(in crate::simulation) fn state(&self) -> DiscState {
+        DiscState {
+            assembly: self.discs.recorded(),
+            members: self.members.clone(),
+            means: self.means.clone(),
+            start_energy: self.start_energy,
+        }
     }
 
-    /// The state for a checkpoint.
-    pub(in crate::simulation) fn state(&self) -> &DiscState {
-        &self.state
+    /// Brings the state up to date for a checkpoint.
+    pub(in crate::simulation) fn record(&mut self) -> Result<(), SimulationError> {
+        self.discs.record()
+    }
+
+    /// Advances on a GPU from now on.
+    pub(in crate::simulation) fn move_to(
+        &mut self,
+        device: &Arc<Device>,
+    ) -> Result<(), SimulationError> {
+        self.discs.move_to(device)
     }
 
     /// Means over the grains of points, as of the last frame.
     pub(in crate::simulation) fn means(&self) -> &PointMeans {
-        &self.state.means
+        &self.means
     }
 
-    /// Advances by a macro step; at a frame, points follow. Returns the steps made and the time they took.
+    /// Advances by a macro step on the CPU, or to the next frame on a GPU; at a frame, points follow. Returns the
+    /// steps made and the time they took.
     pub(in crate::simulation) fn advance(
         &mut self,
         span: &Span,
@@ -93,15 +128,20 @@ impl DiscModel {
         points: &mut Points,
     ) -> Result<(usize, Duration), SimulationError> {
         let start = Instant::now();
-        self.state.assembly.advance(span.first as f64 * span.dt, self.substeps)?;
-        if span.to_frame == 1 {
-            self.update(scene, span.first + 1, points);
+        let steps = self.discs.advance(span, self.substeps)?;
+        if steps == span.to_frame {
+            self.update(scene, span.first + steps, points)?;
         }
-        Ok((1, start.elapsed()))
+        Ok((steps, start.elapsed()))
     }
 
-    /// Brings points up to date at a step.
-    fn update(&mut self, scene: &Scene, step: usize, points: &mut Points) {
+    /// Brings points and energy up to date at a step.
+    fn update(
+        &mut self,
+        scene: &Scene,
+        step: usize,
+        points: &mut Points,
+    ) -> Result<(), SimulationError> {
         let start = Instant::now();
         let time = step as f64 * scene.step;
         let corners = |o: mpm::Obstacle| [o.min.into(), o.max.into()];
@@ -111,9 +151,11 @@ impl DiscModel {
             thickness: self.grains.thickness,
             width: self.grains.mean_diameter(),
         };
-        let states = self.state.assembly.states();
-        self.state.means = PointMeans::update(&self.state.members, &states, &around, points);
+        let (states, energy) = self.discs.states()?;
+        self.means = PointMeans::update(&self.members, &states, &around, points);
+        self.energy = energy;
         self.averaging += start.elapsed();
+        Ok(())
     }
 
     /// The phases of the wall time since the last call.
@@ -127,22 +169,22 @@ impl DiscModel {
 
     /// Numbers of the header: discs, their steps, and their state at the start.
     pub(in crate::simulation) fn parameters(&self, points: &Points) -> BTreeMap<String, f64> {
-        let discs = self.state.assembly.len() as f64;
+        let discs = self.discs.len() as f64;
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let total = |k: usize| points.stress.iter().map(|s| s[(k, k)]).sum::<f64>();
         BTreeMap::from([
             ("discs".to_owned(), discs),
             ("discs_thickness".to_owned(), self.grains.thickness),
             ("discs_substeps".to_owned(), self.substeps as f64),
-            ("start_solid_fraction".to_owned(), mean(&self.state.means.solid_fraction)),
-            ("start_coordination".to_owned(), mean(&self.state.means.coordination)),
+            ("start_solid_fraction".to_owned(), mean(&self.means.solid_fraction)),
+            ("start_coordination".to_owned(), mean(&self.means.coordination)),
             ("start_K0".to_owned(), total(0) / total(1)),
         ])
     }
 
     /// Energies per metre of depth and momentum.
     pub(in crate::simulation) fn budget(&self, points: &Points) -> BTreeMap<String, f64> {
-        let energy = self.state.assembly.energy();
+        let energy = self.energy;
         let losses = energy.losses;
         let momentum: Vec2 = points.velocity.iter().zip(&points.mass).map(|(v, m)| v * *m).sum();
         let energies = [
@@ -153,7 +195,7 @@ impl DiscModel {
             ("friction_loss", losses.friction),
             ("damping_loss", losses.damping),
             ("plate_work", losses.boxes),
-            ("energy_drift", energy.total() - self.state.start_energy),
+            ("energy_drift", energy.total() - self.start_energy),
         ];
         let per_metre = energies.map(|(name, e)| (name.to_owned(), e / self.grains.thickness));
         let mut scalars = BTreeMap::from(per_metre);
@@ -164,7 +206,7 @@ impl DiscModel {
 
     /// Number of discs.
     pub fn discs(&self) -> usize {
-        self.state.assembly.len()
+        self.discs.len()
     }
 
     /// The grains and their contact law.
@@ -172,30 +214,45 @@ impl DiscModel {
         &self.grains
     }
 
-    /// DEM steps so far.
-    pub fn steps(&self) -> u64 {
-        self.state.assembly.steps()
+    /// DEM steps in a macro step.
+    pub fn substeps(&self) -> usize {
+        self.substeps
     }
 
     /// Searches for neighbours so far.
     pub fn searches(&self) -> u64 {
-        self.state.assembly.searches()
+        self.discs.searches()
     }
 
     /// Largest overlap so far, over the smaller radius.
     pub fn max_overlap(&self) -> f64 {
-        self.state.assembly.max_overlap()
+        self.discs.max_overlap()
     }
 }
 
 /// All columns filled, and which grains belong to which point.
-fn assemble<R: Real>(
+fn assemble<R: CudaReal>(
     scene: &Scene,
     discs: &Discs,
-    boundary: &Boundary,
-) -> Result<(Assembly<R>, Members), SimulationError> {
-    let (packed, columns) = filled::<R>(scene, discs, boundary)?;
+    device: Option<&Arc<Device>>,
+) -> Result<(SceneAssembly, Members), SimulationError>
+where
+    SceneAssembly: From<Assembly<R>>,
+{
+    let boundary = scene.boundary(discs);
+    let (packed, columns) = filled::<R>(scene, discs, &boundary, device)?;
     let dt = scene.step / discs.grains.substeps(scene.step) as f64;
-    let assembly = Assembly::new(&discs.grains, boundary, scene.gravity, dt, &packed)?;
-    Ok((assembly, Members::new(scene, &columns)))
+    let assembly = Assembly::<R>::new(&discs.grains, &boundary, scene.gravity, dt, &packed)?;
+    Ok((assembly.into(), Members::new(scene, &columns)))
+}
+
+/// Refuses more discs than the memory of this machine holds.
+fn check_memory(discs: &Discs, count: f64) -> Result<(), SimulationError> {
+    let needed = discs.memory(count);
+    match memory::available() {
+        Some(available) if needed > available => {
+            Err(SimulationError::Memory { discs: count, needed, available })
+        }
+        _ => Ok(()),
+    }
 }

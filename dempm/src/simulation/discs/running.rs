@@ -1,0 +1,153 @@
+//! The discs of a scene on a processor.
+
+use std::sync::Arc;
+
+use dem::assembly::{Assembly, Energy, GrainState};
+use dem::cuda::{CudaAssembly, CudaReal};
+use serde::{Deserialize, Serialize};
+
+use crate::simulation::error::SimulationError;
+use crate::simulation::span::Span;
+
+/// The discs of a scene in its precision.
+#[derive(Clone, Serialize, Deserialize)]
+pub(super) enum SceneAssembly {
+    F32(Assembly<f32>),
+    F64(Assembly<f64>),
+}
+
+impl From<Assembly<f32>> for SceneAssembly {
+    fn from(assembly: Assembly<f32>) -> Self {
+        Self::F32(assembly)
+    }
+}
+
+impl From<Assembly<f64>> for SceneAssembly {
+    fn from(assembly: Assembly<f64>) -> Self {
+        Self::F64(assembly)
+    }
+}
+
+impl SceneAssembly {
+    /// The discs ready to advance on the CPU.
+    pub fn running(self) -> Box<dyn Running> {
+        match self {
+            Self::F32(assembly) => Box::new(OnProcessor { assembly, twin: None }),
+            Self::F64(assembly) => Box::new(OnProcessor { assembly, twin: None }),
+        }
+    }
+}
+
+/// Discs that advance on the CPU or a GPU.
+pub(super) trait Running {
+    /// Advances on a GPU from now on.
+    fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), SimulationError>;
+
+    /// Advances by a macro step of `substeps` DEM steps on the CPU, or to the next frame on a GPU, which may
+    /// then go on. Returns the macro steps made.
+    fn advance(&mut self, span: &Span, substeps: usize) -> Result<usize, SimulationError>;
+
+    /// The states of all grains and their energy; on a GPU, as of the last frame.
+    fn states(&self) -> Result<(Vec<GrainState>, Energy), SimulationError>;
+
+    /// Brings the state for a checkpoint up to date.
+    fn record(&mut self) -> Result<(), SimulationError>;
+
+    /// The state for a checkpoint, as of the last call of [`Self::record`].
+    fn recorded(&self) -> SceneAssembly;
+
+    /// Number of discs.
+    fn len(&self) -> usize;
+
+    /// Largest overlap so far, over the smaller radius.
+    fn max_overlap(&self) -> f64;
+
+    /// Searches for neighbours so far.
+    fn searches(&self) -> u64;
+}
+
+/// Discs on the CPU, and their twin on a GPU.
+struct OnProcessor<R: CudaReal> {
+    /// On a GPU, as of the last checkpoint.
+    assembly: Assembly<R>,
+    twin: Option<Twin<R>>,
+}
+
+/// Discs on a GPU.
+struct Twin<R: CudaReal> {
+    assembly: CudaAssembly<R>,
+    /// Whether steps are queued beyond the last frame.
+    ahead: bool,
+    /// Whether the CPU has its state.
+    recorded: bool,
+}
+
+impl<R: CudaReal> Running for OnProcessor<R>
+where
+    SceneAssembly: From<Assembly<R>>,
+{
+    fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), SimulationError> {
+        let assembly = CudaAssembly::upload(device, &self.assembly)?;
+        self.twin = Some(Twin { assembly, ahead: false, recorded: true });
+        Ok(())
+    }
+
+    fn advance(&mut self, span: &Span, substeps: usize) -> Result<usize, SimulationError> {
+        // Not a running sum: a resumed run has the same times.
+        let time = |step: usize| step as f64 * span.dt;
+        let Some(Twin { assembly, ahead, recorded }) = &mut self.twin else {
+            self.assembly.set_time(time(span.first));
+            self.assembly.advance(substeps)?;
+            return Ok(1);
+        };
+        if !*ahead {
+            assembly.set_time(time(span.first));
+            assembly.queue(span.to_frame * substeps)?;
+        }
+        assembly.finish()?;
+        assembly.fetch_states()?;
+        *ahead = span.ahead > 0;
+        if *ahead {
+            assembly.set_time(time(span.first + span.to_frame));
+            assembly.queue(span.ahead * substeps)?;
+        }
+        *recorded = false;
+        Ok(span.to_frame)
+    }
+
+    fn states(&self) -> Result<(Vec<GrainState>, Energy), SimulationError> {
+        match &self.twin {
+            Some(twin) => Ok(twin.assembly.states(&self.assembly)?),
+            None => Ok((self.assembly.states(), self.assembly.energy())),
+        }
+    }
+
+    fn record(&mut self) -> Result<(), SimulationError> {
+        if let Some(twin) = &mut self.twin
+            && !twin.recorded
+        {
+            assert!(!twin.ahead, "a checkpoint is of one moment");
+            twin.assembly.download_into(&mut self.assembly)?;
+            twin.recorded = true;
+        }
+        Ok(())
+    }
+
+    fn recorded(&self) -> SceneAssembly {
+        self.assembly.clone().into()
+    }
+
+    fn len(&self) -> usize {
+        self.assembly.len()
+    }
+
+    fn max_overlap(&self) -> f64 {
+        let since = self.twin.as_ref().map_or(0.0, |twin| twin.assembly.max_overlap());
+        self.assembly.max_overlap().max(since)
+    }
+
+    fn searches(&self) -> u64 {
+        let since = self.twin.as_ref().map_or(0, |twin| twin.assembly.searches());
+        self.assembly.searches() + since
+    }
+}
