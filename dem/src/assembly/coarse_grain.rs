@@ -49,6 +49,17 @@ pub struct CoarseGraining {
     /// Grains of bin `k`, row by row: `start[k]..start[k + 1]`.
     start: Vec<usize>,
     grains: Vec<GrainState>,
+    /// Index of each among the given states.
+    index: Vec<u32>,
+}
+
+/// The motion of the grains around one of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LocalMotion {
+    /// Area of grains over area.
+    pub solid_fraction: f64,
+    /// Gradient of the mean velocity, `L_ij = dv_i/dx_j` (1/s).
+    pub velocity_gradient: Matrix2<f64>,
 }
 
 impl CoarseGraining {
@@ -74,12 +85,67 @@ impl CoarseGraining {
         }
         let mut next = start.clone();
         let mut grains = vec![GrainState::default(); states.len()];
-        for grain in states {
+        let mut index = vec![0; states.len()];
+        for (k, grain) in states.iter().enumerate() {
             let place = &mut next[bin(grain)];
             grains[*place] = *grain;
+            index[*place] = k as u32;
             *place += 1;
         }
-        Self { width, thickness, corner, side, bins, start, grains }
+        Self { width, thickness, corner, side, bins, start, grains, index }
+    }
+
+    /// Solid fraction and velocity gradient at each of the given grains.
+    pub fn motion_at_grains(&self) -> Vec<LocalMotion> {
+        let particles: Vec<Particle> = self.grains.iter().map(Particle::from).collect();
+        // Neighbours follow each other in this order.
+        let sorted: Vec<LocalMotion> =
+            particles.par_iter().map(|at| self.motion_at(at.x, &particles)).collect();
+        let mut motion = vec![LocalMotion::default(); sorted.len()];
+        for (&k, local) in self.index.iter().zip(sorted) {
+            motion[k as usize] = local;
+        }
+        motion
+    }
+
+    /// As [`Self::at`], without stress.
+    fn motion_at(&self, x: [f64; 2], particles: &[Particle]) -> LocalMotion {
+        let reach2 = (REACH * self.width).powi(2);
+        let inverse = 1.0 / (self.width * self.width);
+        let (mut area, mut mass) = (0.0, 0.0);
+        let (mut momentum, mut mass_gradient) = ([0.0; 2], [0.0; 2]);
+        let mut momentum_gradient = [[0.0; 2]; 2];
+        for p in self.ranges(x).flat_map(|range| &particles[range]) {
+            let d = [x[0] - p.x[0], x[1] - p.x[1]];
+            let square = d[0] * d[0] + d[1] * d[1];
+            if square >= reach2 {
+                continue;
+            }
+            let weight = (-0.5 * square * inverse).exp();
+            let m = p.mass * weight;
+            area += p.area * weight;
+            mass += m;
+            for i in 0..2 {
+                momentum[i] += m * p.v[i];
+                mass_gradient[i] -= m * inverse * d[i];
+                for j in 0..2 {
+                    momentum_gradient[i][j] -= m * p.v[i] * inverse * d[j];
+                }
+            }
+        }
+        let gradient = |i: usize, j: usize| {
+            (momentum_gradient[i][j] - momentum[i] / mass * mass_gradient[j]) / mass
+        };
+        LocalMotion {
+            solid_fraction: area * self.peak(),
+            velocity_gradient: Matrix2::from_fn(gradient),
+        }
+    }
+
+    /// Height of the Gaussian (1/m²), normalised within its reach.
+    fn peak(&self) -> f64 {
+        let inside = 1.0 - (-0.5 * REACH * REACH).exp();
+        1.0 / (2.0 * std::f64::consts::PI * self.width * self.width * inside)
     }
 
     /// The fields at each of some places (m). The same bits for any number of threads.
@@ -92,9 +158,7 @@ impl CoarseGraining {
         let mut sums = Sums::default();
         let reach = REACH * self.width;
         let inverse = 1.0 / (self.width * self.width);
-        // Normalises the Gaussian within its reach.
-        let inside = 1.0 - (-0.5 * REACH * REACH).exp();
-        let peak = inverse / (2.0 * std::f64::consts::PI * inside * self.thickness);
+        let peak = self.peak() / self.thickness;
         for grain in self.near(x) {
             let d = Vector2::new(x[0] - grain.x[0], x[1] - grain.x[1]);
             let square = d.norm_squared();
@@ -108,16 +172,36 @@ impl CoarseGraining {
 
     /// Grains in the bins around a place.
     fn near(&self, x: [f64; 2]) -> impl Iterator<Item = &GrainState> {
+        self.ranges(x).flat_map(|range| &self.grains[range])
+    }
+
+    /// Ranges of the grains in the bins around a place.
+    fn ranges(&self, x: [f64; 2]) -> impl Iterator<Item = std::ops::Range<usize>> {
         // Casts saturate: far outside of the bins a range is empty.
         let [columns, rows] = [0, 1].map(|k| {
             let at = (x[k] - self.corner[k]) / self.side;
             let end = ((at + 2.0) as usize).min(self.bins[k]);
             [((at - 1.0) as usize).min(end), end]
         });
-        (rows[0]..rows[1]).flat_map(move |row| {
+        (rows[0]..rows[1]).map(move |row| {
             let [first, end] = columns.map(|column| self.start[row * self.bins[0] + column]);
-            &self.grains[first..end]
+            first..end
         })
+    }
+}
+
+/// What the motion of grains is made of.
+struct Particle {
+    x: [f64; 2],
+    v: [f64; 2],
+    mass: f64,
+    area: f64,
+}
+
+impl From<&GrainState> for Particle {
+    fn from(grain: &GrainState) -> Self {
+        let area = std::f64::consts::PI * grain.r * grain.r;
+        Self { x: grain.x, v: grain.v, mass: grain.mass, area }
     }
 }
 
@@ -239,6 +323,19 @@ mod tests {
         // What is left is the motion within the width: rho w² L L^T.
         let inner = fields.density * (3.0 * RADIUS).powi(2) * (l * l.transpose());
         assert!((fields.stress - inner).norm() < 0.1 * inner.norm(), "{fields:?}");
+    }
+
+    #[test]
+    fn motion_at_grains_is_that_of_the_fields() {
+        let l = Matrix2::new(0.3, -1.0, 2.0, 0.5);
+        let states = lattice(6, |grain| grain.v = (l * Vector2::from(grain.x)).into());
+        let graining = CoarseGraining::new(&states, THICKNESS, 3.0 * RADIUS);
+        for (grain, motion) in states.iter().zip(graining.motion_at_grains()) {
+            let fields = graining.at(grain.x);
+            assert!((motion.solid_fraction / fields.solid_fraction - 1.0).abs() < 1.0e-12);
+            let error = (motion.velocity_gradient - fields.velocity_gradient).norm();
+            assert!(error < 1.0e-10, "{error}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use dem::assembly::{CoarseGraining, Continuum, GrainState, free_share};
+use dem::assembly::{CoarseGraining, GrainState, LocalMotion, free_share};
 use mpm::{Mat2, Points, Vec2};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -52,8 +52,7 @@ impl PointMeans {
         points: &mut Points,
     ) -> Self {
         let graining = CoarseGraining::new(states, around.thickness, around.width);
-        let places: Vec<[f64; 2]> = states.iter().map(|grain| grain.x).collect();
-        let local = graining.at_all(&places);
+        let local = graining.motion_at_grains();
         let means: Vec<Mean> = (0..points.len())
             .into_par_iter()
             .map(|p| Mean::of(members.of(p), states, &local, around))
@@ -80,7 +79,7 @@ impl Mean {
     fn of(
         members: &[u32],
         states: &[GrainState],
-        local: &[Continuum],
+        local: &[LocalMotion],
         around: &Surroundings,
     ) -> Self {
         let (mut mass, mut area, mut volume, mut contacts) = (0.0, 0.0, 0.0, 0.0);
