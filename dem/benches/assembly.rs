@@ -20,7 +20,8 @@ fn collapse(side: f64) -> Assembly<f32> {
         seed: 7,
     };
     let place = ColumnBox { corner: [0.0; 2], size: [side; 2], loaded: true };
-    let packed = prepare_column(&grains, &boundary, GRAVITY, &place, 1, &mut on_cpu).unwrap();
+    let packed =
+        prepare_column::<f32>(&grains, &boundary, GRAVITY, &place, 1, &mut on_cpu).unwrap();
     let dt = grains.step();
     let mut scene = Assembly::new(&grains, &boundary, GRAVITY, dt, &packed).unwrap();
     scene.advance((0.3 / dt) as usize).unwrap();
