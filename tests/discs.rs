@@ -267,6 +267,30 @@ fn discs_that_cannot_be_are_refused_before_the_run() {
     }
 }
 
+/// More discs than any memory holds end the run before it begins.
+#[test]
+fn discs_beyond_the_memory_are_refused() {
+    let directory = TempDir::new().unwrap();
+    let text = "duration = 1.0\ndomain = { size = [400.0, 400.0], cell = 1.0 }\n\
+                material.kind = \"discs\"\n[[column]]\nsize = [200.0, 200.0]\n";
+    scene(directory.path(), text);
+    let mut command = dempm(directory.path());
+    let output = command.args(["run", "scene.toml", "--device", "cpu"]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("GB of memory"), "{said}");
+}
+
+#[test]
+fn several_ranks_are_refused() {
+    let directory = TempDir::new().unwrap();
+    scene(directory.path(), SCENE);
+    let mut command = dempm(directory.path());
+    command.args(["run", "scene.toml"]).envs([("RANK", "1"), ("WORLD_SIZE", "2")]);
+    let output = command.env("LOCAL_RANK", "1").output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("rank 1 of 2"), "{said}");
+}
+
 /// `check` tells the number of discs and what they cost.
 #[test]
 fn check_counts_discs() {

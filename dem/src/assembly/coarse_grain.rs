@@ -37,6 +37,24 @@ pub struct Continuum {
     pub stress: Matrix2<f64>,
 }
 
+/// The part of the fields that needs no forces: all that means over grains need.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Flow {
+    /// Area of grains over area.
+    pub solid_fraction: f64,
+    /// Gradient of the mean velocity, `L_ij = dv_i/dx_j` (1/s).
+    pub velocity_gradient: Matrix2<f64>,
+}
+
+/// What the sums for a flow need of a grain, close together in memory.
+#[derive(Clone, Copy, Default)]
+struct Sample {
+    x: Vector2<f64>,
+    velocity: Vector2<f64>,
+    mass: f64,
+    area: f64,
+}
+
 /// Grains in bins, ready to be coarse grained.
 pub struct CoarseGraining {
     /// Width of the Gaussian (m).
@@ -48,7 +66,8 @@ pub struct CoarseGraining {
     bins: [usize; 2],
     /// Grains of bin `k`, row by row: `start[k]..start[k + 1]`.
     start: Vec<usize>,
-    grains: Vec<GrainState>,
+    samples: Vec<Sample>,
+    virials: Vec<Matrix2<f64>>,
 }
 
 impl CoarseGraining {
@@ -73,13 +92,20 @@ impl CoarseGraining {
             start[k] += start[k - 1];
         }
         let mut next = start.clone();
-        let mut grains = vec![GrainState::default(); states.len()];
+        let mut samples = vec![Sample::default(); states.len()];
+        let mut virials = vec![Matrix2::zeros(); states.len()];
         for grain in states {
             let place = &mut next[bin(grain)];
-            grains[*place] = *grain;
+            samples[*place] = Sample {
+                x: grain.x.into(),
+                velocity: grain.v.into(),
+                mass: grain.mass,
+                area: std::f64::consts::PI * grain.r * grain.r,
+            };
+            virials[*place] = grain.virial;
             *place += 1;
         }
-        Self { width, thickness, corner, side, bins, start, grains }
+        Self { width, thickness, corner, side, bins, start, samples, virials }
     }
 
     /// The fields at each of some places (m). The same bits for any number of threads.
@@ -87,27 +113,69 @@ impl CoarseGraining {
         places.par_iter().map(|&x| self.at(x)).collect()
     }
 
+    /// The flow at each of some places (m). The same bits for any number of threads.
+    pub fn flow_at_all(&self, places: &[[f64; 2]]) -> Vec<Flow> {
+        places.par_iter().map(|&x| self.flow_at(x)).collect()
+    }
+
+    /// The flow at a place (m).
+    pub fn flow_at(&self, x: [f64; 2]) -> Flow {
+        let mut sums = Sums::default();
+        self.gather(x, |k, weight, gradient| sums.add(&self.samples[k], weight, gradient));
+        if sums.mass == 0.0 {
+            return Flow::default();
+        }
+        Flow {
+            solid_fraction: sums.area * self.thickness,
+            velocity_gradient: sums.velocity_gradient(),
+        }
+    }
+
     /// The fields at a place (m).
     pub fn at(&self, x: [f64; 2]) -> Continuum {
         let mut sums = Sums::default();
+        // Sums of m v (x) v W and of the contacts.
+        let (mut flux, mut virial) = (Matrix2::zeros(), Matrix2::zeros());
+        self.gather(x, |k, weight, gradient| {
+            let sample = &self.samples[k];
+            sums.add(sample, weight, gradient);
+            flux += weight * sample.mass * sample.velocity * sample.velocity.transpose();
+            virial += weight * self.virials[k];
+        });
+        if sums.mass == 0.0 {
+            return Continuum::default();
+        }
+        let velocity = sums.momentum / sums.mass;
+        let stress: Matrix2<f64> = virial + flux - sums.momentum * velocity.transpose();
+        Continuum {
+            density: sums.mass,
+            solid_fraction: sums.area * self.thickness,
+            velocity,
+            velocity_gradient: sums.velocity_gradient(),
+            stress: 0.5 * (stress + stress.transpose()),
+        }
+    }
+
+    /// Passes the grains around a place with their weights $W / t$ and the gradients of these.
+    fn gather(&self, x: [f64; 2], mut add: impl FnMut(usize, f64, Vector2<f64>)) {
+        let at = Vector2::from(x);
         let reach = REACH * self.width;
         let inverse = 1.0 / (self.width * self.width);
         // Normalises the Gaussian within its reach.
         let inside = 1.0 - (-0.5 * REACH * REACH).exp();
         let peak = inverse / (2.0 * std::f64::consts::PI * inside * self.thickness);
-        for grain in self.near(x) {
-            let d = Vector2::new(x[0] - grain.x[0], x[1] - grain.x[1]);
+        for k in self.near(x) {
+            let d = at - self.samples[k].x;
             let square = d.norm_squared();
             if square < reach * reach {
                 let weight = peak * (-0.5 * square * inverse).exp();
-                sums.add(grain, weight, -inverse * weight * d);
+                add(k, weight, -inverse * weight * d);
             }
         }
-        sums.fields(self.thickness)
     }
 
     /// Grains in the bins around a place.
-    fn near(&self, x: [f64; 2]) -> impl Iterator<Item = &GrainState> {
+    fn near(&self, x: [f64; 2]) -> impl Iterator<Item = usize> {
         // Casts saturate: far outside of the bins a range is empty.
         let [columns, rows] = [0, 1].map(|k| {
             let at = (x[k] - self.corner[k]) / self.side;
@@ -116,7 +184,7 @@ impl CoarseGraining {
         });
         (rows[0]..rows[1]).flat_map(move |row| {
             let [first, end] = columns.map(|column| self.start[row * self.bins[0] + column]);
-            &self.grains[first..end]
+            first..end
         })
     }
 }
@@ -127,9 +195,6 @@ struct Sums {
     mass: f64,
     area: f64,
     momentum: Vector2<f64>,
-    /// $\sum m \mathbf v \otimes \mathbf v W$.
-    flux: Matrix2<f64>,
-    virial: Matrix2<f64>,
     /// $\sum m \nabla W$.
     mass_gradient: Vector2<f64>,
     /// $\sum m \mathbf v \otimes \nabla W$.
@@ -137,32 +202,19 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, grain: &GrainState, weight: f64, gradient: Vector2<f64>) {
-        let velocity = Vector2::from(grain.v);
-        let mass = grain.mass * weight;
+    fn add(&mut self, sample: &Sample, weight: f64, gradient: Vector2<f64>) {
+        let mass = sample.mass * weight;
         self.mass += mass;
-        self.area += std::f64::consts::PI * grain.r * grain.r * weight;
-        self.momentum += mass * velocity;
-        self.flux += mass * velocity * velocity.transpose();
-        self.virial += weight * grain.virial;
-        self.mass_gradient += grain.mass * gradient;
-        self.momentum_gradient += grain.mass * velocity * gradient.transpose();
+        self.area += sample.area * weight;
+        self.momentum += mass * sample.velocity;
+        self.mass_gradient += sample.mass * gradient;
+        self.momentum_gradient += sample.mass * sample.velocity * gradient.transpose();
     }
 
-    fn fields(&self, thickness: f64) -> Continuum {
-        if self.mass == 0.0 {
-            return Continuum::default();
-        }
+    /// The gradient of the mean velocity, where there is mass.
+    fn velocity_gradient(&self) -> Matrix2<f64> {
         let velocity = self.momentum / self.mass;
-        let stress = self.virial + self.flux - self.momentum * velocity.transpose();
-        let gradient = self.momentum_gradient - velocity * self.mass_gradient.transpose();
-        Continuum {
-            density: self.mass,
-            solid_fraction: self.area * thickness,
-            velocity,
-            velocity_gradient: gradient / self.mass,
-            stress: 0.5 * (stress + stress.transpose()),
-        }
+        (self.momentum_gradient - velocity * self.mass_gradient.transpose()) / self.mass
     }
 }
 
@@ -234,6 +286,12 @@ mod tests {
         let states = lattice(10, |grain| grain.v = (l * Vector2::from(grain.x) + drift).into());
         let fields = at_origin(&states);
         assert!((fields.velocity_gradient - l).norm() < 0.05 * l.norm(), "{fields:?}");
+        let graining = CoarseGraining::new(&states, THICKNESS, 3.0 * RADIUS);
+        let flow = graining.flow_at_all(&[[0.3 * RADIUS, -0.2 * RADIUS]])[0];
+        assert_eq!(
+            (flow.solid_fraction, flow.velocity_gradient),
+            (fields.solid_fraction, fields.velocity_gradient)
+        );
         let there = l * Vector2::new(0.3 * RADIUS, -0.2 * RADIUS) + drift;
         assert!((fields.velocity - there).norm() < 1.0e-3);
         // What is left is the motion within the width: rho w² L L^T.

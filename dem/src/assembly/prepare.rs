@@ -34,9 +34,10 @@ const SETTLING_DRAG: f64 = 20.0;
 const RESTING_DRAG: f64 = 200.0;
 /// Time (s) between two looks at the motion.
 const LOOK: f64 = 0.01;
-/// Mean kinetic energies, in units of the mean weight times the mean diameter, at which grains hardly move
-/// and at which they are at rest.
+/// Mean kinetic energies, in units of the mean weight times the mean diameter: grains hardly move; they have
+/// settled, though without friction single ones still rearrange; they are at rest.
 const HARDLY_MOVING: f64 = 1.0e-3;
+const SETTLED: f64 = 1.0e-5;
 const AT_REST: f64 = 1.0e-7;
 /// Shortest settling, in looks, and longest, in times of a free fall from the top of the column.
 const SHORTEST: usize = 5;
@@ -83,7 +84,7 @@ pub fn prepare_column<R: Real>(
     assembly.set_drag(FALLING_DRAG);
     let fall = (2.0 * (silo.size[1] - place.corner[1] - height).max(0.0) / -weight).sqrt();
     advance(&mut assembly, (fall / dt).ceil() as usize)?;
-    settle(&mut assembly, weight, place, advance)?;
+    settle(&mut assembly, weight, SETTLED, place, advance)?;
 
     let mut packed = assembly.packed();
     let top = place.corner[1] + height;
@@ -95,13 +96,13 @@ pub fn prepare_column<R: Real>(
 
     // Without the friction of flow at first, which would lock in the horizontal stress under what was cut.
     let mut assembly = Assembly::new(&smooth, &silo, [0.0, weight], dt, &packed)?;
-    settle(&mut assembly, weight, place, advance)?;
+    settle(&mut assembly, weight, SETTLED, place, advance)?;
     assembly.set_friction(grains.friction);
     if !place.loaded {
         let bulk_density = SOLID_FRACTION * grains.grain_density;
         assembly.set_gravity([0.0, -UNLOADED / (bulk_density * height)]);
     }
-    settle(&mut assembly, weight, place, advance)?;
+    settle(&mut assembly, weight, AT_REST, place, advance)?;
     let mut packed = assembly.packed();
     packed.retain(|grain| grain.x[1] < top);
     for grain in &mut packed.grains {
@@ -118,10 +119,11 @@ fn preparation_step(grains: &Grains) -> f64 {
     Grains { step_factor: Grains::default().step_factor, mass_scale: 1.0, ..grains.clone() }.step()
 }
 
-/// Advances with drag until the grains are at rest under a `weight` (m/s²).
+/// Advances with drag until the kinetic energy is below `rest`, see [`AT_REST`], for a `weight` (m/s²).
 fn settle<R: Real>(
     assembly: &mut Assembly<R>,
     weight: f64,
+    rest: f64,
     place: &ColumnBox,
     advance: &mut Advance<'_, R>,
 ) -> Result<(), AssemblyError> {
@@ -132,7 +134,7 @@ fn settle<R: Real>(
     for k in 1..=looks {
         advance(assembly, look)?;
         let agitation = assembly.agitation(-weight);
-        if k >= SHORTEST && agitation < AT_REST {
+        if k >= SHORTEST && agitation < rest {
             return Ok(());
         }
         assembly.set_drag(if agitation < HARDLY_MOVING { RESTING_DRAG } else { SETTLING_DRAG });

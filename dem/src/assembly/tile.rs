@@ -379,17 +379,20 @@ fn resist<R: Real>(
     sums: &mut TileSums<R>,
 ) {
     let (zero, one) = (R::default(), R::from_f64(1.0));
+    let alpha = step.law.local_damping;
     for (disc, force) in own.iter().zip(forces) {
         if disc.inv_mass == zero {
             continue;
         }
         let (mass, inertia) = (one / disc.inv_mass, one / disc.inv_inertia);
         let weight = [mass * step.gravity[0], mass * step.gravity[1], zero];
-        let resistance = [mass, mass, inertia].map(|m| m * step.drag);
+        let inertias = [mass, mass, inertia];
         for (k, velocity) in [disc.u[0], disc.u[1], disc.w].into_iter().enumerate() {
-            let total = force[k] + weight[k];
-            let damped = damp(total, velocity, step.law.local_damping);
-            let resisting = total - damped + resistance[k] * velocity;
+            let mut resisting = step.drag * inertias[k] * velocity;
+            if alpha != zero {
+                let total = force[k] + weight[k];
+                resisting += total - damp(total, velocity, alpha);
+            }
             force[k] -= resisting;
             sums.damping += resisting * velocity;
         }

@@ -14,6 +14,7 @@ use crate::simulation::{Model, Simulation};
 
 const COLUMN: &str = include_str!("../../../scenes/column.toml");
 const COLUMN_MU_I: &str = include_str!("../../../scenes/column-mu-i.toml");
+const DISCS: &str = include_str!("../../../scenes/discs.toml");
 /// Scenes of the paper that a GPU is measured with.
 const ON_GPU: &[&str] = &["col3x3barriers"];
 const ON_GPU_FULL: &[&str] = &["col2x2", "col3x3barriers", "col10x2", "col5x5"];
@@ -38,6 +39,7 @@ pub fn report(
     }
     let head = [
         "scene",
+        "model",
         "device",
         "points",
         "discs",
@@ -69,7 +71,17 @@ pub fn scenes(chosen: &[String], extent: Extent) -> miette::Result<Vec<(Scene, b
     for name in if extent.full { ON_GPU_FULL } else { ON_GPU } {
         scenes.push((named(name)?, extent.full, true));
     }
+    // Columns of discs take a CPU minutes to prepare.
+    scenes.push((Scene::parse(DISCS, "discs.toml")?, extent.full, true));
+    for name in ON_GPU {
+        scenes.push((as_discs(&named(name)?)?, false, true));
+    }
     Ok(scenes)
+}
+
+/// The same scene grain by grain.
+fn as_discs(scene: &Scene) -> miette::Result<Scene> {
+    Ok(Scene::parse(&scene.text.replace("kind = \"rve\"", "kind = \"discs\""), &scene.name)?)
 }
 
 /// A scene of the paper by its name, else a file.
@@ -124,6 +136,7 @@ fn measure(
     );
     Ok(vec![
         simulation.scene.title.clone(),
+        simulation.scene.material.name().to_owned(),
         simulation.device.clone(),
         points.to_string(),
         discs.to_string(),
@@ -147,6 +160,12 @@ fn phases(before: &BTreeMap<String, f64>, after: &BTreeMap<String, f64>, steps: 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_word_makes_a_scene_of_discs() {
+        let scene = as_discs(&named("col3x3barriers").unwrap()).unwrap();
+        assert_eq!((scene.material.name(), scene.point_count()), ("discs", 2304));
+    }
 
     #[test]
     fn scenes_are_found_by_name_or_as_files() {
