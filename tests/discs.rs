@@ -102,11 +102,75 @@ fn discs_become_a_trajectory_of_points() {
     assert!(scalar(last, "energy_drift").abs() < 0.01 * fallen);
 }
 
+/// Every tenth frame has the grains, whose means the points are; pictures and exports show them.
+#[test]
+fn grains_are_recorded_where_the_scene_asks_for_them() {
+    let directory = TempDir::new().unwrap();
+    scene(directory.path(), &format!("{SCENE}[output]\ngrains_every = 10\n"));
+    run(directory.path(), "discs.h5", &[]);
+    let trajectory = Trajectory::open(&directory.path().join("discs.h5")).unwrap();
+    let grains = trajectory.grains().unwrap().unwrap();
+    let count = trajectory.header().parameters["discs"] as usize;
+    assert_eq!((grains.every, grains.radius.len()), (10, count));
+    assert!(grains.radius.iter().all(|r| (2.5e-3..=5.0e-3).contains(r)));
+    assert!(grains.column.iter().all(|&column| column == 0));
+    for index in 0..trajectory.frames() {
+        let frame = trajectory.frame(index).unwrap();
+        let Some(shown) = trajectory.grain_frame(index).unwrap() else {
+            assert_ne!(index % 10, 0);
+            continue;
+        };
+        assert_eq!((index % 10, shown.position.len()), (0, count));
+        for (point, x) in frame.position.iter().enumerate() {
+            let (mut mass, mut moment) = (0.0, [0.0; 2]);
+            for k in (0..count).filter(|&k| grains.point[k] as usize == point) {
+                let area = f64::from(grains.radius[k]).powi(2);
+                mass += area;
+                moment = [0, 1].map(|i| moment[i] + area * f64::from(shown.position[k][i]));
+            }
+            assert!((0..2).all(|i| (moment[i] / mass - x[i]).abs() < 1.0e-6), "{point}: {x:?}");
+        }
+        assert!(shown.pressure.iter().all(|p| p.is_finite()));
+    }
+    // The mean over the grains, weighted by area and solid fraction, is the pressure of the points.
+    let start = trajectory.grain_frame(0).unwrap().unwrap();
+    let area: f64 = grains.radius.iter().map(|r| f64::from(*r).powi(2)).sum();
+    let weighted = grains.radius.iter().zip(&start.pressure);
+    let mean = weighted.map(|(r, p)| f64::from(*r).powi(2) * f64::from(*p)).sum::<f64>() / area;
+    let frame = trajectory.frame(0).unwrap();
+    let stress = frame.stress.unwrap();
+    let of_points = stress.iter().map(|s| -0.5 * f64::from(s[0] + s[3])).sum::<f64>() / 16.0;
+    assert!((0.8 * mean / of_points - 1.0).abs() < 0.15, "{mean} {of_points}");
+
+    let dempm = |words: &[&str]| {
+        let output = dempm(directory.path()).args(words).output().unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.success(), String::from_utf8_lossy(&text).into_owned())
+    };
+    let (done, text) = dempm(&["plot", "discs.h5", "--grains", "--width", "400"]);
+    assert!(done && directory.path().join("discs.png").exists(), "{text}");
+    for field in ["speed", "pressure", "displacement", "column"] {
+        let (done, text) =
+            dempm(&["plot", "discs.h5", "--grains", "--frames", "last", "--field", field]);
+        assert!(done, "{text}");
+    }
+    let (done, text) = dempm(&["plot", "discs.h5", "--grains", "--frames", "5"]);
+    assert!(!done && text.contains("frame 5 has no grains: only frames 0, 10, 20, ..."), "{text}");
+    let (done, text) = dempm(&["plot", "discs.h5", "--grains", "--field", "coordination"]);
+    assert!(!done && text.contains("grains have no coordination"), "{text}");
+    let (done, text) = dempm(&["info", "discs.h5"]);
+    assert!(
+        done && text.contains(&format!("grains        {count}, in every 10th frame")),
+        "{text}"
+    );
+}
+
 /// The same bits from the cache, on another number of threads, and after a kill.
 #[test]
 fn a_run_of_discs_is_reproducible_and_resumes_bitwise() {
     let directory = TempDir::new().unwrap();
-    scene(directory.path(), &SCENE.replace("duration = 0.2", "duration = 0.5"));
+    let text = SCENE.replace("duration = 0.2", "duration = 0.5");
+    scene(directory.path(), &(text + "[output]\ngrains_every = 4\n"));
     run(directory.path(), "whole.h5", &[]);
     let whole = bits(&directory.path().join("whole.h5"));
     let cut = directory.path().join("cut.h5");

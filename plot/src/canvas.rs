@@ -50,6 +50,31 @@ impl Canvas {
         Ok(Self { width, height, pixels: vec![255; size] })
     }
 
+    /// Draws a filled disc whose edge pixels are covered in part: for discs of few pixels.
+    pub fn disc(&mut self, at: [f64; 2], radius: f64, colour: RGBColor) {
+        let scale = f64::from(OVERSAMPLING);
+        let ([x, y], radius) = (at.map(|k| k * scale), radius * scale);
+        let [width, height] = [self.width, self.height].map(|side| (side * OVERSAMPLING) as usize);
+        // Casts saturate: nothing is drawn outside.
+        let span = |middle: f64, end: usize| {
+            ((middle - radius - 1.0) as usize).min(end)
+                ..((middle + radius + 1.0).ceil() as usize).min(end)
+        };
+        for row in span(y, height) {
+            for column in span(x, width) {
+                let distance = (column as f64 + 0.5 - x).hypot(row as f64 + 0.5 - y);
+                let covered = (radius - distance + 0.5).clamp(0.0, 1.0);
+                let pixel = 3 * (row * width + column);
+                for (old, new) in
+                    self.pixels[pixel..pixel + 3].iter_mut().zip([colour.0, colour.1, colour.2])
+                {
+                    *old = (f64::from(*old) * (1.0 - covered) + f64::from(new) * covered).round()
+                        as u8;
+                }
+            }
+        }
+    }
+
     /// Draws with a pen.
     ///
     /// # Errors

@@ -177,8 +177,13 @@ fn consume(path: &Path, consumer: usize, folder: &Path) -> miette::Result<()> {
         0..3 => read_all(path),
         3 => {
             let (quantity, width) = (Quantity::Speed, Some(320));
-            let options =
-                figures::Options { quantity, log: false, frames: Selection::Default, width };
+            let options = figures::Options {
+                grains: false,
+                quantity,
+                log: false,
+                frames: Selection::Default,
+                width,
+            };
             figures::draw(&Trajectory::open(path)?, &options, &folder.join("out.png"))?;
             Ok(())
         }

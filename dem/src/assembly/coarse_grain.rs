@@ -37,6 +37,24 @@ pub struct Continuum {
     pub stress: Matrix2<f64>,
 }
 
+/// The part of the fields that needs no forces: all that means over grains need.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Flow {
+    /// Area of grains over area.
+    pub solid_fraction: f64,
+    /// Gradient of the mean velocity, `L_ij = dv_i/dx_j` (1/s).
+    pub velocity_gradient: Matrix2<f64>,
+}
+
+/// What the sums for a flow need of a grain, close together in memory.
+#[derive(Clone, Copy, Default)]
+struct Sample {
+    x: Vector2<f64>,
+    velocity: Vector2<f64>,
+    mass: f64,
+    area: f64,
+}
+
 /// Grains in bins, ready to be coarse grained.
 pub struct CoarseGraining {
     /// Width of the Gaussian (m).
@@ -48,18 +66,8 @@ pub struct CoarseGraining {
     bins: [usize; 2],
     /// Grains of bin `k`, row by row: `start[k]..start[k + 1]`.
     start: Vec<usize>,
-    grains: Vec<GrainState>,
-    /// Index of each among the given states.
-    index: Vec<u32>,
-}
-
-/// The motion of the grains around one of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LocalMotion {
-    /// Area of grains over area.
-    pub solid_fraction: f64,
-    /// Gradient of the mean velocity, `L_ij = dv_i/dx_j` (1/s).
-    pub velocity_gradient: Matrix2<f64>,
+    samples: Vec<Sample>,
+    virials: Vec<Matrix2<f64>>,
 }
 
 impl CoarseGraining {
@@ -84,68 +92,20 @@ impl CoarseGraining {
             start[k] += start[k - 1];
         }
         let mut next = start.clone();
-        let mut grains = vec![GrainState::default(); states.len()];
-        let mut index = vec![0; states.len()];
-        for (k, grain) in states.iter().enumerate() {
+        let mut samples = vec![Sample::default(); states.len()];
+        let mut virials = vec![Matrix2::zeros(); states.len()];
+        for grain in states {
             let place = &mut next[bin(grain)];
-            grains[*place] = *grain;
-            index[*place] = k as u32;
+            samples[*place] = Sample {
+                x: grain.x.into(),
+                velocity: grain.v.into(),
+                mass: grain.mass,
+                area: std::f64::consts::PI * grain.r * grain.r,
+            };
+            virials[*place] = grain.virial;
             *place += 1;
         }
-        Self { width, thickness, corner, side, bins, start, grains, index }
-    }
-
-    /// Solid fraction and velocity gradient at each of the given grains.
-    pub fn motion_at_grains(&self) -> Vec<LocalMotion> {
-        let particles: Vec<Particle> = self.grains.iter().map(Particle::from).collect();
-        // Neighbours follow each other in this order.
-        let sorted: Vec<LocalMotion> =
-            particles.par_iter().map(|at| self.motion_at(at.x, &particles)).collect();
-        let mut motion = vec![LocalMotion::default(); sorted.len()];
-        for (&k, local) in self.index.iter().zip(sorted) {
-            motion[k as usize] = local;
-        }
-        motion
-    }
-
-    /// As [`Self::at`], without stress.
-    fn motion_at(&self, x: [f64; 2], particles: &[Particle]) -> LocalMotion {
-        let reach2 = (REACH * self.width).powi(2);
-        let inverse = 1.0 / (self.width * self.width);
-        let (mut area, mut mass) = (0.0, 0.0);
-        let (mut momentum, mut mass_gradient) = ([0.0; 2], [0.0; 2]);
-        let mut momentum_gradient = [[0.0; 2]; 2];
-        for p in self.ranges(x).flat_map(|range| &particles[range]) {
-            let d = [x[0] - p.x[0], x[1] - p.x[1]];
-            let square = d[0] * d[0] + d[1] * d[1];
-            if square >= reach2 {
-                continue;
-            }
-            let weight = (-0.5 * square * inverse).exp();
-            let m = p.mass * weight;
-            area += p.area * weight;
-            mass += m;
-            for i in 0..2 {
-                momentum[i] += m * p.v[i];
-                mass_gradient[i] -= m * inverse * d[i];
-                for j in 0..2 {
-                    momentum_gradient[i][j] -= m * p.v[i] * inverse * d[j];
-                }
-            }
-        }
-        let gradient = |i: usize, j: usize| {
-            (momentum_gradient[i][j] - momentum[i] / mass * mass_gradient[j]) / mass
-        };
-        LocalMotion {
-            solid_fraction: area * self.peak(),
-            velocity_gradient: Matrix2::from_fn(gradient),
-        }
-    }
-
-    /// Height of the Gaussian (1/m²), normalised within its reach.
-    fn peak(&self) -> f64 {
-        let inside = 1.0 - (-0.5 * REACH * REACH).exp();
-        1.0 / (2.0 * std::f64::consts::PI * self.width * self.width * inside)
+        Self { width, thickness, corner, side, bins, start, samples, virials }
     }
 
     /// The fields at each of some places (m). The same bits for any number of threads.
@@ -153,55 +113,79 @@ impl CoarseGraining {
         places.par_iter().map(|&x| self.at(x)).collect()
     }
 
+    /// The flow at each of some places (m). The same bits for any number of threads.
+    pub fn flow_at_all(&self, places: &[[f64; 2]]) -> Vec<Flow> {
+        places.par_iter().map(|&x| self.flow_at(x)).collect()
+    }
+
+    /// The flow at a place (m).
+    pub fn flow_at(&self, x: [f64; 2]) -> Flow {
+        let mut sums = Sums::default();
+        self.gather(x, |k, weight, gradient| sums.add(&self.samples[k], weight, gradient));
+        if sums.mass == 0.0 {
+            return Flow::default();
+        }
+        Flow {
+            solid_fraction: sums.area * self.thickness,
+            velocity_gradient: sums.velocity_gradient(),
+        }
+    }
+
     /// The fields at a place (m).
     pub fn at(&self, x: [f64; 2]) -> Continuum {
         let mut sums = Sums::default();
+        // Sums of m v (x) v W and of the contacts.
+        let (mut flux, mut virial) = (Matrix2::zeros(), Matrix2::zeros());
+        self.gather(x, |k, weight, gradient| {
+            let sample = &self.samples[k];
+            sums.add(sample, weight, gradient);
+            flux += weight * sample.mass * sample.velocity * sample.velocity.transpose();
+            virial += weight * self.virials[k];
+        });
+        if sums.mass == 0.0 {
+            return Continuum::default();
+        }
+        let velocity = sums.momentum / sums.mass;
+        let stress: Matrix2<f64> = virial + flux - sums.momentum * velocity.transpose();
+        Continuum {
+            density: sums.mass,
+            solid_fraction: sums.area * self.thickness,
+            velocity,
+            velocity_gradient: sums.velocity_gradient(),
+            stress: 0.5 * (stress + stress.transpose()),
+        }
+    }
+
+    /// Passes the grains around a place with their weights $W / t$ and the gradients of these.
+    fn gather(&self, x: [f64; 2], mut add: impl FnMut(usize, f64, Vector2<f64>)) {
+        let at = Vector2::from(x);
         let reach = REACH * self.width;
         let inverse = 1.0 / (self.width * self.width);
-        let peak = self.peak() / self.thickness;
-        for grain in self.near(x) {
-            let d = Vector2::new(x[0] - grain.x[0], x[1] - grain.x[1]);
+        // Normalises the Gaussian within its reach.
+        let inside = 1.0 - (-0.5 * REACH * REACH).exp();
+        let peak = inverse / (2.0 * std::f64::consts::PI * inside * self.thickness);
+        for k in self.near(x) {
+            let d = at - self.samples[k].x;
             let square = d.norm_squared();
             if square < reach * reach {
                 let weight = peak * (-0.5 * square * inverse).exp();
-                sums.add(grain, weight, -inverse * weight * d);
+                add(k, weight, -inverse * weight * d);
             }
         }
-        sums.fields(self.thickness)
     }
 
     /// Grains in the bins around a place.
-    fn near(&self, x: [f64; 2]) -> impl Iterator<Item = &GrainState> {
-        self.ranges(x).flat_map(|range| &self.grains[range])
-    }
-
-    /// Ranges of the grains in the bins around a place.
-    fn ranges(&self, x: [f64; 2]) -> impl Iterator<Item = std::ops::Range<usize>> {
+    fn near(&self, x: [f64; 2]) -> impl Iterator<Item = usize> {
         // Casts saturate: far outside of the bins a range is empty.
         let [columns, rows] = [0, 1].map(|k| {
             let at = (x[k] - self.corner[k]) / self.side;
             let end = ((at + 2.0) as usize).min(self.bins[k]);
             [((at - 1.0) as usize).min(end), end]
         });
-        (rows[0]..rows[1]).map(move |row| {
+        (rows[0]..rows[1]).flat_map(move |row| {
             let [first, end] = columns.map(|column| self.start[row * self.bins[0] + column]);
             first..end
         })
-    }
-}
-
-/// What the motion of grains is made of.
-struct Particle {
-    x: [f64; 2],
-    v: [f64; 2],
-    mass: f64,
-    area: f64,
-}
-
-impl From<&GrainState> for Particle {
-    fn from(grain: &GrainState) -> Self {
-        let area = std::f64::consts::PI * grain.r * grain.r;
-        Self { x: grain.x, v: grain.v, mass: grain.mass, area }
     }
 }
 
@@ -211,9 +195,6 @@ struct Sums {
     mass: f64,
     area: f64,
     momentum: Vector2<f64>,
-    /// $\sum m \mathbf v \otimes \mathbf v W$.
-    flux: Matrix2<f64>,
-    virial: Matrix2<f64>,
     /// $\sum m \nabla W$.
     mass_gradient: Vector2<f64>,
     /// $\sum m \mathbf v \otimes \nabla W$.
@@ -221,32 +202,19 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, grain: &GrainState, weight: f64, gradient: Vector2<f64>) {
-        let velocity = Vector2::from(grain.v);
-        let mass = grain.mass * weight;
+    fn add(&mut self, sample: &Sample, weight: f64, gradient: Vector2<f64>) {
+        let mass = sample.mass * weight;
         self.mass += mass;
-        self.area += std::f64::consts::PI * grain.r * grain.r * weight;
-        self.momentum += mass * velocity;
-        self.flux += mass * velocity * velocity.transpose();
-        self.virial += weight * grain.virial;
-        self.mass_gradient += grain.mass * gradient;
-        self.momentum_gradient += grain.mass * velocity * gradient.transpose();
+        self.area += sample.area * weight;
+        self.momentum += mass * sample.velocity;
+        self.mass_gradient += sample.mass * gradient;
+        self.momentum_gradient += sample.mass * sample.velocity * gradient.transpose();
     }
 
-    fn fields(&self, thickness: f64) -> Continuum {
-        if self.mass == 0.0 {
-            return Continuum::default();
-        }
+    /// The gradient of the mean velocity, where there is mass.
+    fn velocity_gradient(&self) -> Matrix2<f64> {
         let velocity = self.momentum / self.mass;
-        let stress = self.virial + self.flux - self.momentum * velocity.transpose();
-        let gradient = self.momentum_gradient - velocity * self.mass_gradient.transpose();
-        Continuum {
-            density: self.mass,
-            solid_fraction: self.area * thickness,
-            velocity,
-            velocity_gradient: gradient / self.mass,
-            stress: 0.5 * (stress + stress.transpose()),
-        }
+        (self.momentum_gradient - velocity * self.mass_gradient.transpose()) / self.mass
     }
 }
 
@@ -318,24 +286,17 @@ mod tests {
         let states = lattice(10, |grain| grain.v = (l * Vector2::from(grain.x) + drift).into());
         let fields = at_origin(&states);
         assert!((fields.velocity_gradient - l).norm() < 0.05 * l.norm(), "{fields:?}");
+        let graining = CoarseGraining::new(&states, THICKNESS, 3.0 * RADIUS);
+        let flow = graining.flow_at_all(&[[0.3 * RADIUS, -0.2 * RADIUS]])[0];
+        assert_eq!(
+            (flow.solid_fraction, flow.velocity_gradient),
+            (fields.solid_fraction, fields.velocity_gradient)
+        );
         let there = l * Vector2::new(0.3 * RADIUS, -0.2 * RADIUS) + drift;
         assert!((fields.velocity - there).norm() < 1.0e-3);
         // What is left is the motion within the width: rho w² L L^T.
         let inner = fields.density * (3.0 * RADIUS).powi(2) * (l * l.transpose());
         assert!((fields.stress - inner).norm() < 0.1 * inner.norm(), "{fields:?}");
-    }
-
-    #[test]
-    fn motion_at_grains_is_that_of_the_fields() {
-        let l = Matrix2::new(0.3, -1.0, 2.0, 0.5);
-        let states = lattice(6, |grain| grain.v = (l * Vector2::from(grain.x)).into());
-        let graining = CoarseGraining::new(&states, THICKNESS, 3.0 * RADIUS);
-        for (grain, motion) in states.iter().zip(graining.motion_at_grains()) {
-            let fields = graining.at(grain.x);
-            assert!((motion.solid_fraction / fields.solid_fraction - 1.0).abs() < 1.0e-12);
-            let error = (motion.velocity_gradient - fields.velocity_gradient).norm();
-            assert!(error < 1.0e-10, "{error}");
-        }
     }
 
     #[test]

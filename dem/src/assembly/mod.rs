@@ -20,7 +20,7 @@ mod solver;
 mod tile;
 
 pub use boundary::{Boundary, Faces, Floor, RigidBox};
-pub use coarse_grain::{CoarseGraining, Continuum, LocalMotion, free_share};
+pub use coarse_grain::{CoarseGraining, Continuum, Flow, free_share};
 pub use energy::{Energy, Losses};
 pub use error::{AssemblyError, GrainFailure};
 pub use packed::{Grain, GrainState, Packed, PackedContact, Partner};

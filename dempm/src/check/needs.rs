@@ -101,6 +101,8 @@ const SOFT: f64 = 50.0;
 pub(super) const COLLISIONAL: f64 = 0.1;
 /// Ratio of local pressures in impacts to the pressure at the base.
 const IMPACT: f64 = 4.0;
+/// Position, velocity and pressure of a grain in a trajectory.
+const BYTES_PER_GRAIN: f64 = 20.0;
 /// Macro steps times points per second, without packings.
 const POINT_STEPS_PER_SECOND: f64 = 2.5e6;
 
@@ -148,7 +150,7 @@ impl Needs {
             inertial_number: inertial_number(scene, peak_velocity / height, 0.5 * base_pressure),
             collapse_time: (gravity > 0.0).then(|| 3.2 * (height / gravity).sqrt()),
             reach: if gravity > 0.0 { reach(scene) } else { None },
-            output: (scene.frames() + 1) as f64 * points as f64 * bytes_per_point(&scene.fields),
+            output: output(scene, points, discs),
             memory: memory(scene, points, discs),
             seconds: if moves_points { point_steps / POINT_STEPS_PER_SECOND } else { 0.0 }
                 + dem.as_ref().map_or(0.0, |dem| dem.disc_steps / dem.rate),
@@ -322,6 +324,18 @@ fn reach(scene: &Scene) -> Option<[f64; 2]> {
         ])
     });
     reaches.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+}
+
+/// The trajectory before compression (bytes).
+fn output(scene: &Scene, points: usize, discs: f64) -> f64 {
+    let frames = (scene.frames() + 1) as f64;
+    let grains = match (&scene.material, scene.grains_every) {
+        (Material::Discs(_), every @ 1..) => {
+            (frames / every as f64).ceil() * BYTES_PER_GRAIN * discs
+        }
+        _ => 0.0,
+    };
+    frames * points as f64 * bytes_per_point(&scene.fields) + grains
 }
 
 /// Bytes of one point in one frame before compression.

@@ -40,6 +40,10 @@ fn summary(trajectory: &Trajectory) -> Result<String> {
             number(mass)
         ),
     );
+    if let (Some(count), Some(every)) = (trajectory.grain_count(), trajectory.grain_interval()) {
+        let size = trajectory.stored_grain_bytes() as f64 / 1e6;
+        text.line("grains", format_args!("{count}, in every {}, {size:.2} MB", nth(every)));
+    }
     text.line(
         "domain",
         format_args!(
@@ -87,6 +91,18 @@ fn frames(trajectory: &Trajectory) -> String {
         number(header.frame_interval),
         number(header.time_step)
     )
+}
+
+/// "frame", or such as "10th frame".
+fn nth(every: usize) -> String {
+    let ending = match (every % 10, every % 100) {
+        (_, 11..=13) => "th",
+        (1, _) => "st",
+        (2, _) => "nd",
+        (3, _) => "rd",
+        _ => "th",
+    };
+    if every == 1 { "frame".to_owned() } else { format!("{every}{ending} frame") }
 }
 
 /// Total wall time, and the share of each phase.
@@ -156,7 +172,12 @@ fn raw_bytes(trajectory: &Trajectory) -> u64 {
         let bytes = if Field::OPTIONAL.contains(&field) { 4 } else { 8 };
         bytes * field.components().len() as u64
     };
-    trajectory.fields().map(|field| width(field) * frames * points).sum()
+    let of_points: u64 = trajectory.fields().map(|field| width(field) * frames * points).sum();
+    let of_grains = match (trajectory.grain_count(), trajectory.grain_interval()) {
+        (Some(count), Some(every)) => 20 * count as u64 * frames.div_ceil(every as u64),
+        _ => 0,
+    };
+    of_points + of_grains
 }
 
 /// Lines of a name and a value.

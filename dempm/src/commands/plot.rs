@@ -22,9 +22,12 @@ pub struct PlotArgs {
     /// Times to show, in seconds; each picks the nearest frame
     #[arg(long, value_delimiter = ',', value_name = "SECONDS")]
     pub times: Vec<f64>,
-    /// The quantity that the colours show
-    #[arg(long, value_enum, default_value_t = Quantity::Speed)]
-    pub field: Quantity,
+    /// Draw the grains instead of points, in frames that have them
+    #[arg(long)]
+    pub grains: bool,
+    /// The quantity that the colours show [default: speed; layer with --grains]
+    #[arg(long, value_enum)]
+    pub field: Option<Quantity>,
     /// Logarithmic colours
     #[arg(long)]
     pub log: bool,
@@ -46,7 +49,9 @@ impl PlotArgs {
             (true, false) => Selection::Frames(self.frames.clone()),
             (true, true) => Selection::Default,
         };
-        Options { quantity: self.field, log: self.log, frames, width: self.width }
+        let usual = if self.grains { Quantity::Layer } else { Quantity::Speed };
+        let quantity = self.field.unwrap_or(usual);
+        Options { grains: self.grains, quantity, log: self.log, frames, width: self.width }
     }
 }
 

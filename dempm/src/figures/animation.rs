@@ -10,6 +10,7 @@ use image::RgbImage;
 use plot::{Gif, Palette};
 use rayon::prelude::*;
 
+use super::bodies::Bodies;
 use super::error::FigureError;
 use super::figure::{Figure, Panel};
 use super::options::Options;
@@ -43,9 +44,9 @@ pub fn animate(
         Some("mp4") => false,
         _ => return Err(FigureError::AnimationFormat { path: output.to_owned() }),
     };
-    let chosen = select::frames(trajectory, &options.frames)?
-        .unwrap_or_else(|| (0..trajectory.frames()).collect());
-    let (figure, undrawn) = layout(trajectory, options, &chosen)?;
+    let bodies = Bodies::of(trajectory, options.grains)?;
+    let chosen = select::frames(&bodies, &options.frames)?.unwrap_or_else(|| select::all(&bodies));
+    let (figure, undrawn) = layout(&bodies, options, &chosen)?;
     write_atomically(output, |temporary| {
         if is_gif {
             let mut palette = Palette::new(figure.scale());
@@ -53,14 +54,14 @@ pub fn animate(
             // GIF counts in hundredths of a second.
             let delay = (100.0 / f64::from(fps)).round().max(2.0) as u16;
             let mut gif = Gif::new(BufWriter::new(file), figure.size(), palette.colours(), delay)?;
-            draw_all(trajectory, options, &figure, &chosen, |image| {
+            draw_all(&bodies, options, &figure, &chosen, |image| {
                 Ok(gif.push(palette.indexed(image))?)
             })?;
             gif.hold(LAST_FRAME)?;
             Ok(gif.finish()?)
         } else {
             let mut ffmpeg = Ffmpeg::start(temporary, figure.size(), fps)?;
-            draw_all(trajectory, options, &figure, &chosen, |image| ffmpeg.push(image))?;
+            draw_all(&bodies, options, &figure, &chosen, |image| ffmpeg.push(image))?;
             ffmpeg.finish()
         }
     })?;
@@ -69,38 +70,38 @@ pub fn animate(
 
 /// A layout for one panel in which all frames fit, and the points that it leaves out.
 fn layout(
-    trajectory: &Trajectory,
+    bodies: &Bodies<'_>,
     options: &Options,
     chosen: &[usize],
 ) -> Result<(Figure, Undrawn), FigureError> {
     let mut view = View::EMPTY;
     let mut undrawn = Undrawn::default();
     for &index in chosen {
-        let frame = trajectory.frame(index)?;
+        let frame = bodies.frame(index)?;
         view.include(&frame);
         undrawn.add(index, &frame);
     }
     let samples: Vec<usize> =
         select::evenly(chosen.len(), SAMPLES).into_iter().map(|place| chosen[place]).collect();
-    let samples = panels(trajectory, options.quantity, &samples)?;
+    let samples = panels(bodies, options.quantity, &samples)?;
     let width = options.width.unwrap_or(960);
-    let figure = Figure::with_view(trajectory.header(), options, &samples, view, 1, width);
+    let figure = Figure::with_view(bodies, options, &samples, view, 1, width);
     Ok((figure, undrawn))
 }
 
 /// Draws frames on all cores and passes the images on in order.
 fn draw_all(
-    trajectory: &Trajectory,
+    bodies: &Bodies<'_>,
     options: &Options,
     figure: &Figure,
     chosen: &[usize],
     mut push: impl FnMut(&RgbImage) -> Result<(), FigureError>,
 ) -> Result<(), FigureError> {
-    let evaluator = Evaluator::new(trajectory, options.quantity)?;
+    let evaluator = Evaluator::new(bodies, options.quantity)?;
     for batch in chosen.chunks(BATCH) {
         let images: Vec<Result<RgbImage, FigureError>> = batch
             .par_iter()
-            .map(|&index| figure.draw(&[Panel::new(trajectory.frame(index)?, &evaluator)]))
+            .map(|&index| figure.draw(&[Panel::new(bodies.frame(index)?, &evaluator)]))
             .collect();
         for image in images {
             push(&image?)?;

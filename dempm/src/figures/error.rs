@@ -43,6 +43,27 @@ pub enum FigureError {
         /// The quantity to draw.
         quantity: &'static str,
     },
+    /// The trajectory has no grains.
+    #[error("{}: the file has no grains", path.display())]
+    #[diagnostic(help("[output] grains_every in a scene of discs records them"))]
+    NoGrains {
+        /// The trajectory file.
+        path: PathBuf,
+    },
+    /// A frame without grains.
+    #[error("frame {frame} has no grains: {}", interval(*every))]
+    NoGrainsAt {
+        /// The frame asked for.
+        frame: usize,
+        /// Frames from one with grains to the next.
+        every: usize,
+    },
+    /// A quantity of points that grains do not have.
+    #[error("grains have no {0}")]
+    #[diagnostic(help(
+        "they have layer, speed, velocity-x, velocity-y, pressure, displacement and column"
+    ))]
+    NotOfGrains(&'static str),
     /// A frame beyond the last one.
     #[error("there is no frame {frame}: the file has {frames}, from 0 to {}", frames - 1)]
     NoSuchFrame {
@@ -82,4 +103,9 @@ pub enum FigureError {
     /// ffmpeg failed at the end.
     #[error("ffmpeg failed ({0})")]
     FfmpegFailed(ExitStatus),
+}
+
+/// The frames with grains, in words.
+fn interval(every: usize) -> String {
+    format!("only frames 0, {every}, {}, ... have", 2 * every)
 }

@@ -5,6 +5,7 @@ use plot::{
     Anchor, Canvas, ColourScale, INK, Pen, PenError, RGBColor, Range, minus, tick_texts, ticks,
 };
 
+use super::bodies::Bodies;
 use super::colour_bar::draw_colour_bar;
 use super::error::FigureError;
 use super::layout::Layout;
@@ -12,10 +13,12 @@ use super::options::Options;
 use super::quantity::{Evaluator, Quantity};
 use super::undrawn::is_drawn;
 use super::view::View;
-use crate::trajectory::{Frame, Header};
+use crate::trajectory::Frame;
 
 const WALL: RGBColor = RGBColor(70, 70, 70);
 const BOX: RGBColor = RGBColor(196, 196, 196);
+/// Radius in pictures over that of a grain.
+const SHRUNK: f64 = 0.95;
 /// Characters of a title that are looked at: more than fit into the widest figure.
 const MOST_TITLE: usize = 512;
 
@@ -41,7 +44,10 @@ pub(super) struct Figure {
     title: String,
     quantity: Quantity,
     walls: Vec<[f64; 4]>,
-    point_spacing: f64,
+    /// Radii of points or grains (m).
+    radii: Vec<f64>,
+    /// Grains are drawn with exact edges.
+    grains: bool,
     view: View,
     scale: ColourScale,
     /// Pixels; see [`Layout`].
@@ -50,27 +56,33 @@ pub(super) struct Figure {
 
 impl Figure {
     /// A layout for `panels`, in which other frames of the trajectory fit too.
-    pub(super) fn new(header: &Header, options: &Options, panels: &[Panel], width: u32) -> Self {
+    pub(super) fn new(
+        bodies: &Bodies<'_>,
+        options: &Options,
+        panels: &[Panel],
+        width: u32,
+    ) -> Self {
         let mut view = View::EMPTY;
         for panel in panels {
             view.include(&panel.frame);
         }
-        Self::with_view(header, options, panels, view, panels.len(), width)
+        Self::with_view(bodies, options, panels, view, panels.len(), width)
     }
 
     /// As [`new`](Self::new), for figures of `count` panels with a given view.
     pub(super) fn with_view(
-        header: &Header,
+        bodies: &Bodies<'_>,
         options: &Options,
         panels: &[Panel],
         view: View,
         count: usize,
         width: u32,
     ) -> Self {
+        let header = bodies.trajectory.header();
         let view = view.framed(header);
         let values = || panels.iter().flat_map(|panel| panel.values.iter().copied());
-        let classes = (options.quantity == Quantity::Column)
-            .then(|| values().fold(0.0, f64::max) as usize + 1);
+        let classes =
+            options.quantity.is_class().then(|| values().fold(0.0, f64::max) as usize + 1);
         let range = match classes {
             Some(classes) => Range { low: -0.5, high: classes as f64 - 0.5, cut: [false; 2] },
             None if options.log => Range::robust_log(values()),
@@ -82,7 +94,8 @@ impl Figure {
             title: header.title.replace(char::is_control, " "),
             quantity: options.quantity,
             walls: header.walls.clone(),
-            point_spacing: header.point_spacing,
+            radii: bodies.radii(),
+            grains: bodies.are_grains(),
             view,
             scale: ColourScale { range, log, signed, classes },
             layout: Layout::new(f64::from(width), view, count),
@@ -103,6 +116,11 @@ impl Figure {
     pub(super) fn draw(&self, panels: &[Panel]) -> Result<RgbImage, FigureError> {
         let (width, height) = self.size();
         let mut canvas = Canvas::new(width, height)?;
+        if self.grains {
+            for (index, panel) in panels.iter().enumerate() {
+                self.draw_grains(&mut canvas, index, panel);
+            }
+        }
         canvas.draw(|pen| {
             self.draw_title(pen)?;
             for (index, panel) in panels.iter().enumerate() {
@@ -128,6 +146,38 @@ impl Figure {
         pen.text(&title, [layout.left, 1.45 * layout.font], size, Anchor::Left)
     }
 
+    /// From metres to pixels in a panel, with the same scale along both axes.
+    fn place(&self, index: usize, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [left, top] = self.layout.corner(index);
+        let bottom = top + self.layout.panel[1];
+        [
+            left + (x - self.view.x[0]) * self.layout.scale,
+            bottom - (y - self.view.y[0]) * self.layout.scale,
+        ]
+    }
+
+    /// Place, radius (pixels) and colour of points or grains in a panel.
+    fn discs<'a>(
+        &'a self,
+        index: usize,
+        panel: &'a Panel,
+    ) -> impl Iterator<Item = ([f64; 2], f64, RGBColor)> + 'a {
+        let bodies = panel.frame.position.iter().zip(&self.radii).zip(&panel.values);
+        bodies.filter(|((position, _), _)| is_drawn(position)).map(
+            move |((&position, radius), &value)| {
+                let radius = radius * self.layout.scale;
+                (self.place(index, position), radius, self.scale.colour(value))
+            },
+        )
+    }
+
+    /// Draws grains a little smaller than they are: a light line remains between neighbours.
+    fn draw_grains(&self, canvas: &mut Canvas, index: usize, panel: &Panel) {
+        for (at, radius, colour) in self.discs(index, panel) {
+            canvas.disc(at, SHRUNK * radius, colour);
+        }
+    }
+
     fn draw_panel(
         &self,
         pen: &Pen<'_, '_>,
@@ -137,19 +187,10 @@ impl Figure {
     ) -> Result<(), PenError> {
         let layout = &self.layout;
         let [left, top] = layout.corner(index);
-        let bottom = top + layout.panel[1];
-        // Metres to pixels, the same along both axes.
-        let place = |[x, y]: [f64; 2]| {
-            [
-                left + (x - self.view.x[0]) * layout.scale,
-                bottom - (y - self.view.y[0]) * layout.scale,
-            ]
-        };
-
-        let radius = 0.5 * self.point_spacing * layout.scale;
-        for (&position, &value) in std::iter::zip(&panel.frame.position, &panel.values) {
-            if is_drawn(&position) {
-                pen.disc(place(position), radius.max(0.75), self.scale.colour(value))?;
+        let place = |x: [f64; 2]| self.place(index, x);
+        if !self.grains {
+            for (at, radius, colour) in self.discs(index, panel) {
+                pen.disc(at, radius.max(0.75), colour)?;
             }
         }
         let thin = 0.06 * layout.font;

@@ -1,7 +1,8 @@
-//! Figures and animations of a trajectory: every material point as a disc, coloured by a
-//! [`Quantity`].
+//! Figures and animations of a trajectory: every material point or grain as a disc, coloured
+//! by a [`Quantity`].
 
 mod animation;
+mod bodies;
 mod colour_bar;
 mod error;
 mod figure;

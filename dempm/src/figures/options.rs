@@ -5,6 +5,8 @@ use super::quantity::Quantity;
 /// Options of a figure or animation.
 #[derive(Clone, Debug)]
 pub struct Options {
+    /// Grains instead of points.
+    pub grains: bool,
     /// The quantity that the colours show.
     pub quantity: Quantity,
     /// Logarithmic colours.

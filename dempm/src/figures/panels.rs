@@ -4,6 +4,7 @@ use std::path::Path;
 
 use files::write_atomically;
 
+use super::bodies::Bodies;
 use super::error::FigureError;
 use super::figure::{Figure, Panel};
 use super::options::Options;
@@ -32,14 +33,17 @@ pub fn draw(
     if trajectory.frames() == 0 {
         return Err(FigureError::Empty { path: trajectory.path().to_owned() });
     }
-    let chosen = select::frames(trajectory, &options.frames)?
-        .unwrap_or_else(|| select::evenly(trajectory.frames(), PANELS));
+    let bodies = Bodies::of(trajectory, options.grains)?;
+    let chosen = select::frames(&bodies, &options.frames)?.unwrap_or_else(|| {
+        let all = select::all(&bodies);
+        select::evenly(all.len(), PANELS).into_iter().map(|place| all[place]).collect()
+    });
     if chosen.len() > MOST_PANELS {
         return Err(FigureError::TooManyPanels(chosen.len()));
     }
-    let panels = panels(trajectory, options.quantity, &chosen)?;
+    let panels = panels(&bodies, options.quantity, &chosen)?;
     let width = options.width.unwrap_or(1600);
-    let figure = Figure::new(trajectory.header(), options, &panels, width);
+    let figure = Figure::new(&bodies, options, &panels, width);
     let image = figure.draw(&panels)?;
     // The temporary name has no suffix that tells the format.
     write_atomically(output, |temporary| {
@@ -54,10 +58,10 @@ pub fn draw(
 
 /// Reads frames and evaluates the quantity in them.
 pub(super) fn panels(
-    trajectory: &Trajectory,
+    bodies: &Bodies<'_>,
     quantity: Quantity,
     chosen: &[usize],
 ) -> Result<Vec<Panel>, FigureError> {
-    let evaluator = Evaluator::new(trajectory, quantity)?;
-    chosen.iter().map(|&index| Ok(Panel::new(trajectory.frame(index)?, &evaluator))).collect()
+    let evaluator = Evaluator::new(bodies, quantity)?;
+    chosen.iter().map(|&index| Ok(Panel::new(bodies.frame(index)?, &evaluator))).collect()
 }

@@ -1,7 +1,8 @@
 //! Quantities that the colours can show.
 
+use super::bodies::Bodies;
 use super::error::FigureError;
-use crate::trajectory::{Field, Frame, Trajectory};
+use crate::trajectory::{Field, Frame};
 
 /// A scalar at every point.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +31,8 @@ pub enum Quantity {
     Displacement,
     /// The column that a point belongs to
     Column,
+    /// Horizontal layer in the first frame, from the bottom up
+    Layer,
 }
 
 impl Quantity {
@@ -48,12 +51,18 @@ impl Quantity {
             Self::InertialNumber => ("inertial number", ""),
             Self::Displacement => ("displacement", "m"),
             Self::Column => ("column", ""),
+            Self::Layer => ("initial layer", ""),
         }
     }
 
     /// Whether both signs occur, so that zero belongs in the middle of the colours.
     pub(super) const fn is_signed(self) -> bool {
         matches!(self, Self::VelocityX | Self::VelocityY | Self::ShearStress)
+    }
+
+    /// Whether values are class numbers 0, 1, ...
+    pub(super) const fn is_class(self) -> bool {
+        matches!(self, Self::Column | Self::Layer)
     }
 
     /// The field of the file that it is computed from.
@@ -64,24 +73,34 @@ impl Quantity {
             Self::SolidFraction => Field::SolidFraction,
             Self::Coordination => Field::Coordination,
             Self::InertialNumber => Field::InertialNumber,
-            Self::Displacement | Self::Column => Field::Position,
+            Self::Displacement | Self::Column | Self::Layer => Field::Position,
         }
     }
 }
+
+/// Layers of the initial state.
+const LAYERS: f64 = 8.0;
 
 /// Computes a quantity at all points of a frame.
 pub(super) struct Evaluator {
     quantity: Quantity,
     /// Initial positions (m), for displacements only.
     position: Vec<[f64; 2]>,
-    column: Vec<u32>,
+    /// Columns or layers, for these only.
+    class: Vec<f64>,
 }
 
 impl Evaluator {
     /// Reads what is needed besides a frame, and checks that the file has the quantity.
-    pub(super) fn new(trajectory: &Trajectory, quantity: Quantity) -> Result<Self, FigureError> {
+    pub(super) fn new(bodies: &Bodies<'_>, quantity: Quantity) -> Result<Self, FigureError> {
+        let trajectory = bodies.trajectory;
         let field = quantity.field();
-        if !trajectory.fields().any(|present| present == field) {
+        let of_grains =
+            matches!(field, Field::Position | Field::Velocity) || quantity == Quantity::Pressure;
+        if bodies.are_grains() && !of_grains {
+            return Err(FigureError::NotOfGrains(quantity.label().0));
+        }
+        if !bodies.are_grains() && !trajectory.fields().any(|present| present == field) {
             return Err(FigureError::NoField {
                 path: trajectory.path().to_owned(),
                 field: field.name(),
@@ -89,10 +108,15 @@ impl Evaluator {
             });
         }
         let position = match quantity {
-            Quantity::Displacement => trajectory.frame(0)?.position,
+            Quantity::Displacement => bodies.frame(0)?.position,
             _ => Vec::new(),
         };
-        Ok(Self { quantity, position, column: trajectory.points().column.clone() })
+        let class = match quantity {
+            Quantity::Column => bodies.column().into_iter().map(f64::from).collect(),
+            Quantity::Layer => layers(&bodies.frame(0)?.position),
+            _ => Vec::new(),
+        };
+        Ok(Self { quantity, position, class })
     }
 
     /// The value at every point of a frame.
@@ -119,7 +143,30 @@ impl Evaluator {
             Quantity::Displacement => std::iter::zip(&frame.position, &self.position)
                 .map(|(now, then)| (now[0] - then[0]).hypot(now[1] - then[1]))
                 .collect(),
-            Quantity::Column => self.column.iter().map(|&column| f64::from(column)).collect(),
+            Quantity::Column | Quantity::Layer => self.class.clone(),
         }
+    }
+}
+
+/// The layer of each position among [`LAYERS`] of equal height; NaN where there is no position.
+fn layers(position: &[[f64; 2]]) -> Vec<f64> {
+    let heights = || position.iter().map(|x| x[1]).filter(|y| y.is_finite());
+    let low = heights().fold(f64::INFINITY, f64::min);
+    let high = heights().fold(f64::NEG_INFINITY, f64::max);
+    let layer = |y: f64| ((y - low) / (high - low) * LAYERS).floor().min(LAYERS - 1.0);
+    position.iter().map(|x| if high > low { layer(x[1]) } else { 0.0 }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_have_equal_heights() {
+        let column: Vec<[f64; 2]> = (0..16).map(|k| [0.5, 1.0 + f64::from(k)]).collect();
+        let expected: Vec<f64> = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|k| [k; 2]).concat();
+        assert_eq!(layers(&column), expected);
+        assert_eq!(layers(&[[0.0, 2.0]; 2]), [0.0; 2]);
+        assert!(layers(&[[0.0, 0.0], [0.0, f64::NAN], [0.0, 1.0]])[1].is_nan());
     }
 }

@@ -1,44 +1,53 @@
 //! The frames to show.
 
+use super::bodies::Bodies;
 use super::error::FigureError;
 use super::options::Selection;
 use crate::trajectory::Trajectory;
 
 /// The indices of the selected frames; `None` for the default selection.
 pub(super) fn frames(
-    trajectory: &Trajectory,
+    bodies: &Bodies<'_>,
     selection: &Selection,
 ) -> Result<Option<Vec<usize>>, FigureError> {
+    let (trajectory, every) = (bodies.trajectory, bodies.every());
     match selection {
         Selection::Default => Ok(None),
         Selection::Frames(names) => {
-            let frames = names.iter().map(|name| frame(name, trajectory.frames()));
+            let frames = names.iter().map(|name| frame(name, trajectory.frames(), every));
             frames.collect::<Result<_, _>>().map(Some)
         }
         Selection::Times(times) => {
-            let frames = times.iter().map(|&time| nearest(time, trajectory));
+            let frames = times.iter().map(|&time| nearest(time, trajectory, every));
             frames.collect::<Result<_, _>>().map(Some)
         }
     }
 }
 
-/// The frame nearest to a time (s).
-fn nearest(time: f64, trajectory: &Trajectory) -> Result<usize, FigureError> {
+/// All frames that can be shown.
+pub(super) fn all(bodies: &Bodies<'_>) -> Vec<usize> {
+    (0..bodies.trajectory.frames()).step_by(bodies.every()).collect()
+}
+
+/// The frame nearest to a time (s) among every `every`-th.
+fn nearest(time: f64, trajectory: &Trajectory, every: usize) -> Result<usize, FigureError> {
     if !time.is_finite() {
         return Err(FigureError::NotATime(time));
     }
     let distance = |index: &usize| (trajectory.time()[*index] - time).abs();
-    let nearest = (0..trajectory.frames()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    let nearest =
+        (0..trajectory.frames()).step_by(every).min_by(|a, b| distance(a).total_cmp(&distance(b)));
     nearest.ok_or_else(|| FigureError::Empty { path: trajectory.path().to_owned() })
 }
 
-/// A frame by its number, or `first` or `last`.
-fn frame(name: &str, frames: usize) -> Result<usize, FigureError> {
+/// A frame by its number, or `first` or `last` of every `every`-th.
+fn frame(name: &str, frames: usize, every: usize) -> Result<usize, FigureError> {
     match name.trim() {
         "first" => Ok(0),
-        "last" => Ok(frames - 1),
-        number => match number.parse() {
-            Ok(frame) if frame < frames => Ok(frame),
+        "last" => Ok((frames - 1) / every * every),
+        number => match number.parse::<usize>() {
+            Ok(frame) if frame < frames && frame.is_multiple_of(every) => Ok(frame),
+            Ok(frame) if frame < frames => Err(FigureError::NoGrainsAt { frame, every }),
             Ok(frame) => Err(FigureError::NoSuchFrame { frame, frames }),
             Err(_) => Err(FigureError::NotAFrame(number.to_owned())),
         },
@@ -68,9 +77,12 @@ mod tests {
 
     #[test]
     fn names_of_frames() {
-        assert_eq!(frame("last", 7).unwrap(), 6);
-        assert_eq!(frame(" 3", 7).unwrap(), 3);
-        assert!(frame("7", 7).unwrap_err().to_string().contains("from 0 to 6"));
-        assert!(frame("-1", 7).unwrap_err().to_string().contains("`-1`"));
+        assert_eq!(frame("last", 7, 1).unwrap(), 6);
+        assert_eq!(frame(" 3", 7, 1).unwrap(), 3);
+        assert!(frame("7", 7, 1).unwrap_err().to_string().contains("from 0 to 6"));
+        assert!(frame("-1", 7, 1).unwrap_err().to_string().contains("`-1`"));
+        assert_eq!(frame("last", 8, 3).unwrap(), 6);
+        let error = frame("4", 8, 3).unwrap_err().to_string();
+        assert!(error.contains("frame 4 has no grains: only frames 0, 3, 6, ... have"), "{error}");
     }
 }

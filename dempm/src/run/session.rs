@@ -334,7 +334,8 @@ fn with_causes(error: &dyn Error) -> String {
 /// A trajectory with the initial frame.
 fn create(simulation: &Simulation, path: &Path) -> Result<TrajectoryWriter, SessionError> {
     let header = simulation.header(utc_now());
-    let mut file = TrajectoryWriter::create(path, &header, &simulation.static_points())?;
+    let (points, grains) = (simulation.static_points(), simulation.static_grains());
+    let mut file = TrajectoryWriter::create_with(path, &header, &points, grains.as_ref())?;
     file.push(simulation.frame())?;
     Ok(file)
 }

@@ -28,7 +28,7 @@ pub(super) struct WriterThread {
 
 /// Jobs of the thread, done in order.
 enum Job {
-    Frame(Frame),
+    Frame(Box<Frame>),
     /// Frames first, then the checkpoint: a checkpoint never knows more frames than the file.
     Save(Box<(State, Monitor)>),
     /// Warnings of the run, one a line.
@@ -66,7 +66,7 @@ impl WriterThread {
 
     /// Hands a frame over; waits only if too many are queued.
     pub fn push(&mut self, frame: Frame) {
-        self.hand_over(Job::Frame(frame));
+        self.hand_over(Job::Frame(Box::new(frame)));
         self.frames += 1;
     }
 
@@ -129,7 +129,7 @@ impl Files {
             let report = match job {
                 Job::Frame(frame) => {
                     // Frames of one simulation agree in their fields by construction.
-                    self.writer.push(frame).expect("frames agree");
+                    self.writer.push(*frame).expect("frames agree");
                     let drafted = if ahead { self.writer.draft() } else { Ok(()) };
                     drafted.err().map(|error| {
                         ahead = false;

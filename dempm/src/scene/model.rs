@@ -44,6 +44,8 @@ pub struct Scene {
     pub numerics: Numerics,
     /// Optional fields of the trajectory; positions and velocities are always in it.
     pub fields: Vec<Field>,
+    /// Frames from one with the grains themselves to the next; 0 for none. Scenes of discs only.
+    pub grains_every: usize,
     /// Doubtful but allowed settings.
     pub warnings: Vec<Problem>,
 }

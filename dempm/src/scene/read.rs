@@ -41,6 +41,7 @@ pub(super) fn parse<'a>(log: &Log, text: &'a str) -> DeTable<'a> {
 pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) -> Scene {
     let root = Table::root(log, document);
     let (material, initial_stress) = material(log, &root);
+    let (fields, grains_every) = output(&root);
     let scene = Scene {
         name: name.to_owned(),
         text: text.to_owned(),
@@ -68,7 +69,8 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
         material,
         initial_stress,
         numerics: numerics(&root),
-        fields: output(&root),
+        fields,
+        grains_every,
         warnings: Vec::new(),
     };
     root.finish();
@@ -247,11 +249,13 @@ fn numerics(root: &Table<'_>) -> Numerics {
     numerics
 }
 
-fn output(root: &Table<'_>) -> Vec<Field> {
+fn output(root: &Table<'_>) -> (Vec<Field>, usize) {
     let table = root.table("output");
     let options = Field::ALL.map(|field| (field.name(), field));
     let chosen = table.choices("fields", &Field::OPTIONAL, &options);
+    let grains_every = table.integer("grains_every", 0, from_zero(1.0e6, "frames")) as usize;
     table.finish();
     // Positions and velocities are in every trajectory; naming them is allowed and changes nothing.
-    Field::OPTIONAL.into_iter().filter(|field| chosen.contains(field)).collect()
+    let fields = Field::OPTIONAL.into_iter().filter(|field| chosen.contains(field)).collect();
+    (fields, grains_every)
 }

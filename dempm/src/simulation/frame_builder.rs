@@ -8,7 +8,7 @@ use super::discs::PointMeans;
 use super::driver::Simulation;
 use super::model::Model;
 use crate::scene::{self, Precision};
-use crate::trajectory::{self, Field, Frame, Header};
+use crate::trajectory::{self, Field, Frame, GrainFrame, Header, StaticGrains};
 
 impl Simulation {
     /// The header of the trajectory of a run that began at `created` (UTC, ISO 8601).
@@ -100,6 +100,30 @@ impl Simulation {
             }),
             boxes: self.boxes(),
             budget: self.budget(),
+            grains: self.grain_frame(),
+        }
+    }
+
+    /// Properties of the grains that never change, if the scene asks for grains.
+    pub fn static_grains(&self) -> Option<StaticGrains> {
+        match &self.model {
+            Model::Discs(discs) if self.scene.grains_every > 0 => {
+                let column = self.scene.points().column;
+                Some(discs.static_grains(self.scene.grains_every, &column))
+            }
+            Model::Discs(_) | Model::Mpm(_) => None,
+        }
+    }
+
+    /// The grains, if this is a frame with grains.
+    fn grain_frame(&self) -> Option<GrainFrame> {
+        let every = self.scene.grains_every;
+        match &self.model {
+            Model::Discs(discs) if every > 0 => {
+                let frame = self.frames_so_far() - 1;
+                frame.is_multiple_of(every).then(|| discs.grain_frame())
+            }
+            Model::Discs(_) | Model::Mpm(_) => None,
         }
     }
 

@@ -54,11 +54,12 @@ impl CheckedFile<'_> {
     pub(super) fn open(&self, name: &str) -> Result<Dataset> {
         let dataset =
             links::dataset(self.file, name).map_err(TrajectoryError::at(self.path, name))?;
+        let number = dataset.dtype().map_err(TrajectoryError::at(self.path, name))?.size() as u64;
         let bytes = dataset
             .shape()
             .iter()
             .map(|&size| size as u64)
-            .try_fold(8, u64::checked_mul)
+            .try_fold(number, u64::checked_mul)
             .unwrap_or(u64::MAX);
         if bytes / MOST_COMPRESSION > self.size {
             return Err(self.shape_error(name, &dataset, "what fits into the file"));

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use super::grains::GrainFrame;
+
 /// Properties of the material points that never change. All arrays have one entry a point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
@@ -36,6 +38,9 @@ pub struct Frame {
     pub boxes: Vec<[f64; 4]>,
     /// Scalars of the whole scene, such as `kinetic_energy` (J/m), `front` or `max_height` (m).
     pub budget: BTreeMap<String, f64>,
+    /// Grains to write; a frame that is read has none, see
+    /// [`Trajectory::grain_frame`](super::Trajectory::grain_frame).
+    pub grains: Option<GrainFrame>,
 }
 
 /// Properties that all frames of a trajectory share.

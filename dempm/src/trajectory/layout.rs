@@ -2,7 +2,7 @@
 
 use hdf5::file::FileAccessBuilder;
 use hdf5::{Dataset, Extent, Group, H5Type, SimpleExtents};
-use ndarray::ArrayView;
+use ndarray::{ArrayView, IxDyn};
 
 use super::frame::{Frame, FrameShape};
 
@@ -190,6 +190,12 @@ pub(super) fn write_frames<T: H5Type>(
     let view = ArrayView::from_shape(shape.as_slice(), values)
         .map_err(|error| hdf5::Error::from(error.to_string()))?;
     dataset.write_slice(view, frame_selection(frames, shape.len()))
+}
+
+/// Reads one frame of a dataset.
+pub(super) fn read_frame<T: H5Type>(dataset: &Dataset, index: usize) -> hdf5::Result<Vec<T>> {
+    let one = frame_selection(index..index + 1, dataset.ndim());
+    Ok(dataset.read_slice::<T, _, IxDyn>(one)?.into_raw_vec_and_offset().0)
 }
 
 /// Selects a range of frames of a dataset with `rank` dimensions.

@@ -8,6 +8,8 @@ mod attributes;
 mod checked_file;
 mod error;
 mod frame;
+mod grain_datasets;
+mod grains;
 mod header;
 mod header_limits;
 mod layout;
@@ -19,6 +21,7 @@ mod writer;
 
 pub use error::{Result, TrajectoryError};
 pub use frame::{Frame, Points};
+pub use grains::{GrainFrame, StaticGrains};
 pub use header::Header;
 pub use layout::{FORMAT, FORMAT_VERSION, Field};
 pub use reader::Trajectory;

@@ -11,6 +11,8 @@ use super::attributes::{has, read_all, read_scalar, read_text};
 use super::checked_file::{CheckedFile, check_format, to_rows};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, Points};
+use super::grain_datasets::GrainDatasets;
+use super::grains::{GrainFrame, StaticGrains};
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
@@ -32,6 +34,7 @@ pub struct Trajectory {
     wall_time: BTreeMap<String, f64>,
     fields: Vec<(Field, Dataset)>,
     boxes: Option<Dataset>,
+    grains: Option<GrainDatasets>,
     budget: BTreeMap<String, Vec<f64>>,
 }
 
@@ -86,6 +89,7 @@ impl Trajectory {
             let count = dataset.shape().get(1).copied().unwrap_or(0);
             source.expect_shape(BOXES, dataset, &[time.len(), count, 4])?;
         }
+        let grains = GrainDatasets::open(&source, time.len())?;
         let mut budget = BTreeMap::new();
         let names = links::group(&file, BUDGET)
             .and_then(|group| group.member_names())
@@ -111,6 +115,7 @@ impl Trajectory {
             wall_time,
             fields,
             boxes,
+            grains,
             budget,
             file,
         })
@@ -196,6 +201,39 @@ impl Trajectory {
         frame.budget =
             self.budget.iter().map(|(name, values)| (name.clone(), values[index])).collect();
         Ok(frame)
+    }
+
+    /// Frames from one with grains to the next; `None` without grains.
+    pub fn grain_interval(&self) -> Option<usize> {
+        self.grains.as_ref().map(|grains| grains.every)
+    }
+
+    /// The number of grains; `None` without grains.
+    pub fn grain_count(&self) -> Option<usize> {
+        self.grains.as_ref().map(|grains| grains.count)
+    }
+
+    /// Compressed size of the grains of all frames, bytes.
+    pub fn stored_grain_bytes(&self) -> u64 {
+        self.grains.as_ref().map_or(0, GrainDatasets::stored_bytes)
+    }
+
+    /// Reads the properties of the grains that never change; `None` without grains.
+    ///
+    /// # Errors
+    /// If they are damaged.
+    pub fn grains(&self) -> Result<Option<StaticGrains>> {
+        self.grains.as_ref().map(|grains| grains.fixed(&self.checked())).transpose()
+    }
+
+    /// Reads the grains of a frame; `None` if it has none.
+    ///
+    /// # Errors
+    /// As [`frame`](Self::frame).
+    pub fn grain_frame(&self, index: usize) -> Result<Option<GrainFrame>> {
+        self.check_range(&(index..index.saturating_add(1)))?;
+        let grains = self.grains.as_ref().filter(|grains| index.is_multiple_of(grains.every));
+        grains.map(|grains| grains.frame(&self.checked(), index / grains.every)).transpose()
     }
 
     /// Reads the positions of a window of frames, m: shape (frames, points, 2).
@@ -294,6 +332,10 @@ impl Trajectory {
             .read_slice(frame_selection(frames, shape.len()))
             .map_err(TrajectoryError::at(&self.path, name))?;
         Ok((array.into_raw_vec_and_offset().0, shape))
+    }
+
+    fn checked(&self) -> CheckedFile<'_> {
+        CheckedFile { path: &self.path, file: &self.file, size: self.file.size() }
     }
 
     fn dataset(&self, field: Field) -> Option<&Dataset> {

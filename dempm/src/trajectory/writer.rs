@@ -11,6 +11,8 @@ use hdf5::{File, H5Type};
 use super::attributes::{write_scalar, write_text};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
+use super::grain_datasets;
+use super::grains::StaticGrains;
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
@@ -31,6 +33,8 @@ use super::write_through::WriteThrough;
 pub struct TrajectoryWriter {
     path: PathBuf,
     points: usize,
+    /// Frames from one with grains to the next, and the number of grains.
+    grains: Option<(usize, usize)>,
     /// Frames of the file on the disk that the next commit keeps.
     kept: usize,
     pending: Vec<Frame>,
@@ -58,9 +62,23 @@ impl TrajectoryWriter {
     /// # Errors
     /// If there are no points, their arrays differ in length, or the file cannot be written.
     pub fn create(path: &Path, header: &Header, points: &Points) -> Result<Self> {
+        Self::create_with(path, header, points, None)
+    }
+
+    /// As [`create`](Self::create), with grains in every [`StaticGrains::every`]-th frame.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
+    pub fn create_with(
+        path: &Path,
+        header: &Header,
+        points: &Points,
+        grains: Option<&StaticGrains>,
+    ) -> Result<Self> {
         let writer = Self {
             path: path.to_owned(),
             points: points.mass.len(),
+            grains: grains.map(|grains| (grains.every.max(1), grains.radius.len())),
             kept: 0,
             pending: Vec::new(),
             drafted: None,
@@ -86,6 +104,7 @@ impl TrajectoryWriter {
                 .map_err(TrajectoryError::writing(path, "the file"))?;
             writer
                 .write_static(&file, header, points)
+                .and_then(|()| grains.map_or(Ok(()), |g| grain_datasets::create(&file, g)))
                 .map_err(TrajectoryError::writing(path, "the file"))?;
             writer.update(&file)?;
             file.close().map_err(TrajectoryError::writing(path, "the file"))
@@ -115,6 +134,7 @@ impl TrajectoryWriter {
         Ok(Self {
             path: path.to_owned(),
             points: trajectory.points().mass.len(),
+            grains: trajectory.grain_interval().zip(trajectory.grain_count()),
             kept: frames_to_keep,
             pending: Vec::new(),
             drafted: None,
@@ -161,6 +181,10 @@ impl TrajectoryWriter {
             }
         } else {
             self.shape = Some(shape);
+        }
+        let grains = frame.grains.as_ref();
+        if let Some(reason) = grain_datasets::mismatch(self.grains, self.frames(), grains) {
+            return Err(self.mismatch(reason));
         }
         self.pending.push(frame);
         Ok(())
@@ -272,7 +296,9 @@ impl TrajectoryWriter {
         for_each_growing(file, |dataset, name| {
             set_frames(dataset, frames).map_err(TrajectoryError::writing(&self.path, name))
         })
-        .map_err(TrajectoryError::writing(&self.path, "the file"))?
+        .map_err(TrajectoryError::writing(&self.path, "the file"))??;
+        grain_datasets::set_length(file, frames)
+            .map_err(TrajectoryError::writing(&self.path, grain_datasets::GROUP))
     }
 
     /// Creates the datasets that depend on the first frame.
@@ -310,6 +336,10 @@ impl TrajectoryWriter {
             if let Some(values) = frame.scalar(field) {
                 self.put(file, field.name(), index, 1, values)?;
             }
+        }
+        if let (Some(grains), Some((every, _))) = (&frame.grains, self.grains) {
+            grain_datasets::write(file, index / every, grains)
+                .map_err(TrajectoryError::writing(&self.path, grain_datasets::GROUP))?;
         }
         Ok(())
     }

@@ -5,6 +5,7 @@ mod damage;
 mod formats;
 #[cfg(unix)]
 mod full_disk;
+mod grains;
 mod products;
 mod python;
 mod synthetic;

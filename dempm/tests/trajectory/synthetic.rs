@@ -90,6 +90,7 @@ impl Collapse {
             ]),
             position,
             velocity,
+            grains: None,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use dem::assembly::{CoarseGraining, GrainState, LocalMotion, free_share};
+use dem::assembly::{CoarseGraining, Flow, GrainState, free_share};
 use mpm::{Mat2, Points, Vec2};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -52,7 +52,8 @@ impl PointMeans {
         points: &mut Points,
     ) -> Self {
         let graining = CoarseGraining::new(states, around.thickness, around.width);
-        let local = graining.motion_at_grains();
+        let places: Vec<[f64; 2]> = states.iter().map(|grain| grain.x).collect();
+        let local = graining.flow_at_all(&places);
         let means: Vec<Mean> = (0..points.len())
             .into_par_iter()
             .map(|p| Mean::of(members.of(p), states, &local, around))
@@ -76,12 +77,7 @@ impl Mean {
     /// The mean over some grains, with the fields at each grain. A grain occupies its area over the solid
     /// fraction around it; the stress is that of Love (1927) and Weber (1966) over this volume, with the
     /// motion about the mean velocity.
-    fn of(
-        members: &[u32],
-        states: &[GrainState],
-        local: &[LocalMotion],
-        around: &Surroundings,
-    ) -> Self {
+    fn of(members: &[u32], states: &[GrainState], local: &[Flow], around: &Surroundings) -> Self {
         let (mut mass, mut area, mut volume, mut contacts) = (0.0, 0.0, 0.0, 0.0);
         let (mut moment, mut momentum) = (Vec2::zeros(), Vec2::zeros());
         let (mut virial, mut flux, mut gradient) = (Mat2::zeros(), Mat2::zeros(), Mat2::zeros());

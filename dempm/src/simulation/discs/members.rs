@@ -54,6 +54,17 @@ impl Members {
         &self.grain[self.start[point] as usize..self.start[point + 1] as usize]
     }
 
+    /// The point of every grain.
+    pub fn points(&self) -> Vec<u32> {
+        let mut points = vec![0; self.grain.len()];
+        for (point, bounds) in self.start.windows(2).enumerate() {
+            for &grain in &self.grain[bounds[0] as usize..bounds[1] as usize] {
+                points[grain as usize] = point as u32;
+            }
+        }
+        points
+    }
+
     /// The first point without grains.
     pub fn first_empty(&self) -> Option<usize> {
         self.start.windows(2).position(|bounds| bounds[0] == bounds[1])

@@ -1,11 +1,12 @@
 //! Discs as the model of a scene.
 
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::Grains;
-use dem::assembly::{Assembly, Energy};
+use dem::assembly::{Assembly, Energy, GrainState};
 use dem::cuda::CudaReal;
 use gpu::Device;
 use mpm::{Points, Vec2};
@@ -19,6 +20,7 @@ use crate::memory;
 use crate::scene::{Discs, Precision, Scene};
 use crate::simulation::error::SimulationError;
 use crate::simulation::span::Span;
+use crate::trajectory::{GrainFrame, StaticGrains};
 
 /// The discs of a scene.
 pub struct DiscModel {
@@ -29,6 +31,8 @@ pub struct DiscModel {
     substeps: usize,
     /// Means over the grains of points, as of the last frame.
     means: PointMeans,
+    /// Grains as of the last frame.
+    states: Vec<GrainState>,
     /// Energy at time zero, and as of the last frame (J).
     start_energy: f64,
     energy: Energy,
@@ -78,13 +82,14 @@ impl DiscModel {
         state: DiscState,
     ) -> Result<Self, SimulationError> {
         let running = state.assembly.running();
-        let (_, energy) = running.states()?;
+        let (states, energy) = running.states()?;
         Ok(Self {
             discs: running,
             members: state.members,
             grains: discs.grains.clone(),
             substeps: discs.grains.substeps(scene.step),
             means: state.means,
+            states,
             start_energy: state.start_energy,
             energy,
             averaging: Duration::ZERO,
@@ -153,9 +158,36 @@ impl DiscModel {
         };
         let (states, energy) = self.discs.states()?;
         self.means = PointMeans::update(&self.members, &states, &around, points);
+        self.states = states;
         self.energy = energy;
         self.averaging += start.elapsed();
         Ok(())
+    }
+
+    /// Properties of the grains that never change, with the column of every point.
+    pub(in crate::simulation) fn static_grains(
+        &self,
+        every: usize,
+        column: &[u32],
+    ) -> StaticGrains {
+        let point = self.members.points();
+        StaticGrains {
+            every,
+            radius: self.states.iter().map(|grain| grain.r as f32).collect(),
+            column: point.iter().map(|&p| column[p as usize]).collect(),
+            point,
+        }
+    }
+
+    /// The grains as of the last frame.
+    pub(in crate::simulation) fn grain_frame(&self) -> GrainFrame {
+        let volume = |r: f64| PI * r * r * self.grains.thickness;
+        let pressure = |g: &GrainState| (0.5 * g.virial.trace() / volume(g.r)) as f32;
+        GrainFrame {
+            position: self.states.iter().map(|grain| grain.x.map(|x| x as f32)).collect(),
+            velocity: self.states.iter().map(|grain| grain.v.map(|v| v as f32)).collect(),
+            pressure: self.states.iter().map(pressure).collect(),
+        }
     }
 
     /// The phases of the wall time since the last call.
