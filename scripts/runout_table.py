@@ -18,12 +18,16 @@ import h5py
 import numpy as np
 
 
+def text(value):
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
 def measured(path):
     """Settings without the seed, and run-out, last point and final height at the wall over H."""
     with h5py.File(path) as file:
-        if file.attrs.get("status", "finished") != "finished":
-            raise SystemExit(f"{path}: {file.attrs['status']}")
-        scene = tomllib.loads(str(file.attrs["scene"]))
+        if text(file.attrs["status"]) != "finished":
+            raise SystemExit(f"{path}: {text(file.attrs['status'])}")
+        scene = tomllib.loads(text(file.attrs["scene"]))
         position = file["position"][-1]
         mass = file["points/mass"][:]
     order = np.argsort(position[:, 0])

@@ -113,11 +113,6 @@ impl CoarseGraining {
         places.par_iter().map(|&x| self.at(x)).collect()
     }
 
-    /// The flow at each of some places (m). The same bits for any number of threads.
-    pub fn flow_at_all(&self, places: &[[f64; 2]]) -> Vec<Flow> {
-        places.par_iter().map(|&x| self.flow_at(x)).collect()
-    }
-
     /// The flow at a place (m).
     pub fn flow_at(&self, x: [f64; 2]) -> Flow {
         let mut sums = Sums::default();
@@ -287,7 +282,7 @@ mod tests {
         let fields = at_origin(&states);
         assert!((fields.velocity_gradient - l).norm() < 0.05 * l.norm(), "{fields:?}");
         let graining = CoarseGraining::new(&states, THICKNESS, 3.0 * RADIUS);
-        let flow = graining.flow_at_all(&[[0.3 * RADIUS, -0.2 * RADIUS]])[0];
+        let flow = graining.flow_at([0.3 * RADIUS, -0.2 * RADIUS]);
         assert_eq!(
             (flow.solid_fraction, flow.velocity_gradient),
             (fields.solid_fraction, fields.velocity_gradient)

@@ -195,7 +195,8 @@ fn silo(grains: &Grains, boundary: &Boundary, place: &ColumnBox, rain: &Packed) 
         boxes.push(side([-far, -far], [far, bottom]));
     }
     Boundary {
-        size: [boundary.size[0].max(right), highest + 2.0 * grains.radius_max],
+        // As small as can be: positions are resolved the better.
+        size: [right, highest + 2.0 * grains.radius_max],
         walls: Faces { bottom: boundary.walls.bottom, ..Faces::default() },
         floor: boundary.floor,
         boxes,

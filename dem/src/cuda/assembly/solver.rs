@@ -45,7 +45,7 @@ pub struct CudaAssembly<R: CudaReal> {
     placed: CudaSlice<PlacedBody<R>>,
     loss: CudaSlice<Loss<R>>,
     rare_loss: CudaSlice<RareLoss<R>>,
-    /// By block of [`SUM_THREADS`] discs, since the upload or the last download.
+    /// By block of [`SUM_THREADS`] discs, since the last fetch.
     lost: CudaSlice<f64>,
     bin_count: CudaSlice<u32>,
     binned: CudaSlice<Binned<R>>,
@@ -54,9 +54,8 @@ pub struct CudaAssembly<R: CudaReal> {
     place_of: CudaSlice<u32>,
     disc_at: CudaSlice<u32>,
     output: CudaSlice<Output<R>>,
-    /// The same on the host, of the last fetch, and the losses then.
+    /// The same on the host, of the last fetch.
     fetched: PinnedHostSlice<Output<R>>,
-    fetched_losses: Losses,
     /// A round of steps, for each of the two sets of discs.
     graphs: [Option<CudaGraph>; 2],
     /// Which of the sets is in use.
@@ -66,7 +65,7 @@ pub struct CudaAssembly<R: CudaReal> {
     steps: u64,
     searches: u64,
     last: Option<Control<R>>,
-    /// Losses up to the upload or the last download.
+    /// Losses up to the last fetch.
     losses: Losses,
 }
 
@@ -139,7 +138,6 @@ impl<R: CudaReal> CudaAssembly<R> {
             disc_at: device.zeros(count)?,
             output: device.zeros(assembly.len())?,
             fetched: device.pinned(assembly.len())?,
-            fetched_losses: assembly.losses,
             graphs: [None, None],
             swapped: false,
             time: assembly.time(),
@@ -265,7 +263,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         // SAFETY: the output has one entry for each grain that can move.
         unsafe { self.kernels.output.launch(&stream, launch, &arguments) }?;
         stream.memcpy_dtoh(&self.output, &mut self.fetched)?;
-        self.fetched_losses = self.losses()?;
+        self.fetch_losses()?;
         stream.synchronize()?;
         Ok(())
     }
@@ -282,29 +280,30 @@ impl<R: CudaReal> CudaAssembly<R> {
     ) -> Result<(Vec<GrainState>, Energy), CudaAssemblyError> {
         let fetched = self.fetched.as_slice()?;
         let states: Vec<GrainState> = fetched.par_iter().map(|o| o.state(assembly)).collect();
-        let mut energy = Energy { losses: self.fetched_losses, ..assembly.energy_of(&states) };
+        let mut energy = Energy { losses: self.losses, ..assembly.energy_of(&states) };
         energy.elastic = fetched.iter().map(|o| o.elastic.to_f64()).sum();
         Ok((states, energy))
     }
 
-    /// Losses since the start, after all queued work.
-    fn losses(&self) -> Result<Losses, CudaAssemblyError> {
-        let mut losses = self.losses;
-        let stream = self.device.stream();
+    /// Adds up what was lost since the last call, after all queued work. Sums of sequences are added one by one, so
+    /// that they have the same bits after a download.
+    fn fetch_losses(&mut self) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream().clone();
         let launch = self.each(SUM_THREADS);
-        let total = Pointer::to(&self.lost, stream);
+        let total = Pointer::to(&self.lost, &stream);
         let arguments = SumLosses { a: self.arrays(), p: self.p, total };
         // SAFETY: totals have as many entries as there are blocks.
-        unsafe { self.kernels.losses.launch(stream, launch, &arguments) }?;
+        unsafe { self.kernels.losses.launch(&stream, launch, &arguments) }?;
         for block in stream.clone_dtoh(&self.lost)?.chunks(LOSSES) {
-            losses += Losses {
+            self.losses += Losses {
                 dashpots: block[0],
                 friction: block[1],
                 damping: block[2],
                 boxes: block[3],
             };
         }
-        Ok(losses)
+        stream.memset_zeros(&mut self.lost)?;
+        Ok(())
     }
 
     /// Brings the assembly that was uploaded up to date.
@@ -313,9 +312,8 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// A kernel failed.
     pub fn download_into(&mut self, assembly: &mut Assembly<R>) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
-        self.losses = self.losses()?;
+        self.fetch_losses()?;
         assembly.losses = self.losses;
-        stream.memset_zeros(&mut self.lost)?;
         let count = self.p.discs as usize;
         let parity = self.last.map_or(0, |c| c.steps as usize & 1);
         let from = parity * count;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use dem::assembly::{CoarseGraining, Flow, GrainState, free_share};
+use dem::assembly::{CoarseGraining, GrainState, free_share};
 use mpm::{Mat2, Points, Vec2};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -52,11 +52,9 @@ impl PointMeans {
         points: &mut Points,
     ) -> Self {
         let graining = CoarseGraining::new(states, around.thickness, around.width);
-        let places: Vec<[f64; 2]> = states.iter().map(|grain| grain.x).collect();
-        let local = graining.flow_at_all(&places);
         let means: Vec<Mean> = (0..points.len())
             .into_par_iter()
-            .map(|p| Mean::of(members.of(p), states, &local, around))
+            .map(|p| Mean::of(members.of(p), states, &graining, around))
             .collect();
         for (p, mean) in means.iter().enumerate() {
             points.position[p] = mean.position;
@@ -73,29 +71,44 @@ impl PointMeans {
     }
 }
 
+/// Grains of a point at which the flow around them is evaluated, about.
+const SAMPLES: usize = 16;
+
 impl Mean {
-    /// The mean over some grains, with the fields at each grain. A grain occupies its area over the solid
-    /// fraction around it; the stress is that of Love (1927) and Weber (1966) over this volume, with the
-    /// motion about the mean velocity.
-    fn of(members: &[u32], states: &[GrainState], local: &[Flow], around: &Surroundings) -> Self {
-        let (mut mass, mut area, mut volume, mut contacts) = (0.0, 0.0, 0.0, 0.0);
+    /// The mean over some grains. They occupy their area over the solid fraction around them, which is evaluated,
+    /// with the velocity gradient, at a few of them; the stress is that of Love (1927) and Weber (1966) over this
+    /// volume, with the motion about the mean velocity.
+    fn of(
+        members: &[u32],
+        states: &[GrainState],
+        graining: &CoarseGraining,
+        around: &Surroundings,
+    ) -> Self {
+        let (mut mass, mut area, mut contacts) = (0.0, 0.0, 0.0);
         let (mut moment, mut momentum) = (Vec2::zeros(), Vec2::zeros());
-        let (mut virial, mut flux, mut gradient) = (Mat2::zeros(), Mat2::zeros(), Mat2::zeros());
+        let (mut virial, mut flux) = (Mat2::zeros(), Mat2::zeros());
         for &grain in members {
-            let (grain, field) = (&states[grain as usize], &local[grain as usize]);
-            let own = PI * grain.r * grain.r;
-            let free = free_share(grain.x, around.width, around.size, &around.boxes);
+            let grain = &states[grain as usize];
             let velocity = Vec2::from(grain.v);
             mass += grain.mass;
-            area += own;
-            volume += own * free / field.solid_fraction;
+            area += PI * grain.r * grain.r;
             contacts += f64::from(grain.contacts);
             moment += grain.mass * Vec2::from(grain.x);
             momentum += grain.mass * velocity;
             virial += grain.virial;
             flux += grain.mass * velocity * velocity.transpose();
-            gradient += grain.mass * field.velocity_gradient;
         }
+        let (mut sampled, mut occupied, mut gradient) = (0.0, 0.0, Mat2::zeros());
+        for &grain in members.iter().step_by(members.len().div_ceil(SAMPLES)) {
+            let grain = &states[grain as usize];
+            let flow = graining.flow_at(grain.x);
+            let free = free_share(grain.x, around.width, around.size, &around.boxes);
+            let own = PI * grain.r * grain.r;
+            sampled += own;
+            occupied += own * free / flow.solid_fraction;
+            gradient += own * flow.velocity_gradient;
+        }
+        let volume = area * occupied / sampled;
         let velocity = momentum / mass;
         let pressure = virial + flux - momentum * velocity.transpose();
         Self {
@@ -103,7 +116,7 @@ impl Mean {
             velocity,
             mass: mass / around.thickness,
             volume,
-            velocity_gradient: gradient / mass,
+            velocity_gradient: gradient / sampled,
             // Compression is positive in the DEM, tension at points.
             stress: -0.5 * (pressure + pressure.transpose()) / (volume * around.thickness),
             solid_fraction: area / volume,
