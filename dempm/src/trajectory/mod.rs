@@ -16,6 +16,7 @@ mod layout;
 mod links;
 mod reader;
 mod vtk;
+pub(crate) mod vtk_layout;
 mod write_through;
 mod writer;
 

@@ -22,6 +22,7 @@ use super::layout::{
 use super::links;
 use super::reader::Trajectory;
 use super::vtk;
+use super::vtk_layout;
 use super::write_through::WriteThrough;
 
 /// Appends frames to a trajectory file.
@@ -394,7 +395,7 @@ impl TrajectoryWriter {
         };
         put().map_err(TrajectoryError::writing(&self.path, WALL_TIME))?;
         vtk::write(file, self.frames(), self.points)
-            .map_err(TrajectoryError::writing(&self.path, vtk::GROUP))
+            .map_err(TrajectoryError::writing(&self.path, vtk_layout::ROOT))
     }
 
     fn mismatch(&self, reason: String) -> TrajectoryError {
