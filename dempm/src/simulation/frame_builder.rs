@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 
 use mpm::Mat2;
 
-use super::discs::PointMeans;
+use super::discs::{PointMeans, grid};
 use super::driver::Simulation;
 use super::model::Model;
 use crate::fronts::{mass_front, pile_front};
 use crate::scene::{self, Precision};
-use crate::trajectory::{self, Field, Frame, GrainFrame, Header, StaticGrains};
+use crate::trajectory::{
+    self, Field, Frame, GrainFrame, GridFrame, Header, StaticGrains, StaticGrid,
+};
 
 impl Simulation {
     /// The header of the trajectory of a run that began at `created` (UTC, ISO 8601).
@@ -102,6 +104,7 @@ impl Simulation {
             boxes: self.boxes(),
             budget: self.budget(),
             grains: self.grain_frame(),
+            grid: self.grid_frame(),
         }
     }
 
@@ -125,6 +128,24 @@ impl Simulation {
                 frame.is_multiple_of(every).then(|| discs.grain_frame())
             }
             Model::Discs(_) | Model::Mpm(_) => None,
+        }
+    }
+
+    /// The grid of continuum fields, if the scene asks for it.
+    pub fn static_grid(&self) -> Option<StaticGrid> {
+        match &self.model {
+            Model::Discs(_) => {
+                self.scene.grid.as_ref().map(|output| grid(output, self.scene.domain.size))
+            }
+            Model::Mpm(_) => None,
+        }
+    }
+
+    /// The continuum fields, if the scene asks for them.
+    fn grid_frame(&self) -> Option<GridFrame> {
+        match &self.model {
+            Model::Discs(discs) => Some(discs.grid_frame(&self.static_grid()?)),
+            Model::Mpm(_) => None,
         }
     }
 

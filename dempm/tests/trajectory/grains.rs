@@ -37,7 +37,7 @@ fn write(path: &Path, frames: usize, every: usize) {
     let collapse = Collapse::new(3);
     let (header, points) = (collapse.header(), collapse.points());
     let mut writer =
-        TrajectoryWriter::create_with(path, &header, &points, Some(&grains(every))).unwrap();
+        TrajectoryWriter::create_with(path, &header, &points, Some(&grains(every)), None).unwrap();
     for index in 0..frames {
         writer.push(frame(&collapse, index, every)).unwrap();
     }
@@ -97,7 +97,7 @@ fn frames_with_other_grains_are_refused() {
     let collapse = Collapse::new(3);
     let (header, points) = (collapse.header(), collapse.points());
     let mut writer =
-        TrajectoryWriter::create_with(&path, &header, &points, Some(&grains(2))).unwrap();
+        TrajectoryWriter::create_with(&path, &header, &points, Some(&grains(2)), None).unwrap();
     let error = writer.push(collapse.frame(0)).unwrap_err().to_string();
     assert!(error.contains("run.h5: frame 0: it has no grains"), "{error}");
     let mut few = frame(&collapse, 0, 2);
