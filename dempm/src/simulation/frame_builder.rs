@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use mpm::Mat2;
 
-use super::discs::{PointMeans, grid};
+use super::discs::{PointMeans, grid_nodes};
 use super::driver::Simulation;
 use super::model::Model;
 use crate::fronts::{mass_front, pile_front};
@@ -135,7 +135,7 @@ impl Simulation {
     pub fn static_grid(&self) -> Option<StaticGrid> {
         match &self.model {
             Model::Discs(_) => {
-                self.scene.grid.as_ref().map(|output| grid(output, self.scene.domain.size))
+                self.scene.grid.as_ref().map(|output| grid_nodes(output, self.scene.domain.size))
             }
             Model::Mpm(_) => None,
         }

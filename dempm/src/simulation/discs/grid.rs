@@ -9,7 +9,7 @@ use crate::trajectory::{GridFrame, StaticGrid};
 const MARGIN: f64 = 3.0;
 
 /// The nodes: centres of squares of side `spacing` that cover a domain of `size` (m) and its margin.
-pub(super) fn grid(output: &GridOutput, size: [f64; 2]) -> StaticGrid {
+pub(in crate::simulation) fn grid_nodes(output: &GridOutput, size: [f64; 2]) -> StaticGrid {
     let margin = MARGIN * output.width;
     let nodes = |length: f64| {
         let count = ((length + 2.0 * margin) / output.spacing).ceil() as usize;
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn a_uniform_packing_has_its_density_velocity_and_stress() {
         let output = GridOutput { width: 2.0 * DIAMETER, spacing: DIAMETER };
-        let grid = grid(&output, [0.4, 0.3]);
+        let grid = grid_nodes(&output, [0.4, 0.3]);
         let fields = fields(&lattice(), THICKNESS, &grid);
         // One grain of mass 1 g in every 1 cm x 1 cm x 1 cm.
         let nodes = grid.y.iter().flat_map(|&y| grid.x.iter().map(move |&x| [x, y]));
@@ -80,7 +80,7 @@ mod tests {
     fn the_grid_holds_all_mass_and_momentum() {
         for (width, spacing) in [(2.0, 1.0), (3.0, 3.0), (1.0, 0.7)] {
             let output = GridOutput { width: width * DIAMETER, spacing: spacing * DIAMETER };
-            let grid = grid(&output, [0.4, 0.3]);
+            let grid = grid_nodes(&output, [0.4, 0.3]);
             let fields = fields(&lattice(), THICKNESS, &grid);
             let volume = (spacing * DIAMETER).powi(2) * THICKNESS;
             let mass: f64 = fields.density.iter().map(|rho| f64::from(*rho) * volume).sum();

@@ -7,6 +7,6 @@ mod members;
 mod model;
 mod running;
 
-pub(super) use grid::grid;
+pub(super) use grid::grid_nodes;
 pub use means::PointMeans;
 pub use model::{DiscModel, DiscState};
