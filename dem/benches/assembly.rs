@@ -4,7 +4,7 @@
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use dem::Grains;
-use dem::assembly::{Assembly, Boundary, ColumnBox, Faces, Floor, prepare_column};
+use dem::assembly::{Assembly, Boundary, ColumnBox, Faces, Floor, on_cpu, prepare_column};
 
 const GRAVITY: [f64; 2] = [0.0, -9.81];
 const STEPS: usize = 100;
@@ -20,8 +20,8 @@ fn collapse(side: f64) -> Assembly<f32> {
         seed: 7,
     };
     let place = ColumnBox { corner: [0.0; 2], size: [side; 2], loaded: true };
-    let mut advance = |assembly: &mut Assembly<f32>, steps: usize| assembly.advance(steps);
-    let packed = prepare_column(&grains, &boundary, GRAVITY, &place, 1, &mut advance).unwrap();
+    let packed =
+        prepare_column::<f32>(&grains, &boundary, GRAVITY, &place, 1, &mut on_cpu).unwrap();
     let dt = grains.step();
     let mut scene = Assembly::new(&grains, &boundary, GRAVITY, dt, &packed).unwrap();
     scene.advance((0.3 / dt) as usize).unwrap();

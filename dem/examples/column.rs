@@ -11,7 +11,7 @@ use std::path::Path;
 
 use dem::Grains;
 use dem::assembly::{
-    Assembly, Boundary, ColumnBox, Faces, Floor, GrainState, Packed, prepare_column,
+    Assembly, Boundary, ColumnBox, Faces, Floor, GrainState, Packed, on_cpu, prepare_column,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -42,8 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         seed,
     };
     let place = ColumnBox { corner: [0.0, 0.0], size: [SIDE, SIDE], loaded: true };
-    let mut advance = |assembly: &mut Assembly<f64>, steps: usize| assembly.advance(steps);
-    let mut start = prepare_column(&grains, &boundary, GRAVITY, &place, seed, &mut advance)?;
+    let mut start = prepare_column::<f64>(&grains, &boundary, GRAVITY, &place, seed, &mut on_cpu)?;
     // Both codes begin without tangential springs.
     start.contacts.clear();
     write_start(directory, &grains, &boundary, &start)?;

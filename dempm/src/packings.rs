@@ -4,7 +4,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use dem::assembly::{Assembly, AssemblyError, Boundary, ColumnBox, Packed, prepare_column};
+use dem::assembly::{
+    Assembly, AssemblyError, Boundary, ColumnBox, Packed, Settling, on_cpu, prepare_column,
+};
 use dem::cuda::{CudaAssembly, CudaAssemblyError, CudaReal};
 use dem::{Grains, Packing, Real, Rung, RveParameters};
 use files::{FileLock, note, read_sealed, seal, write_atomically};
@@ -88,27 +90,52 @@ pub fn column<R: CudaReal>(
         seed,
     ));
     cached(file, || {
-        prepare_column::<R>(grains, boundary, gravity, place, seed, &mut |assembly, steps| {
-            let Some(device) = device else { return assembly.advance(steps) };
-            advance_on(device, assembly, steps).map_err(|error| match error {
-                CudaAssemblyError::Assembly(error) => error,
-                other => {
-                    AssemblyError::Preparation { corner: place.corner, reason: other.to_string() }
-                }
-            })
-        })
+        let mut start = |assembly| match device {
+            None => on_cpu(assembly),
+            Some(device) => on_gpu(device, assembly).map_err(preparation_error),
+        };
+        prepare_column::<R>(grains, boundary, gravity, place, seed, &mut start)
     })
 }
 
-/// Advances an assembly on a GPU.
-fn advance_on<R: CudaReal>(
+/// An assembly that settles on a GPU.
+struct OnGpu<R: CudaReal> {
+    assembly: Assembly<R>,
+    twin: CudaAssembly<R>,
+}
+
+fn on_gpu<R: CudaReal>(
     device: &Arc<Device>,
-    assembly: &mut Assembly<R>,
-    steps: usize,
-) -> Result<(), CudaAssemblyError> {
-    let mut twin = CudaAssembly::upload(device, assembly)?;
-    twin.advance(steps)?;
-    twin.download_into(assembly)
+    assembly: Assembly<R>,
+) -> Result<Box<dyn Settling<R>>, CudaAssemblyError> {
+    let twin = CudaAssembly::upload(device, &assembly)?;
+    Ok(Box::new(OnGpu { assembly, twin }))
+}
+
+impl<R: CudaReal> Settling<R> for OnGpu<R> {
+    fn set_drag(&mut self, rate: f64) {
+        self.twin.set_drag(rate);
+    }
+
+    fn advance(&mut self, steps: usize) -> Result<(), AssemblyError> {
+        self.twin.advance(steps).map_err(preparation_error)
+    }
+
+    fn agitation(&mut self, gravity: f64) -> Result<f64, AssemblyError> {
+        self.twin.agitation(&self.assembly, gravity).map_err(preparation_error)
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<Assembly<R>, AssemblyError> {
+        self.twin.download_into(&mut self.assembly).map_err(preparation_error)?;
+        Ok(self.assembly)
+    }
+}
+
+fn preparation_error(error: CudaAssemblyError) -> AssemblyError {
+    match error {
+        CudaAssemblyError::Assembly(error) => error,
+        other => AssemblyError::Device(other.to_string()),
+    }
 }
 
 /// The value kept in `file`, or a new one, which is then kept.

@@ -17,6 +17,9 @@ pub enum AssemblyError {
         /// Why.
         failure: GrainFailure,
     },
+    /// The processor on which grains settle failed.
+    #[error("{0}")]
+    Device(String),
     /// A column could not be filled with grains.
     #[error("filling the column at ({:.3}, {:.3}) m with grains: {reason}", corner[0], corner[1])]
     Preparation {

@@ -15,6 +15,7 @@ mod packed;
 mod prepare;
 mod profile;
 mod search;
+mod settling;
 mod solver;
 mod tile;
 
@@ -23,8 +24,9 @@ pub use coarse_grain::{CoarseGraining, Continuum, Flow, free_share};
 pub use energy::{Energy, Losses};
 pub use error::{AssemblyError, GrainFailure};
 pub use packed::{Grain, GrainState, Packed, PackedContact, Partner};
-pub use prepare::{Advance, ColumnBox, prepare_column};
+pub use prepare::{ColumnBox, prepare_column};
 pub use profile::{Layer, profile};
+pub use settling::{Settling, Start, on_cpu};
 pub use solver::Assembly;
 
 pub(crate) use memory::ContactMemory;

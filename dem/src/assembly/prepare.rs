@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::boundary::{Boundary, Faces, RigidBox};
 use super::error::AssemblyError;
 use super::packed::{Grain, Packed, Partner};
+use super::settling::{Settling, Start};
 use super::solver::Assembly;
 use crate::grains::Grains;
 use crate::real::Real;
@@ -20,9 +21,6 @@ pub struct ColumnBox {
     /// Whether it carries its weight. Otherwise its grains hardly press on each other, as in the air.
     pub loaded: bool,
 }
-
-/// Advances an assembly by some steps, on a processor of the caller's choice.
-pub type Advance<'a, R> = dyn FnMut(&mut Assembly<R>, usize) -> Result<(), AssemblyError> + 'a;
 
 /// Solid fraction of settled grains, at most: sets how many are rained.
 const DENSEST: f64 = 0.88;
@@ -64,7 +62,7 @@ pub fn prepare_column<R: Real>(
     gravity: [f64; 2],
     place: &ColumnBox,
     seed: u64,
-    advance: &mut Advance<'_, R>,
+    start: &mut Start<'_, R>,
 ) -> Result<Packed, AssemblyError> {
     let error = |reason: String| AssemblyError::Preparation { corner: place.corner, reason };
     let [width, height] = place.size;
@@ -80,13 +78,13 @@ pub fn prepare_column<R: Real>(
 
     let mut smooth = grains.clone();
     smooth.friction = grains.preparation_friction;
-    let mut assembly = Assembly::new(&smooth, &silo, [0.0, weight], dt, &rain)?;
-    assembly.set_drag(FALLING_DRAG);
+    let mut falling = start(Assembly::new(&smooth, &silo, [0.0, weight], dt, &rain)?)?;
+    falling.set_drag(FALLING_DRAG);
     let fall = (2.0 * (silo.size[1] - place.corner[1] - height).max(0.0) / -weight).sqrt();
-    advance(&mut assembly, (fall / dt).ceil() as usize)?;
-    settle(&mut assembly, weight, SETTLED, place, advance)?;
+    falling.advance((fall / dt).ceil() as usize)?;
+    settle(&mut *falling, dt, weight, SETTLED, place)?;
 
-    let mut packed = assembly.packed();
+    let mut packed = falling.finish()?.packed();
     let top = place.corner[1] + height;
     let highest = packed.grains.iter().map(|grain| grain.x[1]).fold(f64::MIN, f64::max);
     if highest < top - grains.mean_diameter() {
@@ -95,15 +93,17 @@ pub fn prepare_column<R: Real>(
     packed.retain(|grain| grain.x[1] < top);
 
     // Without the friction of flow at first, which would lock in the horizontal stress under what was cut.
-    let mut assembly = Assembly::new(&smooth, &silo, [0.0, weight], dt, &packed)?;
-    settle(&mut assembly, weight, SETTLED, place, advance)?;
+    let mut cut = start(Assembly::new(&smooth, &silo, [0.0, weight], dt, &packed)?)?;
+    settle(&mut *cut, dt, weight, SETTLED, place)?;
+    let mut assembly = cut.finish()?;
     assembly.set_friction(grains.friction);
     if !place.loaded {
         let bulk_density = SOLID_FRACTION * grains.grain_density;
         assembly.set_gravity([0.0, -UNLOADED / (bulk_density * height)]);
     }
-    settle(&mut assembly, weight, AT_REST, place, advance)?;
-    let mut packed = assembly.packed();
+    let mut relaxing = start(assembly)?;
+    settle(&mut *relaxing, dt, weight, AT_REST, place)?;
+    let mut packed = relaxing.finish()?.packed();
     packed.retain(|grain| grain.x[1] < top);
     for grain in &mut packed.grains {
         (grain.v, grain.w) = ([0.0; 2], 0.0);
@@ -119,25 +119,26 @@ fn preparation_step(grains: &Grains) -> f64 {
     Grains { step_factor: Grains::default().step_factor, mass_scale: 1.0, ..grains.clone() }.step()
 }
 
-/// Advances with drag until the kinetic energy is below `rest`, see [`AT_REST`], for a `weight` (m/s²).
+/// Advances with drag, in steps of `dt` (s), until the kinetic energy is below `rest`, see [`AT_REST`], for a
+/// `weight` (m/s²).
 fn settle<R: Real>(
-    assembly: &mut Assembly<R>,
+    settling: &mut dyn Settling<R>,
+    dt: f64,
     weight: f64,
     rest: f64,
     place: &ColumnBox,
-    advance: &mut Advance<'_, R>,
 ) -> Result<(), AssemblyError> {
-    assembly.set_drag(SETTLING_DRAG);
-    let look = (LOOK / assembly.dt()).ceil() as usize;
+    settling.set_drag(SETTLING_DRAG);
+    let look = (LOOK / dt).ceil() as usize;
     let longest = LONGEST * (2.0 * place.size[1] / -weight).sqrt();
     let looks = (longest / LOOK).ceil() as usize + SHORTEST;
     for k in 1..=looks {
-        advance(assembly, look)?;
-        let agitation = assembly.agitation(-weight);
+        settling.advance(look)?;
+        let agitation = settling.agitation(-weight)?;
         if k >= SHORTEST && agitation < rest {
             return Ok(());
         }
-        assembly.set_drag(if agitation < HARDLY_MOVING { RESTING_DRAG } else { SETTLING_DRAG });
+        settling.set_drag(if agitation < HARDLY_MOVING { RESTING_DRAG } else { SETTLING_DRAG });
     }
     let reason = format!("the grains are not at rest after {longest:.1} s");
     Err(AssemblyError::Preparation { corner: place.corner, reason })

@@ -23,9 +23,10 @@ __device__ inline Real ratio(Real a, Real b) {
 #endif
 }
 
-// Normal force (N): a spring and a dashpot that must not pull.
-__device__ inline Real normal_force(Real stiffness, Real overlap, Real dashpot, Real vn) {
-    return max(stiffness * overlap - dashpot * vn, Real(0));
+// Spring and dashpot of a contact (N). Their sum must not pull: the normal force is its positive part. Not
+// clamped here, since a clamp inside makes the kernel of packings spill registers.
+__device__ inline Real spring_and_dashpot(Real stiffness, Real overlap, Real dashpot, Real vn) {
+    return stiffness * overlap - dashpot * vn;
 }
 
 // Tangential force (N) after one step: a spring, kt dt = `spring`, that slides at the Coulomb limit.

@@ -68,8 +68,8 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
             (vy * nx - vx * ny) - Real(2) * (arm * disc.half_w + other_arm * other_half_w);
 
         // Without a normal force there is no tangential one.
-        const Real pushing = normal_force(p.normal_stiffness, overlap, pair.y, vn);
-        const Real normal = touching ? pushing : Real(0);
+        const Real elastic = spring_and_dashpot(p.normal_stiffness, overlap, pair.y, vn);
+        const Real normal = touching ? max(elastic, Real(0)) : Real(0);
         const Real tangential = tangential_force(sh.slot.tangential[slot], p.spring, vt,
                                                  p.friction * normal);
 

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use dem::assembly::{
-    Assembly, Boundary, ColumnBox, Faces, Floor, Grain, Packed, RigidBox, prepare_column,
+    Assembly, Boundary, ColumnBox, Faces, Floor, Grain, Packed, RigidBox, on_cpu, prepare_column,
 };
 use dem::{Grains, Real};
 use rand::{RngExt, SeedableRng};
@@ -94,10 +94,7 @@ pub fn column() -> &'static Packed {
 }
 
 pub fn prepare(grains: &Grains, boundary: &Boundary, place: &ColumnBox, seed: u64) -> Packed {
-    prepare_column::<f32>(grains, boundary, GRAVITY, place, seed, &mut |assembly, steps| {
-        assembly.advance(steps)
-    })
-    .unwrap()
+    prepare_column::<f32>(grains, boundary, GRAVITY, place, seed, &mut on_cpu).unwrap()
 }
 
 /// Fails unless `value` is within `tolerance` of `target`, both absolute; prints it otherwise.

@@ -2,7 +2,7 @@
 
 use dem::Grains;
 use dem::assembly::{
-    Assembly, AssemblyError, Boundary, ColumnBox, Floor, Grain, GrainFailure, RigidBox,
+    Assembly, AssemblyError, Boundary, ColumnBox, Floor, Grain, GrainFailure, RigidBox, on_cpu,
     prepare_column,
 };
 use rstest::rstest;
@@ -87,10 +87,7 @@ fn unstable_step() {
 fn grain_larger_than_the_column(#[case] size: [f64; 2]) {
     let place = ColumnBox { corner: [0.0, 0.0], size, loaded: true };
     let domain = Boundary { floor: Floor::Rough, ..flat([1.0, 1.0], 0.5) };
-    let error =
-        prepare_column::<f32>(&Grains::default(), &domain, GRAVITY, &place, 1, &mut |a, n| {
-            a.advance(n)
-        })
+    let error = prepare_column::<f32>(&Grains::default(), &domain, GRAVITY, &place, 1, &mut on_cpu)
         .unwrap_err();
     assert!(error.to_string().contains("larger than"), "{error}");
 }

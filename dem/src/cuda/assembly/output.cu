@@ -2,7 +2,8 @@
 
 __device__ inline void add(const Parameters& p, const Contact& c, Real tangential, Real share,
                            Output& out) {
-    const Real normal = normal_force(p.normal_stiffness, c.overlap, c.dashpot, c.vn);
+    const Real normal =
+        max(spring_and_dashpot(p.normal_stiffness, c.overlap, c.dashpot, c.vn), Real(0));
     const Real fx = normal * c.nx - tangential * c.ny;
     const Real fy = normal * c.ny + tangential * c.nx;
     out.virial[0] += fx * c.arm * c.nx;

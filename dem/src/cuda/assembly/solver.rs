@@ -164,6 +164,35 @@ impl<R: CudaReal> CudaAssembly<R> {
         self.time = time;
     }
 
+    /// As [`Assembly::set_drag`], from the next steps on.
+    pub fn set_drag(&mut self, rate: f64) {
+        let drag = R::from_f64(rate);
+        if self.p.drag != drag {
+            self.p.drag = drag;
+            // Graphs hold the arguments of their kernels.
+            self.graphs = [None, None];
+        }
+    }
+
+    /// As [`Assembly::agitation`].
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn agitation(
+        &mut self,
+        assembly: &Assembly<R>,
+        gravity: f64,
+    ) -> Result<f64, CudaAssemblyError> {
+        self.fetch_states()?;
+        let sums = self.fetched.as_slice()?.iter().map(|o| {
+            let mass = 1.0 / o.inv_mass.to_f64();
+            let [u, v] = [o.vx.to_f64(), o.vy.to_f64()];
+            [0.5 * mass * (u * u + v * v), mass]
+        });
+        let [energy, mass] = sums.fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+        Ok(energy / (mass * gravity * assembly.grains.mean_diameter()))
+    }
+
     /// Queues `steps` DEM steps; [`finish`](Self::finish) waits for them and makes those that searches have
     /// delayed.
     ///

@@ -15,7 +15,8 @@ struct Sums {
 // both discs evaluate the contact.
 __device__ inline History evaluate(const Parameters& p, const Contact& c, Real friction,
                                    History before, Real share, Sums& sum, Vec& force) {
-    const Real normal = normal_force(p.normal_stiffness, c.overlap, c.dashpot, c.vn);
+    const Real normal =
+        max(spring_and_dashpot(p.normal_stiffness, c.overlap, c.dashpot, c.vn), Real(0));
     const Real tangential =
         tangential_force(before.tangential, p.spring, c.vt, friction * normal);
     // Power over the step by the mean of the forces at its two ends, less what the springs store.

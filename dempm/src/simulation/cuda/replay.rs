@@ -17,7 +17,7 @@ use crate::scene::{Material, Scene};
 use crate::simulation::error::SimulationError;
 use crate::simulation::scene_material::SceneMaterial;
 
-/// Macro steps in the longer of the two graphs.
+/// Macro steps in the graph that most steps are replayed from.
 const STEPS_PER_GRAPH: usize = 25;
 
 /// The points and the material of a simulation on a GPU.
@@ -25,8 +25,10 @@ pub(crate) struct CudaSimulation {
     device: Arc<Device>,
     solver: CudaSolver,
     material: DeviceMaterial,
-    /// One step and [`STEPS_PER_GRAPH`] steps.
-    graphs: Option<[CudaGraph; 2]>,
+    /// [`STEPS_PER_GRAPH`] steps, and the steps that are left over in a frame: single launches would take longer
+    /// than the steps.
+    graph: Option<CudaGraph>,
+    rest: Option<(usize, CudaGraph)>,
     /// When the steps were queued that the CPU does not know of yet.
     ahead: Option<Instant>,
     /// The step whose material the CPU has.
@@ -58,7 +60,8 @@ impl CudaSimulation {
             solver: CudaSolver::new(device, solver, points, dt, step)
                 .map_err(|error| SimulationError::on_gpu(error, dt))?,
             material: DeviceMaterial::new(device, material, room, ranks)?,
-            graphs: None,
+            graph: None,
+            rest: None,
             ahead: None,
             recorded: step,
             events: timer(device)?,
@@ -139,26 +142,37 @@ impl CudaSimulation {
 
     /// Queues macro steps: all but the last as graphs, the last one timed.
     fn queue(&mut self, steps: usize) -> Result<(), CudaError> {
-        let mut left = steps;
-        if left > 1 && self.graphs.is_none() {
+        let mut left = steps - 1;
+        if left > 0 && self.graph.is_none() {
             // Once outside of a capture, so that all kernels are loaded.
             self.solver.queue_step(self.material.as_dyn_mut())?;
             left -= 1;
-            self.graphs = Some([self.capture(1)?, self.capture(STEPS_PER_GRAPH)?]);
+            self.graph = Some(self.capture(STEPS_PER_GRAPH)?);
         }
-        if let Some([one, many]) = &self.graphs {
-            while left > STEPS_PER_GRAPH {
-                many.launch()?;
-                left -= STEPS_PER_GRAPH;
+        if let Some(graph) = &self.graph {
+            for _ in 0..left / STEPS_PER_GRAPH {
+                graph.launch()?;
             }
-            for _ in 1..left {
-                one.launch()?;
-            }
+            self.launch_rest(left % STEPS_PER_GRAPH)?;
         }
         let stream = self.device.stream();
         self.events[0].record(stream)?;
         self.solver.queue_step(self.material.as_dyn_mut())?;
         self.events[1].record(stream)?;
+        Ok(())
+    }
+
+    /// Launches fewer steps than a graph holds, from a graph of their own.
+    fn launch_rest(&mut self, steps: usize) -> Result<(), CudaError> {
+        if steps == 0 {
+            return Ok(());
+        }
+        if self.rest.as_ref().is_none_or(|(captured, _)| *captured != steps) {
+            self.rest = Some((steps, self.capture(steps)?));
+        }
+        if let Some((_, graph)) = &self.rest {
+            graph.launch()?;
+        }
         Ok(())
     }
 

@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+"""Run-out of the columns of a data set, grouped by everything but the seed.
+
+    python3 scripts/runout_table.py out/runout
+
+For a column against the left wall, of width L and height H: the front is where 99 % of the mass lies to the
+left of it at the end; run-out (front - L) / L; beside it 2.5 a and 3.25 a^0.7 of Staron & Hinch (2005), J. Fluid
+Mech. 545, 1, for discs. Needs h5py and numpy.
+"""
+
+import pathlib
+import re
+import sys
+import tomllib
+from collections import defaultdict
+
+import h5py
+import numpy as np
+
+
+def measured(path):
+    """Settings without the seed, and run-out, last point and final height at the wall over H."""
+    with h5py.File(path) as file:
+        if file.attrs.get("status", "finished") != "finished":
+            raise SystemExit(f"{path}: {file.attrs['status']}")
+        scene = tomllib.loads(str(file.attrs["scene"]))
+        position = file["position"][-1]
+        mass = file["points/mass"][:]
+    order = np.argsort(position[:, 0])
+    share = np.cumsum(mass[order]) / mass.sum()
+    x = position[order, 0]
+    width, height = scene["column"][0]["size"]
+    front = x[np.searchsorted(share, 0.99)]
+    near = position[position[:, 0] < 0.1 * width + x[0], 1]
+    grains = scene.get("grains", {})
+    settings = (
+        height / width,
+        scene.get("discs", {}).get("floor", "rough"),
+        grains.get("friction", 0.5),
+        grains.get("preparation_friction", 1e-3),
+        grains.get("radius_max", 5e-3) / 5e-3,
+    )
+    return settings, ((front - width) / width, (x[-1] - width) / width, near.max() / height)
+
+
+def main():
+    rows = defaultdict(list)
+    for path in sorted(pathlib.Path(sys.argv[1]).rglob("*.h5")):
+        if re.fullmatch(r"\d+\.h5", path.name):
+            settings, values = measured(path)
+            rows[settings].append(values)
+    print("| a | floor | friction | preparation | size | runs | run-out, 99 % | last point | height | 2.5 a; 3.25 a^0.7 |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    for settings, values in sorted(rows.items()):
+        a, floor, friction, preparation, size = settings
+        mean, spread = np.mean(values, axis=0), np.std(values, axis=0, ddof=1) if len(values) > 1 else [np.nan] * 3
+        told = [f"{m:.2f}" + (f" ± {s:.2f}" if np.isfinite(s) else "") for m, s in zip(mean, spread)]
+        law = 2.5 * a if a < 2 else 3.25 * a**0.7
+        print(f"| {a:g} | {floor} | {friction:g} | {preparation:g} | {size:g} | {len(values)} | {' | '.join(told)} | {law:.2f} |")
+
+
+if __name__ == "__main__":
+    main()
