@@ -106,7 +106,10 @@ fn discs_become_a_trajectory_of_points() {
 #[test]
 fn grains_are_recorded_where_the_scene_asks_for_them() {
     let directory = TempDir::new().unwrap();
-    scene(directory.path(), &format!("{SCENE}[output]\ngrains_every = 10\n"));
+    scene(
+        directory.path(),
+        &format!("{SCENE}[output]\ngrains_every = 10\n[output.grid]\nspacing = 0.01\n"),
+    );
     run(directory.path(), "discs.h5", &[]);
     let trajectory = Trajectory::open(&directory.path().join("discs.h5")).unwrap();
     let grains = trajectory.grains().unwrap().unwrap();
@@ -142,6 +145,22 @@ fn grains_are_recorded_where_the_scene_asks_for_them() {
     let of_points = stress.iter().map(|s| -0.5 * f64::from(s[0] + s[3])).sum::<f64>() / 16.0;
     assert!((0.8 * mean / of_points - 1.0).abs() < 0.15, "{mean} {of_points}");
 
+    // The grid holds the mass and momentum of the grains, whatever the width.
+    let grid = trajectory.grid().unwrap();
+    assert!((grid.width - 3.0 * 7.5e-3).abs() < 1e-12 && grid.x.len() > 60, "{}", grid.width);
+    let total: f64 = trajectory.points().mass.iter().sum();
+    for index in [0, 20, 40] {
+        let fields = trajectory.grid_frame(index).unwrap().unwrap();
+        let sum = |of: &dyn Fn(usize) -> f32| -> f64 {
+            (0..fields.density.len()).map(|k| f64::from(of(k)) * 1e-4).sum()
+        };
+        let mass = sum(&|k| fields.density[k]);
+        assert!((mass / total - 1.0).abs() < 2e-3, "{mass} {total}");
+        let momentum = sum(&|k| fields.density[k] * fields.velocity[k][0]);
+        let expected = trajectory.frame(index).unwrap().budget["momentum_x"];
+        assert!((momentum - expected).abs() < 5e-3 * total, "{momentum} {expected}");
+    }
+
     let dempm = |words: &[&str]| {
         let output = dempm(directory.path()).args(words).output().unwrap();
         let text = [output.stdout, output.stderr].concat();
@@ -170,7 +189,7 @@ fn grains_are_recorded_where_the_scene_asks_for_them() {
 fn a_run_of_discs_is_reproducible_and_resumes_bitwise() {
     let directory = TempDir::new().unwrap();
     let text = SCENE.replace("duration = 0.2", "duration = 0.5");
-    scene(directory.path(), &(text + "[output]\ngrains_every = 4\n"));
+    scene(directory.path(), &(text + "[output]\ngrains_every = 4\n[output.grid]\n"));
     run(directory.path(), "whole.h5", &[]);
     let whole = bits(&directory.path().join("whole.h5"));
     let cut = directory.path().join("cut.h5");

@@ -46,6 +46,7 @@ pub mod device;
 pub mod element;
 pub mod export;
 pub mod figures;
+pub mod fronts;
 mod memory;
 pub mod packings;
 pub mod run;

@@ -28,6 +28,10 @@ pub fn bits(path: &Path) -> Vec<u64> {
         let scalars = [frame.solid_fraction, frame.coordination, frame.inertial_number];
         let singles = stress.iter().flatten().chain(scalars.iter().flatten().flatten());
         bits.extend(singles.map(|x| u64::from(x.to_bits())));
+        if let Some(grid) = trajectory.grid_frame(index).unwrap() {
+            let tensors = grid.velocity.iter().flatten().chain(grid.stress.iter().flatten());
+            bits.extend(tensors.chain(&grid.density).map(|x| u64::from(x.to_bits())));
+        }
         if let Some(grains) = trajectory.grain_frame(index).unwrap() {
             let vectors = grains.position.iter().chain(&grains.velocity).flatten();
             bits.extend(vectors.chain(&grains.pressure).map(|x| u64::from(x.to_bits())));

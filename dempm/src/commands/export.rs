@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use files::{announce, note};
 
-use crate::export::{self, write_data_set, write_npz, write_vtk};
+use crate::export::{self, write_data_set, write_npz, write_vtk, write_vtkhdf};
 use crate::trajectory::Trajectory;
 
 /// The arguments of `dempm export`.
@@ -26,6 +26,8 @@ pub struct ExportArgs {
 pub enum Format {
     /// A .pvd file with a folder of .vtp files, one a frame, for ParaView and VTK
     Vtk,
+    /// One .vtkhdf file of the grains over time, for ParaView and VTK
+    Vtkhdf,
     /// One .npz file with all arrays, for numpy.load
     Npz,
     /// A folder with train.npz, valid.npz, test.npz and metadata.json, for geoelements/gns
@@ -42,12 +44,14 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
     let with_suffix = |suffix| args.file.with_extension(suffix);
     let output = args.output.clone().unwrap_or_else(|| match args.to {
         Format::Vtk => with_suffix("pvd"),
+        Format::Vtkhdf => with_suffix("vtkhdf"),
         Format::Npz => with_suffix("npz"),
         Format::Gns => folder_beside(&args.file, "gns"),
         Format::Lagrangebench => folder_beside(&args.file, "lagrangebench"),
     });
     match args.to {
         Format::Vtk => write_vtk(&Trajectory::open(&args.file)?, &output)?,
+        Format::Vtkhdf => write_vtkhdf(&Trajectory::open(&args.file)?, &output)?,
         Format::Npz => write_npz(&Trajectory::open(&args.file)?, &output)?,
         Format::Gns => data_set(&args.file, &output, export::Format::Gns)?,
         Format::Lagrangebench => data_set(&args.file, &output, export::Format::Lagrangebench)?,

@@ -41,6 +41,28 @@ pub enum ExportError {
         /// The first such point in it.
         point: usize,
     },
+    /// The trajectory has no grains.
+    #[error("{}: the file has no grains", path.display())]
+    #[diagnostic(help(
+        "[output] grains_every in a scene of discs records them; ParaView opens the points of the \
+         file as it is"
+    ))]
+    NoGrains {
+        /// The trajectory file.
+        path: PathBuf,
+    },
+    /// A position or velocity of a grain is no number.
+    #[error("{}: the {field} of grain {grain} at frame {frame} is not a finite number", path.display())]
+    GrainNotFinite {
+        /// The trajectory file.
+        path: PathBuf,
+        /// Position or velocity.
+        field: &'static str,
+        /// The first such frame.
+        frame: usize,
+        /// The first such grain in it.
+        grain: usize,
+    },
     /// HDF5 cannot write the file.
     #[error("{}: HDF5 cannot write it", path.display())]
     Hdf5 {

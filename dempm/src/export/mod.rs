@@ -8,9 +8,11 @@ mod npy;
 mod npz;
 mod positions;
 mod split_files;
+mod vtkhdf;
 mod vtp;
 
 pub use error::ExportError;
 pub use npz::write as write_npz;
 pub use split_files::{Format, write as write_data_set};
+pub use vtkhdf::write as write_vtkhdf;
 pub use vtp::write as write_vtk;

@@ -153,7 +153,7 @@ fn layers(position: &[[f64; 2]]) -> Vec<f64> {
     let heights = || position.iter().map(|x| x[1]).filter(|y| y.is_finite());
     let low = heights().fold(f64::INFINITY, f64::min);
     let high = heights().fold(f64::NEG_INFINITY, f64::max);
-    let layer = |y: f64| ((y - low) / (high - low) * LAYERS).floor().min(LAYERS - 1.0);
+    let layer = |y: f64| ((y - low) / (high - low) * LAYERS).floor().clamp(0.0, LAYERS - 1.0);
     position.iter().map(|x| if high > low { layer(x[1]) } else { 0.0 }).collect()
 }
 

@@ -335,7 +335,9 @@ fn with_causes(error: &dyn Error) -> String {
 fn create(simulation: &Simulation, path: &Path) -> Result<TrajectoryWriter, SessionError> {
     let header = simulation.header(utc_now());
     let (points, grains) = (simulation.static_points(), simulation.static_grains());
-    let mut file = TrajectoryWriter::create_with(path, &header, &points, grains.as_ref())?;
+    let grid = simulation.static_grid();
+    let mut file =
+        TrajectoryWriter::create_with(path, &header, &points, grains.as_ref(), grid.as_ref())?;
     file.push(simulation.frame())?;
     Ok(file)
 }

@@ -22,6 +22,8 @@ const EMPTY: f64 = 2.0;
 const FEW: f64 = 4.0;
 /// Most discs of a scene.
 const MAX_DISCS: f64 = 1.0e9;
+/// Most nodes of a grid for continuum fields.
+const MAX_NODES: f64 = 1.0e7;
 /// Relative difference of radii below which discs form lattices.
 const EQUAL: f64 = 0.1;
 
@@ -32,6 +34,7 @@ pub(super) fn validate(scene: &Scene, log: &Log) {
                 columns(scene, &discs.grains, log);
                 points(scene, &discs.grains, log);
                 count(scene, discs, log);
+                grid(scene, log);
                 grains(&discs.grains, scene.step, log);
             }
         }
@@ -43,6 +46,20 @@ pub(super) fn validate(scene: &Scene, log: &Log) {
             }
         }
         Material::MuI(_) | Material::Elastic(_) => {}
+    }
+}
+
+/// Refuses a grid of too many nodes.
+fn grid(scene: &Scene, log: &Log) {
+    let Some(grid) = scene.grid else { return };
+    let nodes: f64 =
+        scene.domain.size.map(|size| (size + 6.0 * grid.width) / grid.spacing).iter().product();
+    if nodes > MAX_NODES {
+        log.report(
+            Problem::error(format!("`output.grid` has {nodes:.1e} nodes"))
+                .at(log.place("output.grid.spacing"), format!("a node every {} m", grid.spacing))
+                .help(format!("at most {MAX_NODES:e}: a larger spacing or a smaller width")),
+        );
     }
 }
 

@@ -34,8 +34,8 @@ use std::path::Path;
 
 pub use estimate::{COORDINATION, COURANT, CROSSING, SOLID_FRACTION};
 pub use model::{
-    Column, Discs, Domain, Elastic, InitialStress, Material, Obstacle, Plate, Precision, Rectangle,
-    Rve, Scene,
+    Column, Discs, Domain, Elastic, GridOutput, InitialStress, Material, Obstacle, Plate,
+    Precision, Rectangle, Rve, Scene,
 };
 pub use points::Points;
 pub use problem::{Problem, Problems, SceneError};

@@ -46,8 +46,19 @@ pub struct Scene {
     pub fields: Vec<Field>,
     /// Frames from one with the grains themselves to the next; 0 for none. Scenes of discs only.
     pub grains_every: usize,
+    /// Continuum fields of the grains on a grid. Scenes of discs only.
+    pub grid: Option<GridOutput>,
     /// Doubtful but allowed settings.
     pub warnings: Vec<Problem>,
+}
+
+/// A grid for coarse-grained fields.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridOutput {
+    /// Width of the coarse graining (m).
+    pub width: f64,
+    /// Distance between nodes (m).
+    pub spacing: f64,
 }
 
 /// The domain `[0, size_x] x [0, size_y]`, its walls and its background grid.

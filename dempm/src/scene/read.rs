@@ -7,8 +7,8 @@ use toml::de::DeTable;
 
 use super::log::Log;
 use super::model::{
-    Column, Discs, Domain, InitialStress, Material, Obstacle, Plate, Precision, Rectangle, Rve,
-    Scene,
+    Column, Discs, Domain, GridOutput, InitialStress, Material, Obstacle, Plate, Precision,
+    Rectangle, Rve, Scene,
 };
 use super::parameters;
 use super::problem::Problem;
@@ -41,7 +41,7 @@ pub(super) fn parse<'a>(log: &Log, text: &'a str) -> DeTable<'a> {
 pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) -> Scene {
     let root = Table::root(log, document);
     let (material, initial_stress) = material(log, &root);
-    let (fields, grains_every) = output(&root);
+    let (fields, grains_every, grid) = output(&root, &material);
     let scene = Scene {
         name: name.to_owned(),
         text: text.to_owned(),
@@ -71,6 +71,7 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
         numerics: numerics(&root),
         fields,
         grains_every,
+        grid,
         warnings: Vec::new(),
     };
     root.finish();
@@ -249,13 +250,26 @@ fn numerics(root: &Table<'_>) -> Numerics {
     numerics
 }
 
-fn output(root: &Table<'_>) -> (Vec<Field>, usize) {
+fn output(root: &Table<'_>, material: &Material) -> (Vec<Field>, usize, Option<GridOutput>) {
     let table = root.table("output");
     let options = Field::ALL.map(|field| (field.name(), field));
     let chosen = table.choices("fields", &Field::OPTIONAL, &options);
     let grains_every = table.integer("grains_every", 0, from_zero(1.0e6, "frames")) as usize;
+    let grid = grid(table.table("grid"), material);
     table.finish();
     // Positions and velocities are in every trajectory; naming them is allowed and changes nothing.
     let fields = Field::OPTIONAL.into_iter().filter(|field| chosen.contains(field)).collect();
-    (fields, grains_every)
+    (fields, grains_every, grid)
+}
+
+/// Mean diameters in the width of a grid by default.
+const GRID_WIDTH: f64 = 3.0;
+
+fn grid(table: Table<'_>, material: &Material) -> Option<GridOutput> {
+    let diameter = material.grains().map_or(1.0, |grains| grains.mean_diameter());
+    let width = table.number("width", Some(GRID_WIDTH * diameter), positive(LENGTH, "m"));
+    let spacing = table.number("spacing", Some(width), positive(LENGTH, "m"));
+    let given = table.is_given();
+    table.finish();
+    given.then_some(GridOutput { width, spacing })
 }

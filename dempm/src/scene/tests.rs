@@ -63,6 +63,10 @@ wall_contact = "points"
 cell_average = true
 [output]
 fields = ["stress", "velocity"]
+grains_every = 5
+[output.grid]
+width = 0.02
+spacing = 0.01
 "#;
 
 fn parse(text: &str) -> Scene {
@@ -141,6 +145,8 @@ fn every_key_is_read() {
         }
     );
     assert_eq!(scene.fields, [crate::trajectory::Field::Stress]);
+    assert_eq!(scene.grains_every, 5);
+    assert_eq!(scene.grid.map(|grid| [grid.width, grid.spacing]), Some([0.02, 0.01]));
 }
 
 #[test]

@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 
 use mpm::Mat2;
 
-use super::discs::PointMeans;
+use super::discs::{PointMeans, grid_nodes};
 use super::driver::Simulation;
 use super::model::Model;
+use crate::fronts::{mass_front, pile_front};
 use crate::scene::{self, Precision};
-use crate::trajectory::{self, Field, Frame, GrainFrame, Header, StaticGrains};
+use crate::trajectory::{
+    self, Field, Frame, GrainFrame, GridFrame, Header, StaticGrains, StaticGrid,
+};
 
 impl Simulation {
     /// The header of the trajectory of a run that began at `created` (UTC, ISO 8601).
@@ -101,6 +104,7 @@ impl Simulation {
             boxes: self.boxes(),
             budget: self.budget(),
             grains: self.grain_frame(),
+            grid: self.grid_frame(),
         }
     }
 
@@ -124,6 +128,24 @@ impl Simulation {
                 frame.is_multiple_of(every).then(|| discs.grain_frame())
             }
             Model::Discs(_) | Model::Mpm(_) => None,
+        }
+    }
+
+    /// The grid of continuum fields, if the scene asks for it.
+    pub fn static_grid(&self) -> Option<StaticGrid> {
+        match &self.model {
+            Model::Discs(_) => {
+                self.scene.grid.as_ref().map(|output| grid_nodes(output, self.scene.domain.size))
+            }
+            Model::Mpm(_) => None,
+        }
+    }
+
+    /// The continuum fields, if the scene asks for them.
+    fn grid_frame(&self) -> Option<GridFrame> {
+        match &self.model {
+            Model::Discs(discs) => Some(discs.grid_frame(&self.static_grid()?)),
+            Model::Mpm(_) => None,
         }
     }
 
@@ -158,6 +180,10 @@ impl Simulation {
             Model::Mpm(mpm) => mpm.budget(points, self.scene.step),
             Model::Discs(discs) => discs.budget(points),
         };
+        let position: Vec<[f64; 2]> = points.position.iter().map(|&x| x.into()).collect();
+        let spacing = self.scene.domain.spacing();
+        scalars.insert("front_99".to_owned(), mass_front(&position, &points.mass));
+        scalars.insert("front_pile".to_owned(), pile_front(&position, spacing));
         scalars.insert("front".to_owned(), largest(0));
         scalars.insert("max_height".to_owned(), largest(1));
         scalars

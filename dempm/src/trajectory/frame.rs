@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::grains::GrainFrame;
+use super::grid::GridFrame;
 
 /// Properties of the material points that never change. All arrays have one entry a point.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,6 +42,8 @@ pub struct Frame {
     /// Grains to write; a frame that is read has none, see
     /// [`Trajectory::grain_frame`](super::Trajectory::grain_frame).
     pub grains: Option<GrainFrame>,
+    /// Fields on a grid to write; likewise, see [`Trajectory::grid_frame`](super::Trajectory::grid_frame).
+    pub grid: Option<GridFrame>,
 }
 
 /// Properties that all frames of a trajectory share.

@@ -13,6 +13,8 @@ use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, Points};
 use super::grain_datasets::GrainDatasets;
 use super::grains::{GrainFrame, StaticGrains};
+use super::grid::{GridFrame, StaticGrid};
+use super::grid_datasets::GridDatasets;
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
@@ -35,6 +37,7 @@ pub struct Trajectory {
     fields: Vec<(Field, Dataset)>,
     boxes: Option<Dataset>,
     grains: Option<GrainDatasets>,
+    grid: Option<GridDatasets>,
     budget: BTreeMap<String, Vec<f64>>,
 }
 
@@ -90,6 +93,7 @@ impl Trajectory {
             source.expect_shape(BOXES, dataset, &[time.len(), count, 4])?;
         }
         let grains = GrainDatasets::open(&source, time.len())?;
+        let grid = GridDatasets::open(&source, time.len())?;
         let mut budget = BTreeMap::new();
         let names = links::group(&file, BUDGET)
             .and_then(|group| group.member_names())
@@ -116,6 +120,7 @@ impl Trajectory {
             fields,
             boxes,
             grains,
+            grid,
             budget,
             file,
         })
@@ -234,6 +239,20 @@ impl Trajectory {
         self.check_range(&(index..index.saturating_add(1)))?;
         let grains = self.grains.as_ref().filter(|grains| index.is_multiple_of(grains.every));
         grains.map(|grains| grains.frame(&self.checked(), index / grains.every)).transpose()
+    }
+
+    /// The grid of continuum fields, if the file has them.
+    pub fn grid(&self) -> Option<&StaticGrid> {
+        self.grid.as_ref().map(|datasets| &datasets.grid)
+    }
+
+    /// Reads the fields on the grid at a frame; `None` if the file has none.
+    ///
+    /// # Errors
+    /// As [`frame`](Self::frame).
+    pub fn grid_frame(&self, index: usize) -> Result<Option<GridFrame>> {
+        self.check_range(&(index..index.saturating_add(1)))?;
+        self.grid.as_ref().map(|grid| grid.frame(&self.checked(), index)).transpose()
     }
 
     /// Reads the positions of a window of frames, m: shape (frames, points, 2).

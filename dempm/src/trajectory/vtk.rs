@@ -5,17 +5,11 @@
 //! for the third component. Static arrays and the time are hard links. The small group is replaced at
 //! each commit, as a virtual dataset cannot follow two growing axes.
 
-use hdf5::types::FixedAscii;
 use hdf5::{Extents, File, Group, H5Type, Hyperslab, SliceOrIndex};
-use ndarray::{Array1, Array2, ArrayView1};
 
 use super::layout::{COLUMN, Field, MASS, TIME, new_group};
 use super::links;
-
-pub(super) const GROUP: &str = "VTKHDF";
-
-/// The version of the VTKHDF specification that is written; 2.0 brought `PolyData` and time.
-const VERSION: [i64; 2] = [2, 0];
+use super::vtk_layout::{ROOT as GROUP, create_root, write_cells, write_steps};
 
 /// Writes `/VTKHDF` for a file with `frames` frames, replacing an older one.
 pub(super) fn write(file: &File, frames: usize, points: usize) -> hdf5::Result<()> {
@@ -25,12 +19,7 @@ pub(super) fn write(file: &File, frames: usize, points: usize) -> hdf5::Result<(
     if frames == 0 {
         return Ok(());
     }
-    let root = new_group(file, GROUP)?;
-    root.new_attr_builder().with_data(ArrayView1::from(&VERSION)).create("Version")?;
-    let kind = FixedAscii::<8>::from_ascii(b"PolyData")
-        .map_err(|error| hdf5::Error::from(error.to_string()))?;
-    root.new_attr::<FixedAscii<8>>().create("Type")?.write_scalar(&kind)?;
-
+    let root = create_root(file)?;
     write_cells(&root, points)?;
     let map = Map { file, frames, points };
     map.create::<f64>(&root, "Points", Field::Position, &[(0, 0), (1, 1)], Some(3))?;
@@ -56,60 +45,8 @@ pub(super) fn write(file: &File, frames: usize, points: usize) -> hdf5::Result<(
         file.link_hard(&format!("/{source}"), &format!("/{GROUP}/PointData/{name}"))?;
         fixed.push(name);
     }
-    write_steps(file, &root, frames, points, &series, &fixed)
-}
-
-/// One vertex per point; the other cells of a `PolyData` are empty.
-fn write_cells(root: &Group, points: usize) -> hdf5::Result<()> {
-    let count = |n: usize| Array1::from_elem(1, n as i64);
-    store(root, "NumberOfPoints", &count(points))?;
-    for (name, cells) in [("Vertices", points), ("Lines", 0), ("Polygons", 0), ("Strips", 0)] {
-        let group = new_group(root, name)?;
-        store(&group, "NumberOfCells", &count(cells))?;
-        store(&group, "NumberOfConnectivityIds", &count(cells))?;
-        store(&group, "Connectivity", &Array1::from_iter(0..cells as i64))?;
-        store(&group, "Offsets", &Array1::from_iter(0..=cells as i64))?;
-    }
-    Ok(())
-}
-
-/// The beginning of each frame in the arrays. All frames share the same cells.
-fn write_steps(
-    file: &File,
-    root: &Group,
-    frames: usize,
-    points: usize,
-    series: &[&str],
-    fixed: &[&str],
-) -> hdf5::Result<()> {
-    let steps = new_group(root, "Steps")?;
-    steps.new_attr::<i64>().create("NSteps")?.write_scalar(&(frames as i64))?;
-    file.link_hard(&format!("/{TIME}"), &format!("/{GROUP}/Steps/Values"))?;
-    let first = Array1::from_iter((0..frames).map(|frame| (frame * points) as i64));
-    let zero = Array1::<i64>::zeros(frames);
-    let zeros = Array2::<i64>::zeros((frames, 4));
-    store(&steps, "NumberOfParts", &Array1::<i64>::ones(frames))?;
-    store(&steps, "PartOffsets", &zero)?;
-    store(&steps, "PointOffsets", &first)?;
-    store(&steps, "CellOffsets", &zeros)?;
-    store(&steps, "ConnectivityIdOffsets", &zeros)?;
-    let offsets = new_group(&steps, "PointDataOffsets")?;
-    for name in series {
-        store(&offsets, name, &first)?;
-    }
-    for name in fixed {
-        store(&offsets, name, &zero)?;
-    }
-    Ok(())
-}
-
-fn store<T: H5Type, D: ndarray::Dimension>(
-    group: &Group,
-    name: &str,
-    values: &ndarray::Array<T, D>,
-) -> hdf5::Result<()> {
-    group.new_dataset_builder().with_data(values).obj_track_times(false).create(name)?;
-    Ok(())
+    write_steps(&root, frames, points, &series, &fixed)?;
+    file.link_hard(&format!("/{TIME}"), &format!("/{GROUP}/Steps/Values"))
 }
 
 /// Maps datasets over (frames, points) to ones over (frames * points).

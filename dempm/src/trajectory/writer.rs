@@ -13,6 +13,8 @@ use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::grain_datasets;
 use super::grains::StaticGrains;
+use super::grid::StaticGrid;
+use super::grid_datasets;
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
@@ -22,6 +24,7 @@ use super::layout::{
 use super::links;
 use super::reader::Trajectory;
 use super::vtk;
+use super::vtk_layout;
 use super::write_through::WriteThrough;
 
 /// Appends frames to a trajectory file.
@@ -35,6 +38,8 @@ pub struct TrajectoryWriter {
     points: usize,
     /// Frames from one with grains to the next, and the number of grains.
     grains: Option<(usize, usize)>,
+    /// Nodes of the grid.
+    nodes: Option<usize>,
     /// Frames of the file on the disk that the next commit keeps.
     kept: usize,
     pending: Vec<Frame>,
@@ -62,10 +67,11 @@ impl TrajectoryWriter {
     /// # Errors
     /// If there are no points, their arrays differ in length, or the file cannot be written.
     pub fn create(path: &Path, header: &Header, points: &Points) -> Result<Self> {
-        Self::create_with(path, header, points, None)
+        Self::create_with(path, header, points, None, None)
     }
 
-    /// As [`create`](Self::create), with grains in every [`StaticGrains::every`]-th frame.
+    /// As [`create`](Self::create), with grains in every [`StaticGrains::every`]-th frame, and fields on a
+    /// grid.
     ///
     /// # Errors
     /// As [`create`](Self::create).
@@ -74,11 +80,13 @@ impl TrajectoryWriter {
         header: &Header,
         points: &Points,
         grains: Option<&StaticGrains>,
+        grid: Option<&StaticGrid>,
     ) -> Result<Self> {
         let writer = Self {
             path: path.to_owned(),
             points: points.mass.len(),
             grains: grains.map(|grains| (grains.every.max(1), grains.radius.len())),
+            nodes: grid.map(|grid| grid.x.len() * grid.y.len()),
             kept: 0,
             pending: Vec::new(),
             drafted: None,
@@ -105,6 +113,7 @@ impl TrajectoryWriter {
             writer
                 .write_static(&file, header, points)
                 .and_then(|()| grains.map_or(Ok(()), |g| grain_datasets::create(&file, g)))
+                .and_then(|()| grid.map_or(Ok(()), |g| grid_datasets::create(&file, g)))
                 .map_err(TrajectoryError::writing(path, "the file"))?;
             writer.update(&file)?;
             file.close().map_err(TrajectoryError::writing(path, "the file"))
@@ -135,6 +144,7 @@ impl TrajectoryWriter {
             path: path.to_owned(),
             points: trajectory.points().mass.len(),
             grains: trajectory.grain_interval().zip(trajectory.grain_count()),
+            nodes: trajectory.grid().map(|grid| grid.x.len() * grid.y.len()),
             kept: frames_to_keep,
             pending: Vec::new(),
             drafted: None,
@@ -184,6 +194,9 @@ impl TrajectoryWriter {
         }
         let grains = frame.grains.as_ref();
         if let Some(reason) = grain_datasets::mismatch(self.grains, self.frames(), grains) {
+            return Err(self.mismatch(reason));
+        }
+        if let Some(reason) = grid_datasets::mismatch(self.nodes, frame.grid.as_ref()) {
             return Err(self.mismatch(reason));
         }
         self.pending.push(frame);
@@ -298,7 +311,9 @@ impl TrajectoryWriter {
         })
         .map_err(TrajectoryError::writing(&self.path, "the file"))??;
         grain_datasets::set_length(file, frames)
-            .map_err(TrajectoryError::writing(&self.path, grain_datasets::GROUP))
+            .map_err(TrajectoryError::writing(&self.path, grain_datasets::GROUP))?;
+        grid_datasets::set_length(file, frames)
+            .map_err(TrajectoryError::writing(&self.path, grid_datasets::GROUP))
     }
 
     /// Creates the datasets that depend on the first frame.
@@ -340,6 +355,10 @@ impl TrajectoryWriter {
         if let (Some(grains), Some((every, _))) = (&frame.grains, self.grains) {
             grain_datasets::write(file, index / every, grains)
                 .map_err(TrajectoryError::writing(&self.path, grain_datasets::GROUP))?;
+        }
+        if let Some(grid) = &frame.grid {
+            grid_datasets::write(file, index, grid)
+                .map_err(TrajectoryError::writing(&self.path, grid_datasets::GROUP))?;
         }
         Ok(())
     }
@@ -394,7 +413,7 @@ impl TrajectoryWriter {
         };
         put().map_err(TrajectoryError::writing(&self.path, WALL_TIME))?;
         vtk::write(file, self.frames(), self.points)
-            .map_err(TrajectoryError::writing(&self.path, vtk::GROUP))
+            .map_err(TrajectoryError::writing(&self.path, vtk_layout::ROOT))
     }
 
     fn mismatch(&self, reason: String) -> TrajectoryError {

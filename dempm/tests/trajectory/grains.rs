@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use dempm::export::write_vtkhdf;
 use dempm::trajectory::{Frame, GrainFrame, StaticGrains, Trajectory, TrajectoryWriter};
 use hdf5::File;
 use tempfile::tempdir;
@@ -36,7 +37,7 @@ fn write(path: &Path, frames: usize, every: usize) {
     let collapse = Collapse::new(3);
     let (header, points) = (collapse.header(), collapse.points());
     let mut writer =
-        TrajectoryWriter::create_with(path, &header, &points, Some(&grains(every))).unwrap();
+        TrajectoryWriter::create_with(path, &header, &points, Some(&grains(every)), None).unwrap();
     for index in 0..frames {
         writer.push(frame(&collapse, index, every)).unwrap();
     }
@@ -96,7 +97,7 @@ fn frames_with_other_grains_are_refused() {
     let collapse = Collapse::new(3);
     let (header, points) = (collapse.header(), collapse.points());
     let mut writer =
-        TrajectoryWriter::create_with(&path, &header, &points, Some(&grains(2))).unwrap();
+        TrajectoryWriter::create_with(&path, &header, &points, Some(&grains(2)), None).unwrap();
     let error = writer.push(collapse.frame(0)).unwrap_err().to_string();
     assert!(error.contains("run.h5: frame 0: it has no grains"), "{error}");
     let mut few = frame(&collapse, 0, 2);
@@ -176,4 +177,51 @@ assert grains["velocity"][1, 0].tolist() == [15.0, 1.0] and grains["pressure"][0
 assert grains["radius"][1] == numpy.float32(2e-3) and grains["column"][:].tolist() == [0, 0, 0, 1, 1]
 "#;
     python::check("h5py", script, &[&path]);
+}
+
+#[test]
+fn vtk_reads_exported_grains() {
+    let folder = tempdir().unwrap();
+    let path = folder.path().join("run.h5");
+    write(&path, 7, 3);
+    let output = folder.path().join("run.vtkhdf");
+    write_vtkhdf(&Trajectory::open(&path).unwrap(), &output).unwrap();
+    let file = File::open(&output).unwrap();
+    let points: ndarray::Array2<f32> = file.dataset("VTKHDF/Points").unwrap().read_2d().unwrap();
+    assert_eq!((points.dim(), points[[2 * COUNT + 1, 1]]), ((3 * COUNT, 3), -61.0));
+    let times: Vec<f64> = file.dataset("VTKHDF/Steps/Values").unwrap().read_raw().unwrap();
+    assert_eq!(times, [0.0, 0.03, 0.06]);
+    let script = r#"
+import sys, numpy
+from vtkmodules.vtkIOHDF import vtkHDFReader
+from vtkmodules.util.numpy_support import vtk_to_numpy
+reader = vtkHDFReader()
+reader.SetFileName(sys.argv[1])
+reader.UpdateInformation()
+assert reader.GetNumberOfSteps() == 3, reader.GetNumberOfSteps()
+for step in (2, 0, 1):
+    reader.SetStep(step)
+    reader.Update()
+    data = reader.GetOutputDataObject(0)
+    assert data.GetNumberOfPoints() == data.GetNumberOfVerts() == 5
+    x = vtk_to_numpy(data.GetPoints().GetData())
+    arrays = data.GetPointData()
+    number = numpy.arange(5) + 30 * step
+    assert numpy.array_equal(x, numpy.stack([number, -number, 0 * number], 1)), x
+    assert numpy.array_equal(vtk_to_numpy(arrays.GetArray("pressure")), 100 * number)
+    assert numpy.array_equal(vtk_to_numpy(arrays.GetArray("velocity"))[:, 0], 0.5 * number)
+    assert vtk_to_numpy(arrays.GetArray("column")).tolist() == [0, 0, 0, 1, 1]
+    assert vtk_to_numpy(arrays.GetArray("id")).tolist() == [0, 1, 2, 3, 4]
+    radius = vtk_to_numpy(arrays.GetArray("radius"))
+    assert numpy.allclose(radius, 1e-3 * numpy.arange(1, 6)), radius
+"#;
+    python::check("vtk", script, &[&output]);
+
+    let bare = folder.path().join("bare.h5");
+    Collapse::new(3).write(&bare, 3);
+    let error = write_vtkhdf(&Trajectory::open(&bare).unwrap(), &output).unwrap_err().to_string();
+    assert!(error.contains("bare.h5: the file has no grains"), "{error}");
+    let error = write_vtkhdf(&Trajectory::open(&path).unwrap(), &path).unwrap_err().to_string();
+    assert!(error.contains("run.h5"), "{error}");
+    check(&path, 7, 3);
 }

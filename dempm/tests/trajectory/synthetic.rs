@@ -91,6 +91,7 @@ impl Collapse {
             position,
             velocity,
             grains: None,
+            grid: None,
         }
     }
 

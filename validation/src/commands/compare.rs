@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
+use dempm::fronts::{mass_front, pile_front};
 use dempm::trajectory::Trajectory;
 use files::{note, out};
 use miette::{Context, IntoDiagnostic, bail};
@@ -43,6 +44,8 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
         "time [s]",
         "mean square distance of points [box²]",
         "front [m]",
+        "front of 99 % [m]",
+        "front of pile [m]",
         "height profile [m]",
         "centre of mass [m]",
         "kinetic energy",
@@ -53,8 +56,8 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
         out!("| {} |", row.join(" | "))?;
     }
     out!(
-        "\nThe unit \"box\" is the width of the domain. Front: position of the foremost point. Height\n\
-         profile: root mean square difference. Kinetic energy: difference as a fraction of the\n\
+        "\nThe unit \"box\" is the width of the domain. Front: position of the foremost point; of 99 % of\n\
+         the mass; of the largest cluster of points less than 1.5 spacings apart. Height profile: root mean square difference. Kinetic energy: difference as a fraction of the\n\
          reference's largest."
     )?;
     Ok(ExitCode::SUCCESS)
@@ -67,16 +70,39 @@ fn rows(run: &Path, reference: &Path) -> miette::Result<Vec<Vec<String>>> {
         let why = found.failure.as_deref().unwrap_or("they have no time in common");
         bail!("cannot compare {} with {}: {why}", run.display(), reference.display());
     }
+    let fronts = fronts(run, reference).wrap_err_with(|| format!("reading {}", run.display()))?;
     let energy = energies(run, reference).wrap_err_with(|| format!("reading {}", run.display()))?;
     let row = |fraction: f64| {
         let k = ((fraction * found.errors.len() as f64).round() as usize).saturating_sub(1);
         let error = &found.errors[k];
-        let numbers = [error.time, error.mse, error.front, error.height, error.centre].map(number);
+        let [of_mass, of_pile] = fronts[k];
+        let numbers = [error.time, error.mse, error.front, of_mass, of_pile]
+            .into_iter()
+            .chain([error.height, error.centre])
+            .map(number);
         let energy = energy.get(k).map_or(String::new(), |&difference| number(difference));
         let name = run.display().to_string();
         std::iter::once(name).chain(numbers).chain([energy]).collect()
     };
     Ok(FRACTIONS.map(row).to_vec())
+}
+
+/// Differences of the fronts of 99 % of the mass and of the pile at the common times (m), at the edges of
+/// points.
+fn fronts(run: &Path, reference: &Path) -> miette::Result<Vec<[f64; 2]>> {
+    let [run, reference] = [Trajectory::open(run)?, Trajectory::open(reference)?];
+    let fronts = |file: &Trajectory, frame: usize| {
+        let flat = file.positions(frame..frame + 1)?.into_raw_vec_and_offset().0;
+        let (position, spacing) = (flat.as_chunks().0, file.header().point_spacing);
+        let fronts = [mass_front(position, &file.points().mass), pile_front(position, spacing)];
+        miette::Result::<_>::Ok(fronts.map(|front| front + 0.5 * spacing))
+    };
+    let pairs = common_times(run.time(), reference.time());
+    let difference = |(i, j)| {
+        let (a, b) = (fronts(&run, i)?, fronts(&reference, j)?);
+        Ok([a[0] - b[0], a[1] - b[1]])
+    };
+    pairs.into_iter().map(difference).collect()
 }
 
 /// Differences of the kinetic energies at the common times, over the reference's largest; none if one

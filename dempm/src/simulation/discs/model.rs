@@ -13,6 +13,7 @@ use mpm::{Points, Vec2};
 use serde::{Deserialize, Serialize};
 
 use super::columns::filled;
+use super::grid;
 use super::means::{PointMeans, Surroundings};
 use super::members::Members;
 use super::running::{Running, SceneAssembly};
@@ -20,7 +21,7 @@ use crate::memory;
 use crate::scene::{Discs, Precision, Scene};
 use crate::simulation::error::SimulationError;
 use crate::simulation::span::Span;
-use crate::trajectory::{GrainFrame, StaticGrains};
+use crate::trajectory::{GrainFrame, GridFrame, StaticGrains, StaticGrid};
 
 /// The discs of a scene.
 pub struct DiscModel {
@@ -188,6 +189,11 @@ impl DiscModel {
             velocity: self.states.iter().map(|grain| grain.v.map(|v| v as f32)).collect(),
             pressure: self.states.iter().map(pressure).collect(),
         }
+    }
+
+    /// The continuum fields at the nodes of a grid, as of the last frame.
+    pub(in crate::simulation) fn grid_frame(&self, nodes: &StaticGrid) -> GridFrame {
+        grid::fields(&self.states, self.grains.thickness, nodes)
     }
 
     /// The phases of the wall time since the last call.

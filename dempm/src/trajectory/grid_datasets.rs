@@ -1,0 +1,98 @@
+//! The group `grid`: continuum fields of every frame.
+
+use hdf5::{Dataset, File};
+
+use super::attributes::{read_scalar, write_scalar};
+use super::checked_file::{CheckedFile, to_rows};
+use super::error::{Result, TrajectoryError};
+use super::grid::{GridFrame, StaticGrid};
+use super::layout::{create_growing, new_group, read_frame, set_frames, write_frames, write_whole};
+use super::links;
+
+pub(super) const GROUP: &str = "grid";
+const WIDTH: &str = "width";
+const X: &str = "grid/x";
+const Y: &str = "grid/y";
+const DENSITY: &str = "grid/density";
+const VELOCITY: &str = "grid/velocity";
+const STRESS: &str = "grid/stress";
+
+/// Creates the group in a new file.
+pub(super) fn create(file: &File, grid: &StaticGrid) -> hdf5::Result<()> {
+    let group = new_group(file, GROUP)?;
+    write_scalar(&group, WIDTH, &grid.width)?;
+    let [rows, columns] = [grid.y.len(), grid.x.len()];
+    write_whole(file, X, &[columns], &grid.x)?;
+    write_whole(file, Y, &[rows], &grid.y)?;
+    create_growing::<f32>(file, DENSITY, &[rows, columns])?;
+    create_growing::<f32>(file, VELOCITY, &[rows, columns, 2])?;
+    create_growing::<f32>(file, STRESS, &[rows, columns, 4])?;
+    Ok(())
+}
+
+/// Sets the length of the datasets.
+pub(super) fn set_length(file: &File, frames: usize) -> hdf5::Result<()> {
+    if links::exists(file, GROUP)? {
+        for name in [DENSITY, VELOCITY, STRESS] {
+            set_frames(&file.dataset(name)?, frames)?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes the fields of frame number `index`.
+pub(super) fn write(file: &File, index: usize, frame: &GridFrame) -> hdf5::Result<()> {
+    let one = index..index + 1;
+    write_frames(&file.dataset(DENSITY)?, one.clone(), &frame.density)?;
+    write_frames(&file.dataset(VELOCITY)?, one.clone(), frame.velocity.as_flattened())?;
+    write_frames(&file.dataset(STRESS)?, one, frame.stress.as_flattened())
+}
+
+/// Why a frame cannot be written to a file with a grid of so many nodes, or without one.
+pub(super) fn mismatch(nodes: Option<usize>, frame: Option<&GridFrame>) -> Option<String> {
+    let found = frame.map(|f| [f.density.len(), f.velocity.len(), f.stress.len()]);
+    let expected = nodes.map(|nodes| [nodes; 3]);
+    (found != expected).then(|| format!("fields on {found:?} nodes, expected {expected:?}"))
+}
+
+/// The group of an open file.
+#[derive(Debug)]
+pub(super) struct GridDatasets {
+    /// The grid.
+    pub grid: StaticGrid,
+    density: Dataset,
+    velocity: Dataset,
+    stress: Dataset,
+}
+
+impl GridDatasets {
+    /// Opens the group of a trajectory of `frames` frames, and checks its shapes; `None` if there is none.
+    pub fn open(source: &CheckedFile<'_>, frames: usize) -> Result<Option<Self>> {
+        let at = |item| TrajectoryError::at(source.path, item);
+        if !links::exists(source.file, GROUP).map_err(at(GROUP))? {
+            return Ok(None);
+        }
+        let group = links::group(source.file, GROUP).map_err(at(GROUP))?;
+        let width: f64 = read_scalar(&group, WIDTH).map_err(at(GROUP))?;
+        let grid = StaticGrid { width, x: source.whole(X, None)?, y: source.whole(Y, None)? };
+        let shaped = |name: &str, components: &[usize]| {
+            let dataset = source.open(name)?;
+            let shape = [&[frames, grid.y.len(), grid.x.len()], components].concat();
+            source.expect_shape(name, &dataset, &shape)?;
+            Ok::<_, TrajectoryError>(dataset)
+        };
+        let (density, velocity) = (shaped(DENSITY, &[])?, shaped(VELOCITY, &[2])?);
+        let stress = shaped(STRESS, &[4])?;
+        Ok(Some(Self { grid, density, velocity, stress }))
+    }
+
+    /// Reads frame number `index`.
+    pub fn frame(&self, source: &CheckedFile<'_>, index: usize) -> Result<GridFrame> {
+        let at = |item| TrajectoryError::at(source.path, item);
+        Ok(GridFrame {
+            density: read_frame(&self.density, index).map_err(at(DENSITY))?,
+            velocity: to_rows(read_frame(&self.velocity, index).map_err(at(VELOCITY))?),
+            stress: to_rows(read_frame(&self.stress, index).map_err(at(STRESS))?),
+        })
+    }
+}
