@@ -5,7 +5,7 @@ use std::path::Path;
 
 use files::print_result;
 
-use crate::fronts::{mass_front, pile_front};
+use crate::fronts::mass_front;
 use crate::trajectory::{Field, Result, Trajectory};
 
 /// Prints a summary of the trajectory at `path`.
@@ -67,16 +67,9 @@ fn summary(trajectory: &Trajectory) -> Result<String> {
             finite.fold(f64::NAN, f64::max) + 0.5 * header.point_spacing
         };
         text.line("final front", format_args!("{} m", number(most(0))));
-        // Those, too, end half a spacing ahead of their points.
-        let mass = &trajectory.points().mass;
-        let edge = 0.5 * header.point_spacing;
-        let fronts = [
-            ("front of 99 %", mass_front(&position, mass)),
-            ("front of pile", pile_front(&position, header.point_spacing)),
-        ];
-        for (name, front) in fronts {
-            text.line(name, format_args!("{} m", number(front + edge)));
-        }
+        // It, too, ends half a spacing ahead of its point.
+        let front = mass_front(&position, &trajectory.points().mass) + 0.5 * header.point_spacing;
+        text.line("front of 99 %", format_args!("{} m", number(front)));
         text.line("final height", format_args!("{} m", number(most(1))));
     }
     text.line("wall time", wall_time(trajectory));

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::fronts::{mass_front, pile_front};
+use crate::fronts::mass_front;
 use crate::simulation::{Model, Simulation};
 
 /// The summary of a finished run into `output`, with the smallest stable macro step of any frame (s).
@@ -24,7 +24,6 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
     let position: Vec<[f64; 2]> = points.position.iter().map(|&x| x.into()).collect();
     let edge = |front: f64| format!("{:.3} m", (front + 0.5 * spacing).min(width));
     line("front of 99 %", edge(mass_front(&position, &points.mass)));
-    line("front of pile", edge(pile_front(&position, spacing)));
     line("final height", format!("{top:.3} m"));
     if let [column] = scene.columns.as_slice() {
         let [width, height] = column.place.size;

@@ -7,7 +7,7 @@ use mpm::Mat2;
 use super::discs::{PointMeans, grid_nodes};
 use super::driver::Simulation;
 use super::model::Model;
-use crate::fronts::{mass_front, pile_front};
+use crate::fronts::mass_front;
 use crate::scene::{self, Precision};
 use crate::trajectory::{
     self, Field, Frame, GrainFrame, GridFrame, Header, StaticGrains, StaticGrid,
@@ -181,9 +181,7 @@ impl Simulation {
             Model::Discs(discs) => discs.budget(points),
         };
         let position: Vec<[f64; 2]> = points.position.iter().map(|&x| x.into()).collect();
-        let spacing = self.scene.domain.spacing();
         scalars.insert("front_99".to_owned(), mass_front(&position, &points.mass));
-        scalars.insert("front_pile".to_owned(), pile_front(&position, spacing));
         scalars.insert("front".to_owned(), largest(0));
         scalars.insert("max_height".to_owned(), largest(1));
         scalars

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
-use dempm::fronts::{mass_front, pile_front};
+use dempm::fronts::mass_front;
 use dempm::trajectory::Trajectory;
 use files::{note, out};
 use miette::{Context, IntoDiagnostic, bail};
@@ -45,7 +45,6 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
         "mean square distance of points [box²]",
         "front [m]",
         "front of 99 % [m]",
-        "front of pile [m]",
         "height profile [m]",
         "centre of mass [m]",
         "kinetic energy",
@@ -56,8 +55,8 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
         out!("| {} |", row.join(" | "))?;
     }
     out!(
-        "\nThe unit \"box\" is the width of the domain. Front: position of the foremost point; of 99 % of\n\
-         the mass; of the largest cluster of points less than 1.5 spacings apart. Height profile: root mean square difference. Kinetic energy: difference as a fraction of the\n\
+        "\nThe unit \"box\" is the width of the domain. Front: position of the foremost point, and of 99 % of the\n\
+         mass. Height profile: root mean square difference. Kinetic energy: difference as a fraction of the\n\
          reference's largest."
     )?;
     Ok(ExitCode::SUCCESS)
@@ -75,8 +74,7 @@ fn rows(run: &Path, reference: &Path) -> miette::Result<Vec<Vec<String>>> {
     let row = |fraction: f64| {
         let k = ((fraction * found.errors.len() as f64).round() as usize).saturating_sub(1);
         let error = &found.errors[k];
-        let [of_mass, of_pile] = fronts[k];
-        let numbers = [error.time, error.mse, error.front, of_mass, of_pile]
+        let numbers = [error.time, error.mse, error.front, fronts[k]]
             .into_iter()
             .chain([error.height, error.centre])
             .map(number);
@@ -87,21 +85,16 @@ fn rows(run: &Path, reference: &Path) -> miette::Result<Vec<Vec<String>>> {
     Ok(FRACTIONS.map(row).to_vec())
 }
 
-/// Differences of the fronts of 99 % of the mass and of the pile at the common times (m), at the edges of
-/// points.
-fn fronts(run: &Path, reference: &Path) -> miette::Result<Vec<[f64; 2]>> {
+/// Differences of the fronts of 99 % of the mass at the common times (m), at the edges of points.
+fn fronts(run: &Path, reference: &Path) -> miette::Result<Vec<f64>> {
     let [run, reference] = [Trajectory::open(run)?, Trajectory::open(reference)?];
-    let fronts = |file: &Trajectory, frame: usize| {
+    let front = |file: &Trajectory, frame: usize| {
         let flat = file.positions(frame..frame + 1)?.into_raw_vec_and_offset().0;
         let (position, spacing) = (flat.as_chunks().0, file.header().point_spacing);
-        let fronts = [mass_front(position, &file.points().mass), pile_front(position, spacing)];
-        miette::Result::<_>::Ok(fronts.map(|front| front + 0.5 * spacing))
+        miette::Result::<_>::Ok(mass_front(position, &file.points().mass) + 0.5 * spacing)
     };
     let pairs = common_times(run.time(), reference.time());
-    let difference = |(i, j)| {
-        let (a, b) = (fronts(&run, i)?, fronts(&reference, j)?);
-        Ok([a[0] - b[0], a[1] - b[1]])
-    };
+    let difference = |(i, j)| Ok(front(&run, i)? - front(&reference, j)?);
     pairs.into_iter().map(difference).collect()
 }
 
