@@ -121,11 +121,14 @@ fn runs_are_compared() {
     // The same scene: no difference after the time in the first column. At five times.
     let same = cells("train/x0y0-v00.h5");
     assert_eq!(same.len(), 5);
-    assert!(same.iter().all(|row| row.len() == 6 && row[1..].iter().all(|&x| x == 0.0)));
+    assert!(same.iter().all(|row| row.len() == 7 && row[1..].iter().all(|&x| x == 0.0)));
     // The same column 0.375 m to the right, in a box of 1 m: at first it has only been moved.
-    let [time, mse, front, ..] = cells("valid/case1.h5")[0][..] else { panic!("an empty row") };
+    let [time, mse, front, mass_front, ..] = cells("valid/case1.h5")[0][..] else {
+        panic!("an empty row")
+    };
     assert_eq!(time, 0.02);
     assert!((mse - 0.375 * 0.375).abs() < 1e-3 && (front - 0.375).abs() < 1e-3);
+    assert!((mass_front - 0.375).abs() < 1e-3);
 
     let wrong = compare("no.h5");
     assert!(!wrong.status.success());
