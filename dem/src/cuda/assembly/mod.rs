@@ -10,6 +10,7 @@ mod grid;
 mod kernels;
 mod losses;
 mod output;
+mod parameters;
 mod search;
 mod solver;
 mod sort;
