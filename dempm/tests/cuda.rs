@@ -147,25 +147,31 @@ fn a_collapse_is_that_of_the_cpu(#[case] material: &str, #[case] numerics: &str)
     assert!(gpu.wall_time["mpm"] > 0.0);
 }
 
-/// A run on the GPU that is stopped at a frame and resumed from its checkpoint is the
-/// uninterrupted one, bit by bit, which went on while its frames were looked at.
-#[rstest]
-fn a_resumed_run_is_bitwise_the_same(#[values("rve", "mu-i", "elastic")] material: &str) {
-    let Some(device) = gpu::for_tests() else { return };
+/// A run on the GPU, which went on while its frames were looked at, and one that was stopped at a frame and resumed
+/// from its checkpoint: their frames are the same, bit by bit.
+fn whole_and_resumed(scene: Scene, device: &Arc<Device>) -> [Simulation; 2] {
     let directory = TempDir::new().unwrap();
-    let scene = scene(material, "");
-    let [_, mut whole] = twins(&scene, &device, directory.path());
-    let [_, mut stopped] = twins(&scene, &device, directory.path());
+    let [_, mut whole] = twins(&scene, device, directory.path());
+    let [_, mut stopped] = twins(&scene, device, directory.path());
     whole.advance_and(true).unwrap();
     assert_eq!(whole.frame(), next_frame(&mut stopped).unwrap());
     stopped.record().unwrap();
     let state = copy(directory.path(), &scene, &stopped.state());
     let mut resumed = Simulation::resume(scene, state).unwrap();
-    resumed.move_to(&device, None).unwrap();
+    resumed.move_to(device, None).unwrap();
     for last in [false, false, true] {
         whole.advance_and(!last).unwrap();
         assert_eq!(whole.frame(), next_frame(&mut resumed).unwrap());
     }
+    [whole, resumed]
+}
+
+/// A run on the GPU that is stopped at a frame and resumed from its checkpoint is the
+/// uninterrupted one, bit by bit, which went on while its frames were looked at.
+#[rstest]
+fn a_resumed_run_is_bitwise_the_same(#[values("rve", "mu-i", "elastic")] material: &str) {
+    let Some(device) = gpu::for_tests() else { return };
+    let [mut whole, mut resumed] = whole_and_resumed(scene(material, ""), &device);
     whole.record().unwrap();
     resumed.record().unwrap();
     assert_eq!(whole.points, resumed.points);
@@ -234,25 +240,11 @@ fn discs_are_those_of_the_cpu() {
     }
 }
 
-/// As packings: a run that is stopped and resumed is the uninterrupted one, which went on while its frames were
-/// looked at, bit by bit.
+/// As packings.
 #[rstest]
 fn a_resumed_run_of_discs_is_bitwise_the_same(#[values("f32", "f64")] precision: &str) {
     let Some(device) = gpu::for_tests() else { return };
-    let directory = TempDir::new().unwrap();
-    let scene = discs(precision);
-    let [_, mut whole] = twins(&scene, &device, directory.path());
-    let [_, mut stopped] = twins(&scene, &device, directory.path());
-    whole.advance_and(true).unwrap();
-    assert_eq!(whole.frame(), next_frame(&mut stopped).unwrap());
-    stopped.record().unwrap();
-    let state = copy(directory.path(), &scene, &stopped.state());
-    let mut resumed = Simulation::resume(scene, state).unwrap();
-    resumed.move_to(&device, None).unwrap();
-    for last in [false, false, true] {
-        whole.advance_and(!last).unwrap();
-        assert_eq!(whole.frame(), next_frame(&mut resumed).unwrap());
-    }
+    whole_and_resumed(discs(precision), &device);
 }
 
 /// Columns prepared on a GPU rest as those of the CPU do.

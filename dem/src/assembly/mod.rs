@@ -29,5 +29,6 @@ pub use profile::{Layer, profile};
 pub use settling::{Settling, Start, on_cpu};
 pub use solver::Assembly;
 
+pub(crate) use coordinates::Region;
 pub(crate) use memory::ContactMemory;
 pub(crate) use tile::History;

@@ -25,10 +25,28 @@ struct Contact {
 impl<R: Real> Assembly<R> {
     /// The state of each grain, in the order of [`Packed::grains`](super::Packed::grains).
     pub fn states(&self) -> Vec<GrainState> {
+        self.states_of(&self.listed())
+    }
+
+    /// The energy of the grains (J).
+    pub fn energy(&self) -> Energy {
+        self.states_and_energy().1
+    }
+
+    /// [`states`](Self::states) and [`energy`](Self::energy), from one listing of contacts.
+    pub fn states_and_energy(&self) -> (Vec<GrainState>, Energy) {
+        let tiles = self.listed();
+        let states = self.states_of(&tiles);
+        let energy = Energy { elastic: self.elastic_energy(&tiles), ..self.energy_of(&states) };
+        (states, energy)
+    }
+
+    /// States of the grains of listed tiles.
+    fn states_of(&self, tiles: &[Tile<R>]) -> Vec<GrainState> {
         let law = self.law();
         let bodies = self.bodies_now();
         let tiles: Vec<Vec<GrainState>> =
-            self.listed().par_iter().map(|tile| self.tile_states(tile, &law, &bodies)).collect();
+            tiles.par_iter().map(|tile| self.tile_states(tile, &law, &bodies)).collect();
         let mut states = vec![GrainState::default(); self.mobile];
         for (state, &id) in tiles.into_iter().flatten().zip(&self.ids) {
             if let Some(place) = states.get_mut(id as usize) {
@@ -127,29 +145,29 @@ impl<R: Real> Assembly<R> {
         energy
     }
 
-    /// The energy of the grains (J).
-    pub fn energy(&self) -> Energy {
-        let mut energy = self.energy_of(&self.states());
+    /// Elastic energy of all contacts of listed tiles (J).
+    fn elastic_energy(&self, tiles: &[Tile<R>]) -> f64 {
+        let mut energy = 0.0;
         let law = self.law();
         let bodies = self.bodies_now();
         let stored = |contact: &Contact| {
             let (kn, kt) = (self.grains.normal_stiffness, self.grains.tangential_stiffness);
             0.5 * kn * contact.overlap.powi(2) + 0.5 * contact.tangential.powi(2) / kt
         };
-        for tile in &self.listed() {
+        for tile in tiles {
             for (pairs, weight) in [(&tile.inner, 1.0), (&tile.outer, 0.5)] {
                 for pair in pairs {
                     let a = &self.discs[pair.i as usize];
                     let b = &self.discs[pair.j as usize];
                     let contact = self.contact(&law, a, b, pair.contact, pair.dashpot);
-                    energy.elastic += weight * contact.as_ref().map_or(0.0, stored);
+                    energy += weight * contact.as_ref().map_or(0.0, stored);
                 }
             }
             for pair in &tile.bodies {
                 let disc = &self.discs[pair.disc as usize];
                 let body = &bodies[usize::from(pair.body)];
                 let contact = self.body_contact(&law, disc, body, pair.contact, pair.dashpot);
-                energy.elastic += contact.as_ref().map_or(0.0, stored);
+                energy += contact.as_ref().map_or(0.0, stored);
             }
         }
         energy

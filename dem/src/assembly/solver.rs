@@ -195,10 +195,20 @@ impl<R: Real> Assembly<R> {
 
     /// Kinetic energy over what lifts every grain by a mean diameter against `gravity` (m/s²).
     pub fn agitation(&self, gravity: f64) -> f64 {
+        let mobile = self.discs.iter().filter(|disc| disc.inv_mass != R::default());
+        self.agitation_of(mobile.map(|disc| (disc.inv_mass, disc.u)), gravity)
+    }
+
+    /// The same for grains of these inverse masses (1/kg) and velocities (m/s).
+    pub(crate) fn agitation_of(
+        &self,
+        grains: impl Iterator<Item = (R, [R; 2])>,
+        gravity: f64,
+    ) -> f64 {
         let (mut energy, mut mass) = (0.0, 0.0);
-        for disc in self.discs.iter().filter(|disc| disc.inv_mass != R::default()) {
-            let m = 1.0 / disc.inv_mass.to_f64();
-            let [u, v] = disc.u.map(R::to_f64);
+        for (inverse, velocity) in grains {
+            let m = 1.0 / inverse.to_f64();
+            let [u, v] = velocity.map(R::to_f64);
             energy += 0.5 * m * (u * u + v * v);
             mass += m;
         }

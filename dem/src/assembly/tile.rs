@@ -231,6 +231,17 @@ fn find_touching<R: Real>(
     contacts
 }
 
+/// Power (W) of the dashpot and of sliding over a step, by the mean of the forces at its two ends, less what
+/// the tangential spring, of `compliance` $1 / (2 k_t \Delta t)$, stores. Both take energy where they are negative.
+#[inline(always)]
+fn power<R: Real>([old, new]: [History<R>; 2], [vn, vt]: [R; 2], compliance: R) -> [R; 2] {
+    let half = R::from_f64(0.5);
+    let dashpot = half * (new.viscous + old.viscous) * vn;
+    let sum = new.tangential + old.tangential;
+    let sliding = sum * (half * vt + (new.tangential - old.tangential) * compliance);
+    [dashpot, sliding]
+}
+
 /// Contact law of the touching pairs, [`LANES`] at a time: gather, compute, scatter. Of pairs that are not
 /// `INNER`, another tile has the second disc.
 #[inline(always)]
@@ -284,12 +295,12 @@ fn evaluate<R: Real, const INNER: bool>(
             let [normal, ft] =
                 law.forces(overlap, [vn, vt], dashpot[k], tangential[k], law.friction);
 
-            // Power over the step by the mean of the forces at its two ends, less what the springs store.
-            let dissipative = normal - law.normal_stiffness * overlap;
-            dashpots[k] += half * (dissipative + viscous[k]) * vn;
-            let sum = ft + tangential[k];
-            friction[k] += sum * (half * vt + (ft - tangential[k]) * compliance);
-            (tangential[k], viscous[k]) = (ft, dissipative);
+            let new = History { tangential: ft, viscous: normal - law.normal_stiffness * overlap };
+            let old = History { tangential: tangential[k], viscous: viscous[k] };
+            let [of_dashpot, of_sliding] = power([old, new], [vn, vt], compliance);
+            dashpots[k] += of_dashpot;
+            friction[k] += of_sliding;
+            (tangential[k], viscous[k]) = (new.tangential, new.viscous);
             deepest[k] = deepest[k].max(overlap / ri[k].min(rj[k]));
 
             let (fx, fy) = (normal * nx - ft * ny, normal * ny + ft * nx);
@@ -353,11 +364,11 @@ fn evaluate_bodies<R: Real>(
         let old = pair.contact;
         let friction = body.friction(branch);
         let [normal, ft] = law.forces(overlap, [vn, vt], pair.dashpot, old.tangential, friction);
-        let dissipative = normal - law.normal_stiffness * overlap;
-        sums.dashpots += -(half * (dissipative + old.viscous) * vn);
-        let sum = ft + old.tangential;
-        sums.friction += -(sum * (half * vt + (ft - old.tangential) * compliance));
-        pair.contact = History { tangential: ft, viscous: dissipative };
+        let new = History { tangential: ft, viscous: normal - law.normal_stiffness * overlap };
+        let [of_dashpot, of_sliding] = power([old, new], [vn, vt], compliance);
+        sums.dashpots += -of_dashpot;
+        sums.friction += -of_sliding;
+        pair.contact = new;
 
         // Force of the disc on the box.
         let (fx, fy) = (normal * nx - ft * ny, normal * ny + ft * nx);

@@ -45,7 +45,7 @@ cuda_struct! {
         pub unused: R,
     }
 
-    /// Reduced position: fractions of the two cell vectors.
+    /// Position as fractions of the two cell vectors of a packing, or of the region of a whole scene.
     #[derive(Default)]
     #[align(2 * size_of::<R>())]
     pub(super) struct Position<R: CudaReal> {

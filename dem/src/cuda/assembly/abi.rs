@@ -2,6 +2,7 @@
 
 use gpu::{ConstPointer, Pointer, cuda_enum, cuda_struct};
 
+pub(super) use crate::cuda::abi::Position;
 use crate::cuda::real::CudaReal;
 
 /// Most neighbours of a disc: their contacts are marked in a word.
@@ -43,14 +44,6 @@ cuda_struct! {
     pub(super) struct Disc<R: CudaReal> {
         pub place: Place<R>,
         pub motion: Motion<R>,
-    }
-
-    /// Position as fractions of the region.
-    #[derive(Default)]
-    #[align(2 * size_of::<R>())]
-    pub(super) struct Position<R: CudaReal> {
-        pub x: R::Fraction,
-        pub y: R::Fraction,
     }
 
     /// What a contact remembers of the last step.
@@ -236,8 +229,6 @@ cuda_struct! {
         pub capacity: u32,
         /// Whether any of them moves.
         pub bodies_move: u32,
-        /// Discs that can move: identities below this.
-        pub mobile: u32,
     }
 }
 

@@ -30,11 +30,6 @@ __device__ inline Real real_of(Fraction bits) {
 #endif
 }
 
-__device__ inline Real warp_sum(Real x) {
-    for (int d = LANES / 2; d > 0; d /= 2) x += __shfl_xor_sync(ALL, x, d);
-    return x;
-}
-
 __device__ inline Fraction warp_max(Fraction x) {
 #if REAL_BITS == 32 && __CUDA_ARCH__ >= 800
     return __reduce_max_sync(ALL, x);

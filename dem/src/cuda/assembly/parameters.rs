@@ -66,7 +66,6 @@ pub(super) fn parameters<R: CudaReal>(
         tiles: grid.tiles,
         capacity: grid.capacity,
         bodies_move: u32::from(moving),
-        mobile: assembly.len() as u32,
     }
 }
 

@@ -21,7 +21,7 @@ use super::search::{Begin, Bins, Finish, List};
 use super::sort::{CHUNK, Count, Places, Reorder, SCAN_THREADS, Scan, Starts};
 use super::step::Step;
 use super::transfer::Host;
-use crate::assembly::{Assembly, AssemblyError, Energy, GrainFailure, GrainState, Losses};
+use crate::assembly::{Assembly, AssemblyError, Energy, GrainFailure, GrainState, Losses, Region};
 use crate::cuda::real::CudaReal;
 
 /// Threads of the blocks of searches and copies.
@@ -183,13 +183,8 @@ impl<R: CudaReal> CudaAssembly<R> {
         gravity: f64,
     ) -> Result<f64, CudaAssemblyError> {
         self.fetch_states()?;
-        let sums = self.fetched.as_slice()?.iter().map(|o| {
-            let mass = 1.0 / o.inv_mass.to_f64();
-            let [u, v] = [o.vx.to_f64(), o.vy.to_f64()];
-            [0.5 * mass * (u * u + v * v), mass]
-        });
-        let [energy, mass] = sums.fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
-        Ok(energy / (mass * gravity * assembly.grains.mean_diameter()))
+        let grains = self.fetched.as_slice()?.iter().map(|o| (o.inv_mass, [o.vx, o.vy]));
+        Ok(assembly.agitation_of(grains, gravity))
     }
 
     /// Queues `steps` DEM steps; [`finish`](Self::finish) waits for them and makes those that searches have
@@ -487,9 +482,8 @@ impl<R: CudaReal> CudaAssembly<R> {
         let ids = stream.clone_dtoh(&self.discs.id)?;
         let at = ids.iter().position(|&i| i == id).unwrap_or(0);
         let place = stream.clone_dtoh(&self.discs.disc.slice(at..=at))?[0].place;
-        let unit = self.p.side * R::UNIT;
-        let s = [place.x, place.y].map(R::fraction_to_f64);
-        let position = [0, 1].map(|k| self.p.origin[k] + s[k] / R::UNIT * unit);
+        let region = Region { origin: self.p.origin, side: self.p.side };
+        let position = region.decode::<R>([place.x, place.y]);
         Ok(AssemblyError::Grain { step, grain, position, failure }.into())
     }
 }

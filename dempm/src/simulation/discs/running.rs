@@ -118,7 +118,7 @@ where
     fn states(&self) -> Result<(Vec<GrainState>, Energy), SimulationError> {
         match &self.twin {
             Some(twin) => Ok(twin.assembly.states(&self.assembly)?),
-            None => Ok((self.assembly.states(), self.assembly.energy())),
+            None => Ok(self.assembly.states_and_energy()),
         }
     }
 
