@@ -3,6 +3,7 @@
 //! A new one is a file here that implements [`Section`](crate::render::section::Section), usually with
 //! a measurement in [`studies`](crate::studies), and a line in the list of chapters.
 
+mod against_truth;
 mod chapters;
 mod column_collapse;
 mod column_rollouts;
