@@ -31,7 +31,9 @@ impl Section for ColumnRollouts {
         let [truth, other] = solver_column::measure(context)?;
         if context.models.is_empty() {
             let title = "Two runs of the solver, animated";
-            let animation = animation_of_runs(title, &other.output, &truth.output)?;
+            let caption = "Two runs of the solver with different random packings. Grey: the first. Coloured: \
+                           the second, from blue (close to the first) over yellow to red (far from it).";
+            let animation = animation_of_runs(title, caption, &other.output, &truth.output)?;
             return Ok(vec![Block::Figure(animation.on_cover()), no_model()]);
         }
         let models = baseline_and_others(&context.models);

@@ -7,6 +7,7 @@ mod against_truth;
 mod chapters;
 mod column_collapse;
 mod column_rollouts;
+mod cover;
 mod element_tests;
 mod fair_comparison;
 mod no_model;
@@ -17,4 +18,5 @@ mod speed_accuracy;
 mod stability;
 mod yade;
 
+pub use against_truth::truth_blocks;
 pub use chapters::{all, chapter_about, section_lead};

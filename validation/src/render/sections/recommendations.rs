@@ -69,8 +69,10 @@ fn blocks(sweeps: &[(&str, Sweep)]) -> Vec<Block> {
             if let Some(choice) = found.network {
                 networks.row(row(choice));
             }
-            if found.tolerance == TOLERANCES[1] && found.goal.name == GOALS[0].name {
-                enough.push(short(scene, &found, reference));
+            let stands_for_all =
+                found.tolerance == TOLERANCES[1] && found.goal.name == GOALS[0].name;
+            if let Some(choice) = found.solver.filter(|_| stands_for_all) {
+                enough.push(short(scene, choice, &found, reference));
             }
         }
     }
@@ -109,10 +111,9 @@ fn beyond(scene: &str, found: &Recommendation, sweep: &Sweep) -> String {
     )
 }
 
-/// The choices for one goal, instead of the reference's cost (s).
-fn short(scene: &str, found: &Recommendation, reference: f64) -> String {
+/// The choices for one goal, instead of the cost of the discs (s).
+fn short(scene: &str, solver: Choice, found: &Recommendation, discs: f64) -> String {
     let words = |choice: Choice| format!("{} ({})", choice.setting.name, seconds(choice.cost));
-    let solver = found.solver.map_or("no solver".to_owned(), words);
     let network = found.network.map_or(String::new(), |choice| format!(", or {}", words(choice)));
-    format!("{scene}: {solver} instead of {}{network}", seconds(reference))
+    format!("{scene}: {} instead of {}{network}", words(solver), seconds(discs))
 }

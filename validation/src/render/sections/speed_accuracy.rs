@@ -2,6 +2,7 @@
 
 use plot::{Axis, Chart, Mark, Series};
 
+use super::cover::stands_for_all;
 use super::fair_comparison::{comparison_blocks, headline, lead, pay_back_blocks};
 use super::no_model::no_model;
 use crate::context::Context;
@@ -29,9 +30,6 @@ const BUSY: f64 = 1.3;
 
 /// Width and height of the chart of the first screen, pixels.
 const COVER: [u32; 2] = [460, 330];
-
-/// The scene that stands for all on the first screen, where the suite has it.
-const COVERED: &str = "Col2x2";
 
 /// The series of a chart, and their names and marks.
 const FAMILIES: [(Family, &str, Mark); 6] = [
@@ -67,7 +65,7 @@ impl Section for SpeedAccuracy {
         };
         let sweep = case.measure_speed(context)?;
         let mut blocks = Vec::new();
-        if self.scene == COVERED || self::case(context, COVERED).is_none() {
+        if stands_for_all(case.scene, context.suite) {
             blocks.push(Block::lead("Speed", lead(&case, &sweep)));
             blocks.push(Block::Figure(cover_chart(&case, &sweep)?.on_cover()));
         }

@@ -85,7 +85,7 @@ const ON_THE_LARGEST: [&str; 4] =
 impl Case {
     /// All scenes of a suite, with every model in its defaults.
     pub fn against_truth(suite: Suite) -> Vec<Self> {
-        TruthScene::of(suite).iter().map(|scene| Self::with_models(scene, suite)).collect()
+        TruthScene::of(suite).iter().map(|scene| Self::new(scene, suite)).collect()
     }
 
     /// The scenes of the speed-accuracy charts, with many settings.
@@ -93,7 +93,7 @@ impl Case {
         let scenes = TruthScene::of(suite).iter().filter(|scene| SPEED.contains(&scene.name));
         scenes
             .map(|scene| {
-                let mut case = Self::with_models(scene, suite);
+                let mut case = Self::new(scene, suite);
                 let few = scene.name == SPEED[SPEED.len() - 1];
                 let packings: &[(&str, &str)] = suite.pick(&QUICK, &FULL);
                 for setting in packings {
@@ -121,7 +121,8 @@ impl Case {
             .collect()
     }
 
-    fn with_models(scene: &'static TruthScene, suite: Suite) -> Self {
+    /// A scene with every model in its defaults.
+    pub fn new(scene: &'static TruthScene, suite: Suite) -> Self {
         let text = merged(scene.text, COMMON);
         let seed = |number: u64| format!("seed = {number}\nmaterial.kind = \"discs\"");
         let truth = (1..=suite.pick(4, 8)).map(|number| merged(&text, &seed(number))).collect();

@@ -68,7 +68,18 @@ impl Case {
         sweep(measured)
     }
 
-    /// The same with all ways to predict with a network, and the networks of the ablation.
+    /// The runs of the default packings and of one seed of the truth, to be drawn; `None` if the packings
+    /// failed.
+    ///
+    /// # Errors
+    /// If one of them has to be made again and cannot, or the user interrupts.
+    pub fn drawn(&self, context: &mut Context) -> miette::Result<Option<[Run; 2]>> {
+        let mut run = |text: &str| context.run(self.scene.name, text);
+        let [packings, truth] = [run(&self.settings[0].text)?, run(&self.truth[0])?];
+        Ok((packings.succeeded && truth.succeeded).then_some([packings, truth]))
+    }
+
+    /// As [`measure`](Self::measure), with all ways to predict with a network, and the networks of the ablation.
     ///
     /// # Errors
     /// As [`measure`](Self::measure).

@@ -7,3 +7,4 @@ mod scene;
 mod tables;
 
 pub use list::all;
+pub use scene::truth_blocks;

@@ -1,11 +1,13 @@
 //! All scenes at once.
 
+use super::super::cover::stands_for_all;
 use super::charts::shown;
 use crate::context::Context;
 use crate::render::block::Block;
 use crate::render::section::Section;
 use crate::render::table::Table;
 use crate::studies::sweep::{Case, Family, Measured, Sweep};
+use crate::suite::Suite;
 use crate::text::{length, number};
 use crate::truth::Row;
 
@@ -38,7 +40,8 @@ impl Section for Overview {
         }
         let mut blocks = Vec::new();
         if !sweeps.is_empty() {
-            blocks.extend([lead(&sweeps), headline(&sweeps)]);
+            blocks.extend(lead(&sweeps, context.suite));
+            blocks.push(headline(&sweeps));
             blocks.push(Block::text(
                 "Distance: root mean square distance of squares of material from those of the discs, at \
                  the time at which it is largest beside the spread. Ratio: that distance over the spread \
@@ -60,29 +63,27 @@ impl Section for Overview {
 
 type Measurements = [(Case, Sweep)];
 
-/// The default packings and the continuum law on half the cells, on the scene that stands for all.
-fn lead(sweeps: &Measurements) -> Block {
-    let col2x2 = sweeps.iter().find(|(case, _)| case.scene.name == "Col2x2");
-    let Some((case, sweep)) = col2x2.or(sweeps.first()) else { return Block::lead("Truth", "") };
-    let words: Vec<String> = sweep
+/// Packings and continuum law at the end of the scene that stands for all.
+fn lead(sweeps: &Measurements, suite: Suite) -> Option<Block> {
+    let (case, sweep) = sweeps.iter().find(|(case, _)| stands_for_all(case.scene, suite))?;
+    let last = |m: &Measured| m.comparison.as_ref()?.rows.last().cloned();
+    let solvers = |m: &&Measured| matches!(m.family, Family::Packings | Family::Continuum);
+    let words = sweep
         .measured
         .iter()
-        .filter(|m| matches!(m.family, Family::Packings | Family::Continuum))
-        .filter_map(|m| {
-            let worst = m.comparison.as_ref()?.worst()?;
-            Some(format!("{} {}", m.name, length(worst.distance)))
-        })
-        .collect();
-    let spread = worst(&sweep.measured[0]).and_then(|row| row.spread).map_or(String::new(), length);
-    Block::lead(
+        .filter(solvers)
+        .filter_map(|m| Some(format!("{} ({})", length(last(m)?.distance), m.name)));
+    let words: Vec<String> = words.collect();
+    let spread = last(sweep.measured.get(1)?)?.spread.map_or(String::new(), length);
+    Some(Block::lead(
         "Truth",
         format!(
-            "How far points end up from those of the same scene with every grain as a disc ({}): {}. Two \
-             runs with other grains differ by {spread}.",
+            "Where {}, points end {} from those of the same scene with every grain as a disc. Two such \
+             runs with other grains end {spread} apart.",
             case.scene.description,
             words.join(", ")
         ),
-    )
+    ))
 }
 
 fn headline(sweeps: &Measurements) -> Block {
@@ -140,14 +141,16 @@ fn accuracy(sweeps: &Measurements) -> Table {
         "seeds",
         "distance [m]",
         "spread [m]",
+        "source",
     ];
     let mut table = Table::new("Accuracy of the defaults", columns).note(
-        "Distance and spread at the time of the largest ratio. `dempm check` quotes this table as it was \
+        "Distance and spread at the end. `dempm check` quotes this table as it was \
          when the program was built: it is `dempm/src/check/accuracy.csv`.",
     );
     for (case, sweep) in sweeps {
         for (material, cell, m) in case.defaults(sweep) {
-            let Some(row) = worst(m).filter(|_| m.failure.is_empty()) else { continue };
+            let last = m.comparison.as_ref().and_then(|found| found.rows.last());
+            let Some(row) = last.filter(|_| m.failure.is_empty()) else { continue };
             let [width, height] = case.scene.size;
             table.row([
                 case.scene.name.to_owned(),
@@ -159,6 +162,7 @@ fn accuracy(sweeps: &Measurements) -> Table {
                 sweep.seeds.to_string(),
                 number(row.distance),
                 row.spread.map_or(String::new(), number),
+                "validation report".to_owned(),
             ]);
         }
     }

@@ -1,13 +1,20 @@
 //! One scene: all models against the truth.
 
+use super::super::cover::stands_for_all;
 use super::charts::{charts, shown};
 use super::tables::{over_time, summary};
 use crate::context::Context;
 use crate::render::block::Block;
+use crate::render::rollouts::animation_of_runs;
 use crate::render::section::Section;
 use crate::studies::sweep::{Case, Family, Measured, Sweep, TruthScene};
 use crate::text::{length, number};
 use crate::truth::{Comparison, Row};
+
+/// Title and caption of the animation.
+const ANIMATION: &str = "Packings over discs, animated";
+const CAPTION: &str = "Grey: the scene with every grain as a disc, as means over squares of grains. Coloured: \
+                       the default packings, from blue (close to the discs) over yellow to red (far from them).";
 
 /// The models on a scene.
 pub struct TruthSection {
@@ -43,15 +50,28 @@ impl Section for TruthSection {
                 "`--suite full` does, on a GPU.",
             )]);
         };
-        let sweep = case.measure(context)?;
-        let mut blocks = vec![headline(&sweep), description(self.scene, &sweep)];
-        blocks.push(Block::Table(summary(&sweep)));
-        blocks.extend(charts(&sweep)?);
-        blocks.push(Block::Table(over_time(&sweep)));
-        blocks.extend(failures(&sweep));
-        blocks.extend(outside(&sweep));
-        Ok(blocks)
+        truth_blocks(&case, context)
     }
+}
+
+/// All models against the truth of a case.
+///
+/// # Errors
+/// As [`Case::measure`], and if a chart cannot be drawn.
+pub fn truth_blocks(case: &Case, context: &mut Context) -> miette::Result<Vec<Block>> {
+    let sweep = case.measure(context)?;
+    let mut blocks = vec![headline(&sweep), description(case.scene, &sweep)];
+    if let Some([packings, truth]) = case.drawn(context)? {
+        let figure = animation_of_runs(ANIMATION, CAPTION, &packings.output, &truth.output)?;
+        let is_cover = stands_for_all(case.scene, context.suite);
+        blocks.push(Block::Figure(if is_cover { figure.on_cover() } else { figure }));
+    }
+    blocks.push(Block::Table(summary(&sweep)));
+    blocks.extend(charts(&sweep)?);
+    blocks.push(Block::Table(over_time(&sweep)));
+    blocks.extend(failures(&sweep));
+    blocks.extend(outside(&sweep));
+    Ok(blocks)
 }
 
 /// Distance and ratio of each model at its worst.
