@@ -111,6 +111,8 @@ fn root_mean_square(values: impl IntoIterator<Item = f64>) -> f64 {
 pub struct Sweep {
     /// The settings; the truth itself comes first.
     pub measured: Vec<Measured>,
+    /// Names of networks that are left out, as the scene lies outside of their training data.
+    pub outside: Vec<String>,
     /// Number of seeds of the truth.
     pub seeds: usize,
     /// Errors between two seeds of the truth.
@@ -140,7 +142,7 @@ pub const MEASURES: [Measure; 3] = [
 
 impl Measured {
     /// Whether it is a network and the scene lies outside of its training data.
-    pub fn is_outside_of_training(&self) -> bool {
+    pub(super) fn is_outside_of_training(&self) -> bool {
         !self.family.is_solver() && self.warnings.contains("outside the training data")
     }
 

@@ -175,6 +175,9 @@ impl<'c> Measurement<'c> {
     /// mirror images averaged.
     fn ways(&mut self, model: Model) -> miette::Result<Vec<Measured>> {
         let plain = self.network(Family::Network, model.clone())?;
+        if plain.is_outside_of_training() {
+            return Ok(vec![plain]);
+        }
         // Only a GPU has bf16, and not every network fits on one.
         let on_gpu = plain.error.is_some() && !plain.device.starts_with("cpu");
         let mut measured = vec![plain];
@@ -284,7 +287,10 @@ fn time_again(
 }
 
 /// The truth of a case is in every comparison with it; the finest has its own squares.
-fn sweep(measured: Vec<Measured>) -> miette::Result<Sweep> {
+fn sweep(all: Vec<Measured>) -> miette::Result<Sweep> {
+    let (outside, measured): (Vec<Measured>, _) =
+        all.into_iter().partition(Measured::is_outside_of_training);
+    let outside = outside.into_iter().map(|m| m.name).collect();
     let comparisons = measured.iter().filter_map(|m| m.comparison.as_ref());
     let finest = comparisons
         .min_by(|a, b| b.seeds.cmp(&a.seeds).then(a.side.total_cmp(&b.side)))
@@ -292,5 +298,5 @@ fn sweep(measured: Vec<Measured>) -> miette::Result<Sweep> {
     let fronts = [finest.rows.first(), finest.rows.last()];
     let [start, front] = fronts.map(|row| row.map_or(f64::NAN, |row| row.true_front.mean));
     let floor = Error::between_seeds(finest).unwrap_or_default();
-    Ok(Sweep { seeds: finest.seeds, floor, front, runout: front - start, measured })
+    Ok(Sweep { seeds: finest.seeds, floor, front, runout: front - start, outside, measured })
 }

@@ -4,7 +4,7 @@ use plot::{Axis, Chart, Mark, Series};
 
 use crate::render::block::Block;
 use crate::render::figure::{Figure, Picture};
-use crate::studies::sweep::{Family, Measured, Sweep};
+use crate::studies::sweep::{Family, Sweep};
 use crate::truth::Row;
 
 /// A quantity over time: its title, axis and caption, the model's value and the truth's.
@@ -63,11 +63,6 @@ const QUANTITIES: [Quantity; 5] = [
     },
 ];
 
-/// What is shown of a scene: all but networks outside of their training data.
-pub(super) fn shown(sweep: &Sweep) -> impl Iterator<Item = &Measured> {
-    sweep.measured.iter().filter(|m| !m.is_outside_of_training())
-}
-
 /// All quantities over time.
 ///
 /// # Errors
@@ -77,7 +72,7 @@ pub(super) fn charts(sweep: &Sweep) -> miette::Result<Vec<Block>> {
 }
 
 fn chart(sweep: &Sweep, quantity: &Quantity) -> miette::Result<Block> {
-    let models = shown(sweep).filter(|m| m.family != Family::Discs);
+    let models = sweep.measured.iter().filter(|m| m.family != Family::Discs);
     let mut series: Vec<Series> = models
         .filter_map(|m| {
             let rows = &m.comparison.as_ref()?.rows;

@@ -1,7 +1,6 @@
 //! All scenes at once.
 
 use super::super::cover::stands_for_all;
-use super::charts::shown;
 use crate::context::Context;
 use crate::render::block::Block;
 use crate::render::section::Section;
@@ -105,7 +104,7 @@ fn worst(m: &Measured) -> Option<&Row> {
 /// Largest ratio and distance of every model on every scene.
 fn ratios(sweeps: &Measurements) -> Table {
     let mut models: Vec<&str> = Vec::new();
-    for m in sweeps.iter().flat_map(|(_, sweep)| shown(sweep)) {
+    for m in sweeps.iter().flat_map(|(_, sweep)| &sweep.measured) {
         if !models.contains(&m.name.as_str()) {
             models.push(&m.name);
         }
@@ -120,7 +119,7 @@ fn ratios(sweeps: &Measurements) -> Table {
         let spread = sweep.measured.get(1).and_then(worst).and_then(|row| row.spread);
         let head = [case.scene.name.to_owned(), spread.map_or(String::new(), number)];
         let cells = models.iter().map(|name| {
-            let row = shown(sweep).find(|m| m.name == *name).and_then(worst);
+            let row = sweep.measured.iter().find(|m| m.name == *name).and_then(worst);
             row.and_then(|row| Some(format!("{} ({})", number(row.ratio()?), number(row.distance))))
                 .unwrap_or_default()
         });

@@ -1,6 +1,5 @@
 //! Models and truth in numbers.
 
-use super::charts::shown;
 use crate::render::table::Table;
 use crate::studies::sweep::{Measured, Sweep};
 use crate::text::{number, percent};
@@ -36,7 +35,7 @@ pub(super) fn summary(sweep: &Sweep) -> Table {
         sweep.seeds
     );
     let mut table = Table::new("Models and discs", columns).note(note);
-    for m in shown(sweep) {
+    for m in &sweep.measured {
         table.row(summary_row(m));
     }
     table
@@ -95,7 +94,7 @@ pub(super) fn over_time(sweep: &Sweep) -> Table {
         "Of the discs: mean over seeds ± standard deviation. Cells are empty where a trajectory lacks a \
          quantity.",
     );
-    for m in shown(sweep) {
+    for m in &sweep.measured {
         let Some(found) = &m.comparison else { continue };
         let mut next = INTERVAL;
         for row in &found.rows {
