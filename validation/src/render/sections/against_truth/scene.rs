@@ -69,7 +69,7 @@ pub fn truth_blocks(case: &Case, context: &mut Context) -> miette::Result<Vec<Bl
     }
     blocks.push(Block::Table(summary(&sweep)));
     blocks.extend(charts(&sweep)?);
-    blocks.push(Block::Table(over_time(&sweep)));
+    blocks.extend(over_time(&sweep).map(Block::Table));
     blocks.extend(failures(&sweep));
     blocks.extend(left_out(&sweep));
     Ok(blocks)
