@@ -116,7 +116,7 @@ mod tests {
             let mut next = 0;
             for rank in 0..ranks {
                 let own = slabs.own(rank);
-                prop_assert!(own.is_empty() || own.start == next && own.start % ALIGNED == 0);
+                prop_assert!(own.is_empty() || own.start == next && own.start.is_multiple_of(ALIGNED));
                 prop_assert!(own.len() <= discs.div_ceil(ranks) + ALIGNED);
                 next = next.max(own.end);
             }

@@ -433,7 +433,9 @@ impl<R: CudaReal> CudaAssembly<R> {
         let start = ConstPointer::to(&self.start, stream);
         let arguments = Columns { p: self.p, start, column: Pointer::to(shared.column(), stream) };
         // SAFETY: one number for each column of tiles.
-        unsafe { self.kernels.columns.launch(stream, Launch::blocks(1, COPY_THREADS), &arguments) }?;
+        unsafe {
+            self.kernels.columns.launch(stream, Launch::blocks(1, COPY_THREADS), &arguments)
+        }?;
         let columns = stream.clone_dtoh(shared.column())?;
         shared.divide(&columns);
         self.take_share();
