@@ -59,7 +59,8 @@ __device__ inline bool has_drifted(const Control& c, const Parameters& p) {
 // Discs before step `k` of a round, which is step `step` of all. Ranks exchange discs at fixed addresses:
 // their rounds begin and end with the first buffer.
 __device__ inline Disc* discs_before(const Arrays& a, const Parameters& p, unsigned step, unsigned k) {
-    return a.disc + size_t((p.ranked != 0 ? k : step) & 1u) * p.discs;
+    // `ranked ? k : step`, which would take registers.
+    return a.disc + size_t((step - p.ranked * (step - k)) & 1u) * p.discs;
 }
 
 // Discs between two rounds, after `step` steps.

@@ -165,6 +165,12 @@ __device__ inline Real move_bodies(const Arrays& a, const Parameters& p, const C
     return Real(largest2);
 }
 
+// Notes a failure in step `k` of a round, and stops all ranks.
+__device__ inline void fail_step(Control& c, unsigned step, unsigned k, unsigned kind, unsigned id) {
+    fail(c, step, kind, id);
+    atomicMax(&c.moved[k + 1], bits_of(FAILED));
+}
+
 // In place of a step. A rank whose round ends after an odd number of steps copies its discs to the first
 // buffer.
 __device__ inline void keep(const Arrays& a, const Parameters& p, const Control& c, unsigned k,
@@ -200,23 +206,17 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
             unsigned info = unsigned(disc.motion.info);
             const unsigned touching = touch_discs(a, p, now, disc, i, sum);
             if ((info & BODIES_NEAR) != 0 && !touch_bodies(a, p, disc, i, step, sum)) {
-                fail(c, step, LEAK, a.id[i]);
-                moved2 = FAILED;
+                fail_step(c, step, k, LEAK, a.id[i]);
             }
             info = (info & (ROWS_MASK | BODIES_NEAR)) | touching << FIRST_ROW;
             const Real lost = move(p, sum, disc);
             disc.motion.info = info;
             const Motion& u = disc.motion;
             if (!(u.x * u.x + u.y * u.y + u.w * u.w < Real(1e30))) {
-                fail(c, step, NOT_FINITE, a.id[i]);
-                moved2 = FAILED;
+                fail_step(c, step, k, NOT_FINITE, a.id[i]);
             }
             if (sum.overlap > real_of(c.overlap)) atomicMax(&c.overlap, bits_of(sum.overlap));
-            if (sum.overlap > p.overlap_limit) {
-                fail(c, step, OVERLAP, a.id[i]);
-                // Stops the other ranks too.
-                moved2 = FAILED;
-            }
+            if (sum.overlap > p.overlap_limit) fail_step(c, step, k, OVERLAP, a.id[i]);
             add_losses(a, p, i, sum, lost);
             const Position r = a.reference[i];
             const Real x = p.unit * Real(Signed(disc.place.x - r.x));
