@@ -137,9 +137,11 @@ impl<R: CudaReal> CudaAssembly<R> {
         stream.memcpy_htod(&host.body_history, &mut discs.body_history)?;
         let bodies: Vec<Body> = assembly.bodies.iter().map(Body::from).collect();
         let kernels = Kernels::load(device, rows)?;
+        let shared = ranks.map(|ranks| Shared::new(device, ranks, &grid, count)).transpose()?;
+        let p = parameters(assembly, &grid, bodies.len());
         Ok(Self {
             kernels,
-            p: parameters(assembly, &grid, bodies.len()),
+            p: shared.as_ref().map_or(p, |shared| shared.parameters(&p)),
             grid,
             control: device.upload(&[Control::sequence(0.0, 0, None)])?,
             spare: DeviceDiscs::zeros(device, count, rows)?,
@@ -166,7 +168,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             searches: 0,
             last: None,
             losses: assembly.losses,
-            shared: ranks.map(|ranks| Shared::new(device, ranks, &grid, count)).transpose()?,
+            shared,
             device: device.clone(),
         })
     }
