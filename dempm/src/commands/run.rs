@@ -106,7 +106,7 @@ fn place(
     if !is_shared || device == Device::Cpu {
         bail!(
             help = "start it once, without mpirun, srun or torchrun",
-            "rank {rank} of {size}: several ranks share the packings or discs of a scene, on one GPU each"
+            "rank {rank} of {size}: several ranks share packings or discs, on one GPU each"
         );
     }
     let device = device.open_for_rank(local_rank).into_diagnostic()?;
