@@ -7,7 +7,7 @@ use miette::{Context as _, IntoDiagnostic, miette};
 use rayon::prelude::*;
 
 use super::cases::{Case, Setting};
-use super::measured::{Error, Family, Measured, Sweep};
+use super::measured::{Error, Family, Measured, Sweep, with_truth};
 use crate::context::{Context, Start};
 use crate::models::{Model, ablation, baseline_and_others};
 use crate::run_cache::Run;
@@ -286,15 +286,13 @@ fn time_again(
     Ok(())
 }
 
-/// The truth of a case is in every comparison with it; the finest has its own squares.
+/// The results of a case.
 fn sweep(all: Vec<Measured>) -> miette::Result<Sweep> {
     let (outside, measured): (Vec<Measured>, _) =
         all.into_iter().partition(Measured::is_outside_of_training);
     let outside = outside.into_iter().map(|m| m.name).collect();
-    let comparisons = measured.iter().filter_map(|m| m.comparison.as_ref());
-    let finest = comparisons
-        .min_by(|a, b| b.seeds.cmp(&a.seeds).then(a.side.total_cmp(&b.side)))
-        .ok_or_else(|| miette!("nothing could be compared with the truth"))?;
+    let finest =
+        with_truth(&measured).ok_or_else(|| miette!("nothing could be compared with the truth"))?;
     let fronts = [finest.rows.first(), finest.rows.last()];
     let [start, front] = fronts.map(|row| row.map_or(f64::NAN, |row| row.true_front.mean));
     let floor = Error::between_seeds(finest).unwrap_or_default();

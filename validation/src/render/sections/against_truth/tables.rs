@@ -23,7 +23,7 @@ pub(super) fn summary(sweep: &Sweep) -> Table {
         "centre of mass off [m]",
         "at rest after [s]",
     ];
-    let truth = sweep.measured.iter().filter_map(|m| m.comparison.as_ref()).next_back();
+    let truth = sweep.with_truth();
     let last = truth.and_then(|found| found.rows.last());
     let rest = truth.and_then(|found| found.true_arrest);
     let note = format!(
