@@ -174,6 +174,7 @@ impl Context {
         let mut input = None;
         match start {
             Start::Scene(text) => {
+                key += &self.scene_key(text);
                 input = Some(Input { name: "scene.toml", text, option: Some("--scene") });
             }
             Start::Trajectory(path) => {
@@ -248,11 +249,18 @@ impl Context {
         folder.map_or(Vec::new(), |folder| files_in(&folder, "h5"))
     }
 
+    /// What the run of a scene depends on besides the program: the device, and all keys with the defaults of
+    /// those that its text leaves out.
+    pub fn scene_key(&self, scene: &str) -> String {
+        let keys = Scene::parse(scene, "scene.toml").map(|scene| format!("{scene:?}"));
+        format!("{}\n{}", self.device_name, keys.unwrap_or_default())
+    }
+
     fn scene_job<'a>(&self, scene: &'a str) -> Job<'a> {
         Job {
             subcommand: "run",
             program: "dempm",
-            key: self.device_name.clone(),
+            key: self.scene_key(scene),
             input: Some(Input { name: "scene.toml", text: scene, option: None }),
             output: "trajectory.h5",
             arguments: vec!["--device".to_owned(), self.device.clone()],

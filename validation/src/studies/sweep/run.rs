@@ -51,7 +51,8 @@ impl Case {
 
     /// What a result depends on besides the programs.
     fn key(&self, context: &Context, what: &str) -> String {
-        format!("{}\n{what}\n{}", context.device_name, self.truth.join("\n"))
+        let truth: Vec<String> = self.truth.iter().map(|text| context.scene_key(text)).collect();
+        format!("{}\n{what}\n{}", context.scene_key(what), truth.join("\n"))
     }
 
     /// Runs what is missing, with every model in its defaults.
@@ -195,7 +196,8 @@ impl<'c> Measurement<'c> {
     fn network(&mut self, family: Family, model: Model) -> miette::Result<Measured> {
         let text = &self.case.start_of_networks;
         let start = Start::Scene(text);
-        let key = format!("{text}\n{}\n{}", model.name, self.context.hash(&model.path)?);
+        let hash = self.context.hash(&model.path)?;
+        let key = format!("{}\n{text}\n{}\n{hash}", self.context.scene_key(text), model.name);
         let found = self.kept(&key, |this| {
             let run = this.context.rollout(&model, &start)?;
             let mut found = this.compared(family, &model.name, &run)?;
