@@ -9,8 +9,10 @@ use super::energy::Losses;
 use super::error::{AssemblyError, GrainFailure};
 use super::memory::ContactMemory;
 use super::packed::{Grain, Packed, PackedContact, Partner};
+use super::pairs::History;
 use super::search::{Bins, Search, sort};
-use super::tile::{History, Step, Tile, TileSums, Work};
+use super::step::{Step, TileSums};
+use super::tile::{Tile, Work};
 use crate::contact::ContactLaw;
 use crate::disc::Disc;
 use crate::grains::Grains;
@@ -417,7 +419,7 @@ impl<R: Real> Assembly<R> {
             return (place, GrainFailure::Leak);
         }
         let deepest = self.tiles.iter().flat_map(|tile| {
-            let pairs = tile.inner.iter().chain(&tile.outer);
+            let pairs = tile.inner.iter().chain(tile.outer.iter());
             pairs.map(|pair| (pair.i as usize, pair.j as usize))
         });
         let relative = |&(i, j): &(usize, usize)| {
