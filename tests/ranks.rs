@@ -115,6 +115,93 @@ fn two_ranks_give_the_bits_of_one_however_often_they_are_stopped() {
     }
 }
 
+/// Discs that slide along the floor, from the slab of one rank into that of the other, under a moving plate. With
+/// long frames they leave the windows that the first sort gives them.
+fn sliding(directory: &Path, precision: &str, duration: f64, frame_interval: f64) {
+    let text = format!(
+        r#"
+        duration = {duration}
+        frame_interval = {frame_interval}
+        [domain]
+        size = [2.0, 0.5]
+        cell = 0.0625
+        [[column]]
+        corner = [0.125, 0.0]
+        size = [1.0, 0.125]
+        velocity = [2.0, 0.0]
+        [[obstacle]]
+        corner = [1.25, 0.0]
+        size = [0.0625, 0.0625]
+        [plate]
+        corner = [0.125, 0.125]
+        size = [0.5, 0.0625]
+        velocity = [0.5, -0.1]
+        [material]
+        kind = "discs"
+        precision = "{precision}"
+        [output]
+        grains_every = 1
+        fields = ["stress", "solid_fraction", "coordination"]
+        "#
+    );
+    std::fs::write(directory.join("scene.toml"), text).unwrap();
+}
+
+#[test]
+fn discs_on_two_ranks_are_those_of_one() {
+    if !two_gpus() {
+        return;
+    }
+    let directory = TempDir::new().unwrap();
+    for (precision, duration, frame) in
+        [("f32", 0.1, 0.0025), ("f64", 0.05, 0.0025), ("f32", 0.3, 0.1)]
+    {
+        sliding(directory.path(), precision, duration, frame);
+        let file = |name: &str| directory.path().join(format!("{name}-{precision}-{frame}.h5"));
+        let name = |name: &str| file(name).display().to_string();
+        let one = run(directory.path(), &name("one")).arg("--device=cuda").output().unwrap();
+        assert!(one.status.success(), "{}", String::from_utf8_lossy(&one.stderr));
+        end(start(directory.path(), 2, &name("two"), &[]), 0);
+        assert_eq!(bits(&file("two")), bits(&file("one")), "{precision}, frames of {frame} s");
+        if precision == "f64" || frame > 0.01 {
+            continue;
+        }
+        // Two ranks are asked to stop, one goes on and is killed, two finish.
+        let often = ["--checkpoint-interval", "0"];
+        let mut ranks = start(directory.path(), 2, &name("cut"), &often);
+        assert!(!wait_for_frames(&mut ranks[0], &file("cut"), 5));
+        Command::new("kill").args(["-INT", &ranks[1].id().to_string()]).status().unwrap();
+        end(ranks, 130);
+        let frames = Trajectory::open(&file("cut")).unwrap().frames();
+        let again = [often.as_slice(), &["--resume"]].concat();
+        let mut alone = run(directory.path(), &name("cut"));
+        let mut alone = alone.args(&again).arg("--device=cuda").spawn().unwrap();
+        assert!(!wait_for_frames(&mut alone, &file("cut"), frames + 5));
+        kill(&mut alone);
+        end(start(directory.path(), 2, &name("cut"), &["--resume"]), 0);
+        assert_eq!(bits(&file("cut")), bits(&file("one")));
+    }
+}
+
+#[test]
+fn a_disc_that_fails_on_one_rank_ends_all() {
+    if !two_gpus() {
+        return;
+    }
+    let directory = TempDir::new().unwrap();
+    // Thrown against the obstacle, which is in the slab of the second rank.
+    sliding(directory.path(), "f32", 0.05, 0.0025);
+    let path = directory.path().join("scene.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let text = text.replace("[2.0, 0.0]", "[20.0, 0.0]").replace("0.125, 0.125]", "0.125, 0.375]");
+    let more = "[grains]\noverlap_limit = 0.3\n[discs]\nfloor = \"flat\"\n";
+    std::fs::write(&path, text + more).unwrap();
+    let said = end(start(directory.path(), 2, "failed.h5", &[]), 1);
+    assert!(said.iter().all(|said| said.contains("overlap")), "{said:?}");
+    let status = Trajectory::open(&directory.path().join("failed.h5")).unwrap();
+    assert!(status.status().contains("overlap"), "{}", status.status());
+}
+
 #[test]
 fn a_failure_on_one_rank_ends_all() {
     if !two_gpus() {

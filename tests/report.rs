@@ -1,5 +1,6 @@
 //! `validation report` as a user meets it: one command, a page, tables, figures, numbers.
 
+use std::cell::RefCell;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -8,11 +9,19 @@ use assert_cmd::cargo::cargo_bin;
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
 use dempm::trajectory::TrajectoryWriter;
+use files::Interrupt;
 use serde_json::Value;
 use surrogate::features::Normalisation;
 use surrogate::network::burn_backend::{Cpu, device};
 use surrogate::network::{Model, ModelConfig, weights};
 use tempfile::TempDir;
+use validation::context::Context;
+use validation::progress::Progress;
+use validation::render::block::Block;
+use validation::render::sections::truth_blocks;
+use validation::run_cache::RunCache;
+use validation::studies::sweep::{Case, Family, Kind, TruthScene};
+use validation::suite::Suite;
 
 /// All sections that take data and models, and none that computes for long.
 const PAPER: &str = "table 6,table 7,tables 2,fig.,stated,runs behind";
@@ -99,6 +108,82 @@ fn read(path: &Path) -> String {
 fn row(csv: &str, start: &str) -> Vec<String> {
     let line = csv.lines().find(|line| line.starts_with(start)).unwrap();
     line.split(',').map(str::to_owned).collect()
+}
+
+/// The sections of the chapter about the paper.
+fn paper_sections(results: &Value) -> &Value {
+    let mut chapters = results["chapters"].as_array().unwrap().iter();
+    &chapters.find(|chapter| chapter["title"] == "The paper, side by side").unwrap()["sections"]
+}
+
+#[test]
+fn models_are_compared_with_discs() {
+    let directory = TempDir::new().unwrap();
+    let scene: &TruthScene = Box::leak(Box::new(TruthScene {
+        name: "Tiny",
+        lead: "A tiny column.",
+        title: "Truth: Tiny",
+        description: "a tiny column collapses",
+        text: "duration = 0.1\n[domain]\nsize = [1.0, 0.5]\n[[column]]\nsize = [0.125, 0.25]\n\
+               [material]\nkind = \"rve\"\n",
+        published: None,
+        size: [0.125, 0.25],
+        kind: Kind::Column,
+    }));
+    let program = cargo_bin("validation");
+    let work = directory.path().join("work");
+    let mut context = Context {
+        suite: Suite::Quick,
+        device: "cpu".to_owned(),
+        device_name: "cpu".to_owned(),
+        cache: RunCache::open(&work, program.clone(), false, Interrupt::default()).unwrap(),
+        progress: Progress::hidden(),
+        data: None,
+        models: Vec::new(),
+        runs: Vec::new(),
+        rate: 1e7,
+        hashes: RefCell::default(),
+    };
+    let case = Case::new(scene, Suite::Quick);
+    assert!(!case.missing(&context).is_empty());
+    let blocks = truth_blocks(&case, &mut context).unwrap();
+    assert!(case.missing(&context).is_empty());
+    let runs = context.cache.take_used().len();
+
+    let sweep = case.measure(&mut context).unwrap();
+    assert_eq!((sweep.measured.len(), sweep.seeds), (5, 4));
+    for m in &sweep.measured {
+        assert_eq!(m.failure, "", "{}", m.name);
+        let worst = m.comparison.as_ref().unwrap().worst().unwrap();
+        // One seed of the discs is as far from the others as they are from each other.
+        let most = if m.family == Family::Discs { 3.0 } else { 100.0 };
+        assert!((0.3..most).contains(&worst.ratio().unwrap()), "{}: {worst:?}", m.name);
+    }
+    // What was computed is used again, also of brief runs that were repeated.
+    assert!(runs >= context.cache.take_used().len());
+    let figures = blocks.iter().filter(|block| matches!(block, Block::Figure(_))).count();
+    let tables = blocks.iter().filter(|block| matches!(block, Block::Table(_))).count();
+    assert_eq!((figures, tables), (6, 2));
+
+    // The same from the command line.
+    let [packings, truth] = case.drawn(&mut context).unwrap().unwrap();
+    let json = directory.path().join("found.json");
+    let output = Command::new(program)
+        .arg("compare")
+        .arg(&packings.output)
+        .arg("--truth")
+        .arg(&truth.output)
+        .arg("--times=0.04,0.1")
+        .arg("--json")
+        .arg(&json)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.starts_with("Truth: discs, seeds 1."), "{text}");
+    assert_eq!(text.lines().filter(|line| line.contains("trajectory.h5")).count(), 3, "{text}");
+    let found: Value = serde_json::from_str(&read(&json)).unwrap();
+    assert_eq!(found[0]["rows"].as_array().unwrap().len(), 5);
 }
 
 #[test]
@@ -191,9 +276,9 @@ fn a_report_has_a_page_tables_figures_and_numbers() {
     assert!(runs[0]["command"].as_str().unwrap().starts_with("surrogate rollout "));
     assert_eq!(runs[0]["about"]["seed"], 1);
     assert!(runs[0]["about"]["versions"]["surrogate"].is_string());
-    let sections = results["chapters"][0]["sections"].as_array().unwrap();
+    let sections = paper_sections(&results).as_array().unwrap();
     assert!(sections.iter().all(|section| section["state"] == "done"));
-    let missing = results["chapters"][0]["sections"].to_string();
+    let missing = paper_sections(&results).to_string();
     assert!(missing.contains("no such trajectory in `test/`"), "{missing}");
 }
 
@@ -279,7 +364,7 @@ fn a_damaged_file_fails_its_sections_and_only_those() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("Table 7"));
     let results = read(&directory.path().join("out/results.json"));
     let results: Value = serde_json::from_str(&results).unwrap();
-    for section in results["chapters"][0]["sections"].as_array().unwrap() {
+    for section in paper_sections(&results).as_array().unwrap() {
         let failed = section["title"].as_str().unwrap().starts_with("Table 7");
         assert_eq!(section["state"] == "failed", failed, "{section}");
         assert!(!failed || section["blocks"].to_string().contains("col2x2.h5"));

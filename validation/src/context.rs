@@ -22,6 +22,8 @@ use crate::suite::Suite;
 const ROLLOUT: f64 = 5.0;
 /// Rollouts at a time on a GPU: most of a rollout is starting, reading and writing.
 const PARALLEL_ROLLOUTS: usize = 8;
+/// Runs at a time on a GPU: columns of discs are prepared on the processor.
+const PARALLEL_RUNS: usize = 4;
 
 /// What sections work with.
 pub struct Context {
@@ -57,6 +59,21 @@ impl Context {
     pub fn run(&mut self, what: &str, scene: &str) -> miette::Result<Run> {
         let estimate = self.estimate(scene);
         self.job(what, estimate, &self.scene_job(scene))
+    }
+
+    /// Runs several scenes, on a GPU several at a time, so that their times cannot be compared.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn runs_together(&mut self, what: &str, scenes: &[&str]) -> miette::Result<Vec<Run>> {
+        let jobs: Vec<Job> = scenes.iter().map(|scene| self.scene_job(scene)).collect();
+        let parallel = if self.device == "cpu" { 1 } else { PARALLEL_RUNS };
+        let estimate: f64 = scenes.iter().map(|scene| self.estimate(scene)).sum();
+        self.progress.begin(what, estimate / parallel as f64);
+        let (began, progress) = (Instant::now(), &self.progress);
+        let runs = self.cache.run_parallel(&jobs, parallel, |_, _| progress.tick(began.elapsed()));
+        self.progress.end();
+        runs
     }
 
     /// Repeats a run to time it; `again` counts the repetitions from 1.

@@ -1,12 +1,12 @@
 //! Differences between two trajectories, which may have different points and frames.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use dempm::trajectory::{Trajectory, TrajectoryError};
 use surrogate::evaluation::{Errors, FrameError, mean_square_distance};
 
 use crate::run_cache::{DIFFERENCE, Run, hash, read_json, write_json};
+use crate::squares::{by_square, means};
 
 /// Relative tolerance on equal times.
 const ROUNDING: f64 = 1e-6;
@@ -22,8 +22,12 @@ pub fn difference(path: &Path, truth: &Path) -> Result<Errors, TrajectoryError> 
     let [one, truth] = [Trajectory::open(path)?, Trajectory::open(truth)?];
     let header = truth.header();
     let spacing = header.point_spacing.max(one.header().point_spacing);
-    let groups =
-        [groups(&one.frame(0)?.position, spacing), groups(&truth.frame(0)?.position, spacing)];
+    let squares = |file: &Trajectory| {
+        Result::<_, TrajectoryError>::Ok(
+            by_square(&file.frame(0)?.position, spacing).into_values().collect(),
+        )
+    };
+    let groups: [Vec<Vec<usize>>; 2] = [squares(&one)?, squares(&truth)?];
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut errors = Errors { case: name, ..Errors::default() };
     if groups[0].len() != groups[1].len() {
@@ -82,24 +86,6 @@ fn positions(trajectory: &Trajectory, frame: usize) -> Result<Vec<[f64; 2]>, Tra
     Ok(flat.as_chunks().0.to_vec())
 }
 
-/// Indices of points by the square of side `spacing` (m) that they start in.
-fn groups(start: &[[f64; 2]], spacing: f64) -> Vec<Vec<usize>> {
-    let mut squares: BTreeMap<[i64; 2], Vec<usize>> = BTreeMap::new();
-    for (point, x) in start.iter().enumerate() {
-        // Points are in the middle of squares, so rounding cannot move one to the next.
-        squares.entry(x.map(|x| (x / spacing).floor() as i64)).or_default().push(point);
-    }
-    squares.into_values().collect()
-}
-
-fn means(position: &[[f64; 2]], groups: &[Vec<usize>]) -> Vec<[f64; 2]> {
-    let mean = |group: &Vec<usize>| {
-        let sum = |k: usize| group.iter().map(|&point| position[point][k]).sum::<f64>();
-        [sum(0) / group.len() as f64, sum(1) / group.len() as f64]
-    };
-    groups.iter().map(mean).collect()
-}
-
 /// Pairs of frames at the same time, without the first frame, which is given, not computed.
 pub fn common_times(one: &[f64], other: &[f64]) -> Vec<(usize, usize)> {
     let mut pairs = Vec::new();
@@ -123,16 +109,6 @@ mod tests {
     use dempm::trajectory::{Frame, Header, TrajectoryWriter};
 
     use super::*;
-
-    #[test]
-    fn finer_points_are_averaged_over_the_square_of_a_coarser_one() {
-        // Four points of spacing 1 in the square of one point of spacing 2, and one beside it.
-        let start = [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 0.5]];
-        let groups = groups(&start, 2.0);
-        assert_eq!(groups, [vec![0, 1, 2, 3], vec![4]]);
-        let moved = start.map(|[x, y]| [x + 1.0, y]);
-        assert_eq!(means(&moved, &groups), [[2.0, 1.0], [3.5, 0.5]]);
-    }
 
     #[test]
     fn what_stays_where_it_is_falls_behind() {

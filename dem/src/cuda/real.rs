@@ -5,7 +5,7 @@ use gpu::{CudaName, CudaType};
 use crate::real::Real;
 
 /// `f32` or `f64`, on the CPU and on the GPU.
-pub trait CudaReal: Real<Fraction: CudaType> + CudaType + CudaName {
+pub trait CudaReal: Real<Fraction: CudaType + CudaName> + CudaType + CudaName {
     /// `REAL_BITS` of the kernel.
     const BITS: usize;
 

@@ -10,11 +10,12 @@
 //! # }
 //! ```
 
-mod advice;
+mod accuracy;
 mod disc_rate;
 mod needs;
 mod table;
 mod units;
 
+pub use accuracy::Accuracy;
 pub use disc_rate::disc_steps_per_second;
 pub use needs::{DemNeeds, Needs, RveNeeds};

@@ -2,6 +2,7 @@
 
 use dem::Grains;
 
+use super::accuracy::Accuracy;
 use super::units::{bytes, quantity};
 use crate::memory;
 use crate::run::monitor;
@@ -53,6 +54,8 @@ pub struct Needs {
     pub rve: Option<RveNeeds>,
     /// Cost of the discs; none under a continuum law.
     pub dem: Option<DemNeeds>,
+    /// Expected distance from the same scene as discs; none if nothing similar was measured.
+    pub accuracy: Option<Accuracy>,
     /// Size of the uncompressed trajectory (bytes).
     pub output: f64,
     /// Memory for points, grid and packings (bytes).
@@ -150,6 +153,7 @@ impl Needs {
             inertial_number: inertial_number(scene, peak_velocity / height, 0.5 * base_pressure),
             collapse_time: (gravity > 0.0).then(|| 3.2 * (height / gravity).sqrt()),
             reach: if gravity > 0.0 { reach(scene) } else { None },
+            accuracy: Accuracy::of(scene),
             output: output(scene, points, discs),
             memory: memory(scene, points, discs),
             seconds: if moves_points { point_steps / POINT_STEPS_PER_SECOND } else { 0.0 }

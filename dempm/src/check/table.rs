@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::advice;
+use super::accuracy::Accuracy;
 use super::needs::{COLLISIONAL, Needs};
 use super::units::{bytes, duration, grouped, quantity};
 
@@ -134,28 +134,29 @@ impl Needs {
         cost.push(Row("time", duration(self.seconds), "estimate".into()));
         let sections = [("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];
         let mut sections = Vec::from(sections.map(|(heading, rows)| (heading.to_owned(), rows)));
-        // Recommendations are for packings only.
-        if let Some(rve) = &self.rve {
-            sections.extend(cheaper(rve.discs));
-        }
+        sections.extend(self.accuracy.as_ref().map(expected));
         sections
     }
 }
 
-/// Settings cheaper than packings of so many discs, for each reference of the validation report.
-fn cheaper(discs: usize) -> Vec<(String, Vec<Row>)> {
-    let mut sections: Vec<(String, Vec<Row>)> = Vec::new();
-    for advice in advice::measured().into_iter().filter(|advice| advice.is_cheaper_than(discs)) {
-        let advice::Advice { reference, goal, tolerance, error, setting, speed_up } = advice;
-        let heading = format!("Cheaper than {reference} (validation report)");
-        let note = format!("{setting}: {error} off, {speed_up:.1} times as fast");
-        let row = Row(goal, format!("within {tolerance}"), note);
-        match sections.last_mut() {
-            Some((last, rows)) if *last == heading => rows.push(row),
-            _ => sections.push((heading, vec![row])),
-        }
+/// The expected distance from the truth, and what it rests on.
+fn expected(accuracy: &Accuracy) -> (String, Vec<Row>) {
+    let Accuracy { distance, spread, scene, cell, height, preliminary, beyond } = accuracy;
+    let measured = if *preliminary { "preliminary, from" } else { "from" };
+    let from = format!(
+        "{measured} {scene} ({} high, cells of {})",
+        quantity(*height, "m"),
+        quantity(*cell, "m")
+    );
+    let points =
+        |metres: &f64| Row("points, root mean square", quantity(*metres, "m"), from.clone());
+    let mut rows: Vec<Row> = distance.iter().map(points).collect();
+    let note = if distance.is_some() { "no model can be nearer".into() } else { from.clone() };
+    rows.push(Row("two seeds of discs", quantity(*spread, "m"), note));
+    if !beyond.is_empty() {
+        rows.push(Row("not measured", "with".into(), beyond.join(", ")));
     }
-    sections
+    ("Expected distance from the same scene as discs, at the end".to_owned(), rows)
 }
 
 impl fmt::Display for Needs {

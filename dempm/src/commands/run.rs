@@ -102,17 +102,11 @@ fn place(
         return Ok(Place { device: selection.first(), ranks: None });
     }
     let Environment { rank, size, local_rank, .. } = *environment;
-    if matches!(scene.material, Material::Discs(_)) {
+    let is_shared = matches!(scene.material, Material::Rve(_) | Material::Discs(_));
+    if !is_shared || device == Device::Cpu {
         bail!(
             help = "start it once, without mpirun, srun or torchrun",
-            "rank {rank} of {size}: a scene of discs runs on one GPU, not on several ranks"
-        );
-    }
-    let has_packings = matches!(scene.material, Material::Rve(_));
-    if !has_packings || device == Device::Cpu {
-        bail!(
-            help = "start it once, without mpirun, srun or torchrun",
-            "rank {rank} of {size}: several ranks share the packings of a scene, on one GPU each"
+            "rank {rank} of {size}: several ranks share packings or discs, on one GPU each"
         );
     }
     let device = device.open_for_rank(local_rank).into_diagnostic()?;

@@ -25,7 +25,7 @@ const CHECKPOINT_SHARE: f64 = 0.02;
 pub struct Options {
     /// The GPU to run on; `None` for the CPU.
     pub device: Option<Arc<gpu::Device>>,
-    /// The ranks that share the packings; `None` for a run in one process.
+    /// The ranks that share the packings or discs; `None` for a run in one process.
     pub ranks: Option<Arc<Ranks>>,
     /// Continue from the checkpoint beside the trajectory file; begin if nothing is there yet.
     pub resume: bool,
@@ -215,7 +215,8 @@ impl<'a> Session<'a> {
     /// # Errors
     /// If the frame shows that the run has left the validity of its material.
     fn record(&mut self, before: usize, frame_done: bool) -> Result<(), SimulationError> {
-        let frame = frame_done.then(|| self.simulation.frame());
+        let shown = frame_done && self.simulation.has_frames();
+        let frame = shown.then(|| self.simulation.frame());
         self.observer.advanced(&self.simulation, before, frame.as_ref());
         let mut failure = None;
         if let Some(frame) = frame {

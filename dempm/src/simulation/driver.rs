@@ -97,7 +97,7 @@ impl Simulation {
         }
     }
 
-    /// Advances on a GPU from now on; as one of several ranks, with this rank's share of the packings.
+    /// Advances on a GPU from now on; as one of several ranks, with this rank's share of the packings or discs.
     ///
     /// # Errors
     /// If the simulation does not fit into the GPU's memory or a kernel cannot be compiled.
@@ -109,8 +109,7 @@ impl Simulation {
         let start = Instant::now();
         match &mut self.model {
             Model::Mpm(mpm) => mpm.move_to(device, ranks, &self.scene, self.step, &self.points)?,
-            Model::Discs(_) if ranks.is_some() => return Err(SimulationError::DiscsOnRanks),
-            Model::Discs(discs) => discs.move_to(device)?,
+            Model::Discs(discs) => discs.move_to(device, ranks)?,
         }
         let count = ranks.map_or(1, |ranks| ranks.size());
         let gpus = if count > 1 { format!("{count} x ") } else { String::new() };
@@ -148,6 +147,14 @@ impl Simulation {
         self.step += steps;
         self.advancing += time;
         Ok(())
+    }
+
+    /// Whether [`frame`](Self::frame) is up to date after a frame: of several ranks, only the first has the discs.
+    pub fn has_frames(&self) -> bool {
+        match &self.model {
+            Model::Mpm(_) => true,
+            Model::Discs(discs) => discs.has_frames(),
+        }
     }
 
     /// Brings the whole state up to date for a checkpoint.

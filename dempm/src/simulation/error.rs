@@ -56,9 +56,6 @@ pub enum SimulationError {
     /// Discs failed on a GPU.
     #[error(transparent)]
     CudaDiscs(#[from] CudaAssemblyError),
-    /// Discs run on one GPU.
-    #[error("a scene of discs runs on one GPU, not on several ranks")]
-    DiscsOnRanks,
     /// There is too little memory for the discs.
     #[error(
         "about {discs:.2e} discs need {:.1} GB of memory, and {:.1} GB are free",

@@ -12,6 +12,16 @@ use super::error::RanksError;
 use super::rendezvous::{Fingerprint, rendezvous};
 use super::watchdog::Watchdog;
 use crate::device::Device;
+use crate::pointer::{ConstPointer, Pointer};
+
+/// Which of the numbers of all ranks a reduction takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extreme {
+    /// The smallest one.
+    Least,
+    /// The largest one.
+    Largest,
+}
 
 /// This process among its peers. Methods marked *collective* have to be called by all ranks, in the
 /// same order.
@@ -163,6 +173,122 @@ impl Ranks {
             )
         }
         .map_err(RanksError::nccl("adding"))?;
+        Ok(())
+    }
+
+    /// Queues as one operation what `operations` queue with [`send`](Self::send),
+    /// [`receive`](Self::receive), [`broadcast`](Self::broadcast) and [`reduce`](Self::reduce). Collective; may
+    /// be captured in a graph, but not the first one: only then do ranks connect.
+    ///
+    /// # Errors
+    /// NCCL failed or a rank is gone.
+    pub fn group(
+        &self,
+        operations: impl FnOnce() -> Result<(), RanksError>,
+    ) -> Result<(), RanksError> {
+        self.device.context().bind_to_thread()?;
+        result::group_start().map_err(RanksError::nccl("beginning a group"))?;
+        let queued = operations();
+        // Always ended: NCCL would add all that follows to the group.
+        let ended = result::group_end().map_err(RanksError::nccl("exchanging"));
+        queued?;
+        ended?;
+        Ok(())
+    }
+
+    /// Sends `count` entries to another rank, which has to [receive](Self::receive) as many; in a
+    /// [group](Self::group).
+    ///
+    /// # Errors
+    /// NCCL failed.
+    ///
+    /// # Safety
+    /// The entries lie in device memory that lives until the stream is done with it.
+    pub unsafe fn send<T>(
+        &self,
+        from: ConstPointer<T>,
+        count: usize,
+        peer: usize,
+    ) -> Result<(), RanksError> {
+        let (address, stream) = (from.address() as *const _, self.device.stream().cu_stream());
+        // SAFETY: the caller's.
+        unsafe {
+            let (bytes, kind) = (count * size_of::<T>(), sys::ncclDataType_t::ncclUint8);
+            result::send(address, bytes, kind, peer as i32, self.communicator, stream.cast())
+        }
+        .map_err(RanksError::nccl("sending"))?;
+        Ok(())
+    }
+
+    /// Receives `count` entries from another rank; in a [group](Self::group).
+    ///
+    /// # Errors
+    /// NCCL failed.
+    ///
+    /// # Safety
+    /// As of [`send`](Self::send); nobody else uses them in the meantime.
+    pub unsafe fn receive<T>(
+        &self,
+        to: Pointer<T>,
+        count: usize,
+        peer: usize,
+    ) -> Result<(), RanksError> {
+        let (address, stream) = (to.address() as *mut _, self.device.stream().cu_stream());
+        // SAFETY: the caller's.
+        unsafe {
+            let (bytes, kind) = (count * size_of::<T>(), sys::ncclDataType_t::ncclUint8);
+            result::recv(address, bytes, kind, peer as i32, self.communicator, stream.cast())
+        }
+        .map_err(RanksError::nccl("receiving"))?;
+        Ok(())
+    }
+
+    /// Replaces `count` entries by those of rank 0. Collective; in a [group](Self::group).
+    ///
+    /// # Errors
+    /// NCCL failed.
+    ///
+    /// # Safety
+    /// As of [`receive`](Self::receive).
+    pub unsafe fn broadcast<T>(&self, list: Pointer<T>, count: usize) -> Result<(), RanksError> {
+        let (address, stream) = (list.address() as *mut _, self.device.stream().cu_stream());
+        // SAFETY: the caller's.
+        unsafe {
+            let (bytes, kind) = (count * size_of::<T>(), sys::ncclDataType_t::ncclUint8);
+            result::broadcast(address, address, bytes, kind, 0, self.communicator, stream.cast())
+        }
+        .map_err(RanksError::nccl("sending to all"))?;
+        Ok(())
+    }
+
+    /// Replaces a `u32` or `u64` by the smallest or largest one of all ranks. Collective; in a
+    /// [group](Self::group).
+    ///
+    /// # Errors
+    /// NCCL failed.
+    ///
+    /// # Panics
+    /// If `T` has neither 4 nor 8 bytes.
+    ///
+    /// # Safety
+    /// As of [`receive`](Self::receive).
+    pub unsafe fn reduce<T>(&self, number: Pointer<T>, extreme: Extreme) -> Result<(), RanksError> {
+        let (address, stream) = (number.address() as *mut _, self.device.stream().cu_stream());
+        let kind = match size_of::<T>() {
+            4 => sys::ncclDataType_t::ncclUint32,
+            8 => sys::ncclDataType_t::ncclUint64,
+            bytes => panic!("a number of {bytes} bytes"),
+        };
+        let operation = match extreme {
+            Extreme::Least => sys::ncclRedOp_t::ncclMin,
+            Extreme::Largest => sys::ncclRedOp_t::ncclMax,
+        };
+        // SAFETY: the caller's.
+        unsafe {
+            let stream = stream.cast();
+            result::all_reduce(address, address, 1, kind, operation, self.communicator, stream)
+        }
+        .map_err(RanksError::nccl("comparing"))?;
         Ok(())
     }
 

@@ -1,6 +1,8 @@
 //! The commands: arguments, terminal output and exit codes.
 
 pub mod compare;
+mod differences;
+mod distances;
 pub mod page;
 pub mod report;
 pub mod suite;

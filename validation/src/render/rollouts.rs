@@ -158,14 +158,17 @@ pub fn animation(rollout: &Rollout) -> miette::Result<Option<Figure>> {
     Ok(Some(Figure::new(title, pairs.animated()?, caption)))
 }
 
-/// An animation of a trajectory over another one of the same scene.
+/// An animation of a trajectory over another one of the same scene with as many points.
 ///
 /// # Errors
 /// If a file cannot be read.
-pub fn animation_of_runs(title: &str, run: &Path, truth: &Path) -> miette::Result<Figure> {
+pub fn animation_of_runs(
+    title: &str,
+    caption: &str,
+    run: &Path,
+    truth: &Path,
+) -> miette::Result<Figure> {
     let pairs = Pairs::read(run, truth, MOST_PICTURES)?;
-    let caption = "Two runs of the solver with different random packings. Grey: the first. Coloured: \
-                   the second, from blue (close to the first) over yellow to red (far from it).";
     Ok(Figure::new(title, pairs.animated()?, caption))
 }
 

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::context::Context;
+use crate::literature::discs::SHEAR;
 use crate::studies::statistics::{deviation, mean};
 use crate::suite::Suite;
-use crate::truth::discs::SHEAR;
 
 /// Confining pressure of all tests, Pa.
 const PRESSURE: f64 = 20e3;

@@ -2,7 +2,7 @@
 
 use crate::models::ModelCost;
 use crate::studies::pareto::{as_accurate, as_fast, break_even, front};
-use crate::studies::sweep::{Family, MEASURES, Measured, Sweep};
+use crate::studies::sweep::{Error, Family, MEASURES, Measured, Sweep};
 
 /// A method against its rivals by one measure of error.
 pub struct Comparison<'s> {
@@ -14,8 +14,8 @@ pub struct Comparison<'s> {
     pub accurate: Option<&'s Measured>,
     /// Its time over the method's.
     pub speed_up: Option<f64>,
-    /// The reference's time over the method's.
-    pub over_reference: f64,
+    /// The truth's time over the method's.
+    pub over_truth: f64,
     /// The most accurate rival as fast, if any is.
     pub fast: Option<&'s Measured>,
     /// Its error over the method's.
@@ -48,14 +48,17 @@ pub struct PayBack<'s> {
     pub runs: Option<f64>,
 }
 
-/// Each network and each setting of the mu(I) law against its rivals, by McGreivy and Hakim's rules.
+/// The default packings, each network and each setting of the mu(I) law against its rivals, by McGreivy
+/// and Hakim's rules.
 pub fn comparisons(sweep: &Sweep) -> Vec<Comparison<'_>> {
     let mut all = Vec::new();
     let costs: Vec<_> = sweep.measured.iter().map(|m| m.cost(MEASURES[0].value)).collect();
     let front = front(&costs, (MEASURES[0].value)(&sweep.floor));
     for (place, method) in sweep.measured.iter().enumerate() {
+        // The first setting after the truth has the defaults.
+        let is_default = place == 1;
         let is_compared = matches!(method.family, Family::Continuum | Family::Network);
-        if !is_compared || method.error.is_none() {
+        if !(is_compared || is_default) || method.error.is_none() {
             continue;
         }
         let rivals = rivals(sweep, method);
@@ -70,7 +73,7 @@ pub fn comparisons(sweep: &Sweep) -> Vec<Comparison<'_>> {
                 measure: measure.name,
                 accurate: accurate.map(|k| rivals[k]),
                 speed_up: accurate.map(|k| costs[k].seconds / cost.seconds),
-                over_reference: sweep.measured[0].seconds / cost.seconds,
+                over_truth: sweep.measured[0].seconds / cost.seconds,
                 fast: fast.map(|k| rivals[k]),
                 gain: fast.map(|k| costs[k].error.max(floor) / cost.error.max(floor)),
                 on_front: front.contains(&place),
@@ -80,24 +83,19 @@ pub fn comparisons(sweep: &Sweep) -> Vec<Comparison<'_>> {
     all
 }
 
-/// What a method is compared with: networks with the whole solver, the mu(I) law with packings.
+/// What a method is compared with: networks with all solvers, a solver with those of other kinds.
 fn rivals<'s>(sweep: &'s Sweep, method: &Measured) -> Vec<&'s Measured> {
-    let is_rival = |family| match method.family {
-        Family::Network | Family::Ablation => {
-            matches!(family, Family::Packings | Family::Continuum)
-        }
-        Family::Packings | Family::Continuum => family == Family::Packings,
-    };
-    sweep.measured.iter().filter(|m| is_rival(m.family)).collect()
+    let is_rival = |m: &&Measured| m.family.is_solver() && m.family != method.family;
+    sweep.measured.iter().filter(is_rival).collect()
 }
 
 /// The most accurate network; `None` if no network was compared.
 pub fn best_network(sweep: &Sweep) -> Option<Best<'_>> {
-    let distance = |m: &Measured| m.error.map_or(f64::NAN, |error| error.distance);
-    let network = networks(sweep).min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+    let error = |m: &Measured| m.error.map_or(f64::NAN, |error| error.distance);
+    let network = networks(sweep).min_by(|a, b| error(a).total_cmp(&error(b)))?;
     let rivals = rivals(sweep, network);
-    let costs: Vec<_> = rivals.iter().map(|m| m.cost(|e| e.mse)).collect();
-    let found = as_accurate(network.cost(|e| e.mse), &costs, sweep.floor.mse);
+    let costs: Vec<_> = rivals.iter().map(|m| m.cost(distance)).collect();
+    let found = as_accurate(network.cost(distance), &costs, sweep.floor.distance);
     let rival = found.map(|k| rivals[k]);
     let break_even = match (rival, model_cost(network)) {
         (Some(rival), Some(Ok(cost))) => break_even(cost.total(), network.seconds, rival.seconds),
@@ -124,8 +122,8 @@ pub fn pay_back(sweep: &Sweep) -> Vec<Result<[PayBack<'_>; 2], (&Measured, Strin
             solvers.iter().copied().filter(|m| m.family == Family::Packings).collect();
         all.push(Ok([("all solvers", solvers), ("packings", packings)].map(
             |(against, rivals)| {
-                let costs: Vec<_> = rivals.iter().map(|m| m.cost(|e| e.mse)).collect();
-                let found = as_accurate(network.cost(|e| e.mse), &costs, sweep.floor.mse);
+                let costs: Vec<_> = rivals.iter().map(|m| m.cost(distance)).collect();
+                let found = as_accurate(network.cost(distance), &costs, sweep.floor.distance);
                 let runs =
                     found.and_then(|k| break_even(invested, network.seconds, costs[k].seconds));
                 let rival = found.map(|k| rivals[k]);
@@ -138,6 +136,10 @@ pub fn pay_back(sweep: &Sweep) -> Vec<Result<[PayBack<'_>; 2], (&Measured, Strin
 
 fn networks(sweep: &Sweep) -> impl Iterator<Item = &Measured> {
     sweep.measured.iter().filter(|m| m.family == Family::Network && m.error.is_some())
+}
+
+fn distance(error: &Error) -> f64 {
+    error.distance
 }
 
 fn model_cost(network: &Measured) -> Option<Result<ModelCost, String>> {

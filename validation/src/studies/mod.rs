@@ -8,6 +8,7 @@ pub mod pareto;
 pub mod ranking;
 pub mod recommendations;
 pub mod rollouts;
+pub mod solver_column;
 pub mod stability;
 pub mod stated_accuracy;
 pub mod statistics;

@@ -3,9 +3,9 @@
 use dempm::trajectory::Trajectory;
 
 use crate::context::Context;
+use crate::literature::paper::{GIVEN_FRAMES, STATED_ERRORS, StatedError, When};
 use crate::models::{Model, baseline_and_others};
 use crate::studies::rollouts::{Rollout, roll_out};
-use crate::truth::paper::{GIVEN_FRAMES, STATED_ERRORS, StatedError, When};
 
 /// A stated error and what a network of ours reaches.
 pub struct Reached {

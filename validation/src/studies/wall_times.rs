@@ -3,8 +3,8 @@
 use dempm::trajectory::Trajectory;
 
 use crate::context::{Context, Start};
+use crate::literature::paper::{WALL_TIMES, WallTime};
 use crate::models::{Model, baseline};
-use crate::truth::paper::{WALL_TIMES, WallTime};
 use crate::wall_time::computing;
 
 /// Our times of a case of the paper.

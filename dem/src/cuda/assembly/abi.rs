@@ -148,9 +148,15 @@ cuda_struct! {
         pub searches: u32,
         /// Step of the last search.
         pub searched: u32,
+        /// Number of the first step: 0 or 1, so that even steps always read the same buffer.
+        pub first: u32,
+        /// Rounds of this sequence in which steps were made.
+        pub rounds: u32,
         pub unused: u32,
         /// Largest overlap over the smaller radius, as bits.
         pub overlap: R::Fraction,
+        /// Of one of several ranks: largest horizontal displacement (units) since the sort, at a search.
+        pub drift: R::Fraction,
         /// Square of the largest displacement (m²) since the last search, as bits: before each step of the
         /// round, and after the last.
         pub moved: [R::Fraction; STEPS + 1],
@@ -159,7 +165,8 @@ cuda_struct! {
     /// Arrays over discs in the order of memory. Rows follow each other at a distance of `discs`.
     pub(super) struct Arrays<R: CudaReal> {
         pub control: Pointer<Control<R>>,
-        /// Two buffers: steps of even number read the first.
+        /// Two buffers: steps of even number read the first, of one of several ranks the even steps of each
+        /// round.
         pub disc: Pointer<Disc<R>>,
         /// Identity of each disc.
         pub id: Pointer<u32>,
@@ -181,6 +188,8 @@ cuda_struct! {
         pub bin_count: Pointer<u32>,
         /// Discs in each bin.
         pub binned: Pointer<Binned<R>>,
+        /// Horizontal position at the sort; of one of several ranks.
+        pub sorted: Pointer<R::Fraction>,
     }
 
     /// Constants of an assembly.
@@ -218,8 +227,17 @@ cuda_struct! {
         /// Largest displacement since a search (m).
         pub allowed: R,
         pub overlap_limit: R,
+        /// Largest horizontal displacement (units) since the sort up to which the window holds all that may
+        /// come near the own discs; 0: the window is the whole domain.
+        pub margin: R::Fraction,
         /// Discs, fixed ones included.
         pub discs: u32,
+        /// Whether this is one of several ranks.
+        pub ranked: u32,
+        /// Places in memory of the discs that this rank advances, from the first to before the second.
+        pub own: [u32; 2],
+        /// Of those and of the discs around them, which other ranks send.
+        pub window: [u32; 2],
         pub bodies: u32,
         /// Bins along a side of the region.
         pub bins: u32,

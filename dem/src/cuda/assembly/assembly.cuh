@@ -46,11 +46,31 @@ __device__ inline void fail(Control& c, unsigned step, unsigned kind, unsigned i
     atomicMin(&c.failed, code);
 }
 
+// A square of a displacement (m²) that makes any list outdated: no further step is made.
+constexpr Real FAILED = Real(1e30);
+
 __device__ inline bool has_failed(const Control& c) { return ~c.failed != 0; }
 
-// Discs after `step` steps.
+// Whether a disc of any rank has moved too far for the windows: only the host can widen them.
+__device__ inline bool has_drifted(const Control& c, const Parameters& p) {
+    return p.margin != 0 && c.drift > p.margin;
+}
+
+// Discs before step `k` of a round, which is step `step` of all. Ranks exchange discs at fixed addresses:
+// their rounds begin and end with the first buffer.
+__device__ inline Disc* discs_before(const Arrays& a, const Parameters& p, unsigned step, unsigned k) {
+    // `ranked ? k : step`, which would take registers.
+    return a.disc + size_t((step - p.ranked * (step - k)) & 1u) * p.discs;
+}
+
+// Discs between two rounds, after `step` steps.
 __device__ inline Disc* discs_after(const Arrays& a, const Parameters& p, unsigned step) {
-    return a.disc + size_t(step & 1u) * p.discs;
+    return discs_before(a, p, step, 0);
+}
+
+// Time (s) after `step` steps.
+__device__ inline double time_after(const Control& c, const Parameters& p, unsigned step) {
+    return c.time + (step - c.first) * p.dt;
 }
 
 // Vector from `from` to `to` (m).

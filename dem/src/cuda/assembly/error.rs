@@ -1,6 +1,7 @@
 //! Failures of assemblies on a GPU.
 
 use cudarc::driver::DriverError;
+use gpu::ranks::RanksError;
 
 use crate::assembly::AssemblyError;
 
@@ -10,6 +11,12 @@ pub enum CudaAssemblyError {
     /// A failure of the device.
     #[error(transparent)]
     Gpu(#[from] gpu::Error),
+    /// Another rank is gone.
+    #[error(transparent)]
+    Ranks(#[from] RanksError),
+    /// Ranks have prepared other discs than rank 0.
+    #[error("the ranks have prepared different numbers of discs: {0:?}")]
+    Differ(Vec<u64>),
     /// As on the CPU.
     #[error(transparent)]
     Assembly(#[from] AssemblyError),

@@ -10,7 +10,7 @@ const SKIN: f64 = 2.0;
 /// Bins per disc, at most: larger bins in sparse domains.
 const BINS_PER_DISC: f64 = 8.0;
 /// Side of a tile in bins, as `TILE` in `assembly.cuh`.
-const TILE: u32 = 8;
+pub(super) const TILE: u32 = 8;
 /// Room beyond what undeformed discs need.
 const PRESSED: f64 = 1.3;
 

@@ -11,7 +11,7 @@ use super::abi::{
 use super::losses::SumLosses;
 use super::output::WriteOutput;
 use super::search::{Begin, Bins, Finish, List};
-use super::sort::{Count, Places, Reorder, Scan, Starts};
+use super::sort::{Columns, Count, Places, Reorder, Scan, Starts};
 use super::step::Step;
 use crate::cuda::real::CudaReal;
 
@@ -57,6 +57,7 @@ pub fn source<R: CudaReal>() -> String {
         Count<R>,
         Scan,
         Starts<R>,
+        Columns<R>,
         Places<R>,
         Reorder<R>,
         SumLosses<R>,
@@ -89,6 +90,7 @@ pub(super) struct Kernels<R: CudaReal> {
     pub count: Function<Count<R>>,
     pub scan: Function<Scan>,
     pub starts: Function<Starts<R>>,
+    pub columns: Function<Columns<R>>,
     pub places: Function<Places<R>>,
     pub reorder: Function<Reorder<R>>,
     pub losses: Function<SumLosses<R>>,
@@ -108,6 +110,7 @@ impl<R: CudaReal> Kernels<R> {
             count: Function::load(device, &module)?,
             scan: Function::load(device, &module)?,
             starts: Function::load(device, &module)?,
+            columns: Function::load(device, &module)?,
             places: Function::load(device, &module)?,
             reorder: Function::load(device, &module)?,
             losses: Function::load(device, &module)?,

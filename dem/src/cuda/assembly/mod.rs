@@ -2,7 +2,7 @@
 //!
 //! Every step is one kernel, one thread a disc (`step.cu`). Sixteen steps and the decision on a search
 //! (`search.cu`) are one CUDA graph, which the host launches until the steps are done: steps that find the
-//! lists outdated do nothing.
+//! lists outdated do nothing. On several GPUs every rank advances a vertical slab (`shared.rs`).
 
 mod abi;
 mod error;
@@ -12,6 +12,8 @@ mod losses;
 mod output;
 mod parameters;
 mod search;
+mod shared;
+mod slabs;
 mod solver;
 mod sort;
 mod step;

@@ -9,20 +9,31 @@ use crate::assembly::Assembly;
 use crate::cuda::real::CudaReal;
 
 impl<R: CudaReal> Control<R> {
-    /// A sequence of `target` steps from `time` (s) on.
-    pub fn sequence(time: f64, target: u32, searches: u32, overlap: f64) -> Self {
+    /// A sequence of `steps` steps from `time` (s) on, after the sequence `last`.
+    pub fn sequence(time: f64, steps: u32, last: Option<&Self>) -> Self {
+        // Steps of even number read the first buffer.
+        let first = last.map_or(0, |last| last.steps & 1);
         Self {
             time,
             failed: u64::MAX,
-            steps: 0,
-            target,
+            steps: first,
+            target: first + steps,
             done: 0,
-            searches,
-            searched: 0,
+            // Which set of counts is empty.
+            searches: last.map_or(0, |last| last.searches & 1),
+            searched: first,
+            first,
+            rounds: 0,
             unused: 0,
-            overlap: R::from_f64(overlap).to_bits(),
+            overlap: last.map_or(R::default().to_bits(), |last| last.overlap),
+            drift: R::Fraction::default(),
             moved: [R::Fraction::default(); STEPS + 1],
         }
+    }
+
+    /// Steps that were made.
+    pub fn made(&self) -> u32 {
+        self.steps - self.first
     }
 
     /// Largest overlap over the smaller radius.
@@ -60,7 +71,11 @@ pub(super) fn parameters<R: CudaReal>(
         skin: real(grid.skin),
         allowed: real(0.5 * grid.skin),
         overlap_limit: real(grains.overlap_limit),
+        margin: R::Fraction::default(),
         discs: assembly.discs.len() as u32,
+        ranked: 0,
+        own: [0, assembly.discs.len() as u32],
+        window: [0, assembly.discs.len() as u32],
         bodies: bodies as u32,
         bins: grid.bins,
         tiles: grid.tiles,
@@ -76,7 +91,11 @@ pub(super) fn bytes<R: CudaReal>(discs: usize, grid: &Grid) -> usize {
     let bodies = NEAR_BODIES * size_of::<History<R>>() + size_of::<u32>();
     let disc = 2 * size_of::<Disc<R>>() + size_of::<u32>() + rows * contact + bodies;
     let losses = size_of::<Loss<R>>() + size_of::<RareLoss<R>>();
-    let once = size_of::<Position<R>>() + size_of::<Output<R>>() + 2 * size_of::<u32>() + losses;
+    let once = size_of::<Position<R>>()
+        + size_of::<R::Fraction>()
+        + size_of::<Output<R>>()
+        + 2 * size_of::<u32>()
+        + losses;
     let bin = 3 * size_of::<u32>() + grid.capacity as usize * size_of::<Binned<R>>();
     discs * (2 * disc + once) + grid.count() * bin
 }

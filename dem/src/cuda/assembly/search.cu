@@ -1,5 +1,5 @@
-// Search for neighbours: twin of dem/src/assembly/search.rs. Bins are filled, and every disc lists the
-// discs within reach in the bins around it.
+// Search for neighbours: twin of dem/src/assembly/search.rs. Bins are filled with the discs of the window,
+// and every own disc lists the discs within reach in the bins around it.
 
 // Whether a search is due after the present round: the lists are outdated, or would be within another
 // round of the same motion.
@@ -10,9 +10,9 @@ __device__ inline bool is_due(const Control& c, const Parameters& p, unsigned fo
     return now > p.allowed || now + Real(1.1) * (now - before) > p.allowed;
 }
 
-// Bins of a tile follow each other, and tiles row by row.
+// Bins of a tile follow each other, and tiles column by column: a part of memory is a vertical slab.
 __device__ inline unsigned bin_index(const Parameters& p, unsigned x, unsigned y) {
-    return ((y / TILE * p.tiles[0] + x / TILE) * TILE + y % TILE) * TILE + x % TILE;
+    return ((x / TILE * p.tiles[1] + y / TILE) * TILE + y % TILE) * TILE + x % TILE;
 }
 
 __device__ inline unsigned bins_in_all(const Parameters& p) {
@@ -34,20 +34,25 @@ __device__ inline unsigned* counts(const Arrays& a, const Parameters& p, unsigne
 // Places bodies at the start of a sequence of steps.
 extern "C" __global__ void assembly_begin(Arrays a, Parameters p) {
     const Control& c = *a.control;
-    const double time = c.time + c.steps * p.dt;
+    const double time = time_after(c, p, c.steps);
     for (unsigned b = threadIdx.x; b < p.bodies; b += blockDim.x) {
         place_body(&a.body[b], &bodies_after(a, p, c.steps)[b], p.origin[0], p.origin[1], p.side,
                    time, time);
     }
 }
 
-// Puts every disc into its bin.
+// Puts every disc of the window into its bin.
 extern "C" __global__ void assembly_bins(Arrays a, Parameters p, unsigned force) {
     await_turn();
     Control& c = *a.control;
-    const unsigned i = blockIdx.x * blockDim.x + threadIdx.x;
-    if (has_failed(c) || !is_due(c, p, force) || i >= p.discs) return;
+    const unsigned i = p.window[0] + blockIdx.x * blockDim.x + threadIdx.x;
+    if (has_failed(c) || has_drifted(c, p) || !is_due(c, p, force) || i >= p.window[1]) return;
     const Place place = discs_after(a, p, c.steps + c.done)[i].place;
+    if (p.margin != 0 && p.own[0] <= i && i < p.own[1]) {
+        const Signed drift = Signed(place.x - a.sorted[i]);
+        const Fraction distance = Fraction(drift < 0 ? -drift : drift);
+        if (distance > c.drift) atomicMax(&c.drift, distance);
+    }
     const unsigned bin = bin_index(p, bin_x(p, place.x), bin_y(p, place.y));
     const unsigned slot = atomicAdd(&counts(a, p, c.searches)[bin], 1u);
     if (slot < p.capacity) {
@@ -135,16 +140,17 @@ __device__ inline bool list_bodies(const Arrays& a, const Parameters& p, const P
     return found != 0;
 }
 
-// Lists the neighbours of every disc; touching pairs keep their history.
+// Lists the neighbours of every own disc; touching pairs keep their history.
 extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force) {
     await_turn();
     Control& c = *a.control;
-    if (has_failed(c) || !is_due(c, p, force)) return;
-    const unsigned i = blockIdx.x * blockDim.x + threadIdx.x;
+    if (has_failed(c) || has_drifted(c, p) || !is_due(c, p, force)) return;
+    const unsigned n = blockIdx.x * blockDim.x + threadIdx.x;
     // For the next search.
     unsigned* next = counts(a, p, c.searches + 1);
-    for (unsigned b = i; b < bins_in_all(p); b += gridDim.x * blockDim.x) next[b] = 0;
-    if (i >= p.discs) return;
+    for (unsigned b = n; b < bins_in_all(p); b += gridDim.x * blockDim.x) next[b] = 0;
+    const unsigned i = p.own[0] + n;
+    if (i >= p.own[1]) return;
     const unsigned step = c.steps + c.done;
     Disc* now = discs_after(a, p, step);
     const Place place = now[i].place;
@@ -185,12 +191,15 @@ extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force)
     now[i].motion.info = found | (bodies ? BODIES_NEAR : 0u) | touching << FIRST_ROW;
 }
 
-// Ends a round: counts its steps.
+// Ends a round: counts its steps. Where windows have to be widened before the search that is due, no step is
+// made until then.
 extern "C" __global__ void assembly_finish(Arrays a, Parameters p, unsigned force) {
     await_turn();
     Control& c = *a.control;
-    const Fraction moved = c.moved[c.done];
-    const bool searched = is_due(c, p, force);
+    const bool drifted = has_drifted(c, p);
+    const Fraction moved = drifted ? bits_of(FAILED) : c.moved[c.done];
+    const bool searched = !drifted && is_due(c, p, force);
+    c.rounds += c.done != 0;
     c.steps += c.done;
     c.done = 0;
     for (unsigned k = 0; k <= STEPS; ++k) c.moved[k] = 0;

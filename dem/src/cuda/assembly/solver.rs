@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
 use cudarc::driver::{CudaGraph, CudaSlice, PinnedHostSlice};
+use gpu::ranks::Ranks;
 use gpu::{ConstPointer, Device, Launch, Pointer};
 use rayon::prelude::*;
 
@@ -18,7 +19,8 @@ use super::losses::{LOSSES, SUM_THREADS, SumLosses};
 use super::output::WriteOutput;
 use super::parameters::{bytes, parameters};
 use super::search::{Begin, Bins, Finish, List};
-use super::sort::{CHUNK, Count, Places, Reorder, SCAN_THREADS, Scan, Starts};
+use super::shared::Shared;
+use super::sort::{CHUNK, Columns, Count, Places, Reorder, SCAN_THREADS, Scan, Starts};
 use super::step::Step;
 use super::transfer::Host;
 use crate::assembly::{Assembly, AssemblyError, Energy, GrainFailure, GrainState, Losses, Region};
@@ -50,6 +52,7 @@ pub struct CudaAssembly<R: CudaReal> {
     lost: CudaSlice<f64>,
     bin_count: CudaSlice<u32>,
     binned: CudaSlice<Binned<R>>,
+    sorted: CudaSlice<R::Fraction>,
     chunk: CudaSlice<u32>,
     start: CudaSlice<u32>,
     place_of: CudaSlice<u32>,
@@ -68,6 +71,8 @@ pub struct CudaAssembly<R: CudaReal> {
     last: Option<Control<R>>,
     /// Losses up to the last fetch.
     losses: Losses,
+    /// As one of several ranks. Dropped after the graphs, which hold its operations.
+    shared: Option<Shared>,
 }
 
 /// Arrays in the order of memory.
@@ -100,6 +105,20 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// # Errors
     /// Too little memory; radii too unequal for the lists; no compiler.
     pub fn upload(device: &Arc<Device>, assembly: &Assembly<R>) -> Result<Self, CudaAssemblyError> {
+        Self::upload_on(device, assembly, None)
+    }
+
+    /// As [`upload`](Self::upload); as one of several ranks, to advance a part of the discs. Calls of
+    /// [`queue`](Self::queue), [`finish`](Self::finish) and [`advance`](Self::advance) are then collective, and
+    /// only [the first](Self::is_first) of the ranks can fetch states and losses or download.
+    ///
+    /// # Errors
+    /// As [`upload`](Self::upload).
+    pub fn upload_on(
+        device: &Arc<Device>,
+        assembly: &Assembly<R>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<Self, CudaAssemblyError> {
         let count = assembly.discs.len();
         if count >= 1 << 31 {
             return Err(CudaAssemblyError::TooMany(count));
@@ -118,11 +137,13 @@ impl<R: CudaReal> CudaAssembly<R> {
         stream.memcpy_htod(&host.body_history, &mut discs.body_history)?;
         let bodies: Vec<Body> = assembly.bodies.iter().map(Body::from).collect();
         let kernels = Kernels::load(device, rows)?;
+        let shared = ranks.map(|ranks| Shared::new(device, ranks, &grid, count)).transpose()?;
+        let p = parameters(assembly, &grid, bodies.len());
         Ok(Self {
             kernels,
-            p: parameters(assembly, &grid, bodies.len()),
+            p: shared.as_ref().map_or(p, |shared| shared.parameters(&p)),
             grid,
-            control: device.upload(&[Control::sequence(0.0, 0, 0, 0.0)])?,
+            control: device.upload(&[Control::sequence(0.0, 0, None)])?,
             spare: DeviceDiscs::zeros(device, count, rows)?,
             discs,
             reference: device.zeros(count)?,
@@ -133,6 +154,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             lost: device.zeros(LOSSES * count.div_ceil(SUM_THREADS as usize))?,
             bin_count: device.zeros(2 * grid.count())?,
             binned: device.zeros(grid.capacity as usize * grid.count())?,
+            sorted: device.zeros(count)?,
             chunk: device.zeros(grid.count().div_ceil(CHUNK))?,
             start: device.zeros(grid.count())?,
             place_of: device.zeros(count)?,
@@ -146,8 +168,14 @@ impl<R: CudaReal> CudaAssembly<R> {
             searches: 0,
             last: None,
             losses: assembly.losses,
+            shared,
             device: device.clone(),
         })
+    }
+
+    /// Whether this is the only rank or the first one.
+    pub fn is_first(&self) -> bool {
+        self.shared.as_ref().is_none_or(Shared::is_first)
     }
 
     /// Device memory that an assembly takes (bytes).
@@ -193,21 +221,29 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// # Errors
     /// A launch was refused.
     pub fn queue(&mut self, steps: usize) -> Result<(), CudaAssemblyError> {
-        let overlap = self.last.map_or(0.0, |c| c.overlap());
-        // Steps of even number read the first buffer.
-        let first = self.last.map_or(0, |c| c.steps & 1);
-        let mut control =
-            Control::sequence(self.time, steps as u32, self.parity_searches(), overlap);
-        control.time -= f64::from(first) * self.p.dt;
-        (control.steps, control.searched) = (first, first);
-        control.target += first;
+        let control = Control::sequence(self.time, steps as u32, self.last.as_ref());
+        let arrays = self.arrays();
+        if let Some(shared) = &mut self.shared {
+            shared.make_equal(&arrays)?;
+        }
         let stream = self.device.stream().clone();
         stream.memcpy_htod(&[control], &mut self.control)?;
         self.sort()?;
+        self.divide()?;
         self.search(1)?;
-        // Searches interrupt rounds: a few more are needed.
-        let rounds = steps.div_ceil(STEPS);
-        self.rounds(rounds + rounds / 4 + 1)
+        self.rounds(self.expected_rounds(steps))
+    }
+
+    /// Rounds to queue for so many steps: searches interrupt rounds.
+    fn expected_rounds(&self, steps: usize) -> usize {
+        let least = steps.div_ceil(STEPS);
+        match self.last {
+            // Ranks exchange even where no step is made: as many as the last steps took.
+            Some(last) if self.shared.is_some() => {
+                (steps * last.rounds as usize).div_ceil(last.made().max(1) as usize).max(least)
+            }
+            _ => least + least / 4 + 1,
+        }
     }
 
     /// Waits for queued steps.
@@ -217,16 +253,23 @@ impl<R: CudaReal> CudaAssembly<R> {
     pub fn finish(&mut self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
         loop {
+            self.agree()?;
             let control = stream.clone_dtoh(&self.control)?[0];
             if control.failed != u64::MAX {
                 return Err(self.failure(&control)?);
             }
+            if self.shared.is_some() && control.drift > self.p.margin {
+                self.widen(&control)?;
+                continue;
+            }
             if control.steps >= control.target {
-                let steps = control.steps - self.last.map_or(0, |c| c.steps & 1);
-                self.steps += u64::from(steps);
+                self.steps += u64::from(control.made());
                 self.searches += u64::from(control.searches - self.parity_searches());
-                self.time += f64::from(steps) * self.p.dt;
+                self.time += f64::from(control.made()) * self.p.dt;
                 self.last = Some(control);
+                if let Some(shared) = &self.shared {
+                    shared.gather_all(&self.arrays())?;
+                }
                 return Ok(());
             }
             let left = (control.target - control.steps) as usize;
@@ -253,7 +296,7 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// A kernel failed.
     pub fn fetch_states(&mut self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
-        let launch = self.each(COPY_THREADS);
+        let launch = self.over_all(COPY_THREADS);
         let output = Pointer::to(&self.output, &stream);
         let arguments = WriteOutput { a: self.arrays(), p: self.p, output };
         // SAFETY: the output has one entry for each grain that can move.
@@ -285,7 +328,7 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// that they have the same bits after a download.
     fn fetch_losses(&mut self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
-        let launch = self.each(SUM_THREADS);
+        let launch = self.over_all(SUM_THREADS);
         let total = Pointer::to(&self.lost, &stream);
         let arguments = SumLosses { a: self.arrays(), p: self.p, total };
         // SAFETY: totals have as many entries as there are blocks.
@@ -311,8 +354,9 @@ impl<R: CudaReal> CudaAssembly<R> {
         self.fetch_losses()?;
         assembly.losses = self.losses;
         let count = self.p.discs as usize;
+        // Ranks end their rounds with the first buffer.
         let parity = self.last.map_or(0, |c| c.steps as usize & 1);
-        let from = parity * count;
+        let from = if self.shared.is_some() { 0 } else { parity * count };
         Host {
             disc: stream.clone_dtoh(&self.discs.disc.slice(from..from + count))?,
             id: stream.clone_dtoh(&self.discs.id)?,
@@ -349,14 +393,16 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// Puts discs in the order of bins.
     fn sort(&mut self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
-        let (a, p) = (self.arrays(), self.p);
+        let a = self.arrays();
+        let all = [0, self.p.discs];
+        let p = Parameters { own: all, window: all, margin: R::Fraction::default(), ..self.p };
         let chunk = Pointer::to(&self.chunk, &stream);
         let start = Pointer::to(&self.start, &stream);
         let place_of = Pointer::to(&self.place_of, &stream);
         let disc_at = Pointer::to(&self.disc_at, &stream);
         let chunks = self.grid.count().div_ceil(CHUNK) as u32;
         let blocks = Launch::blocks(chunks, SCAN_THREADS);
-        let each = self.each(COPY_THREADS);
+        let each = self.over_all(COPY_THREADS);
         let b = self.arrays_of(&self.spare);
         let k = &self.kernels;
         // SAFETY: arrays are as long as the numbers of discs, bins and chunks say.
@@ -364,7 +410,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             k.begin.launch(&stream, Launch::blocks(1, 32), &Begin { a, p })?;
             // Losses are by place.
             let total = Pointer::to(&self.lost, &stream);
-            k.losses.launch(&stream, self.each(SUM_THREADS), &SumLosses { a, p, total })?;
+            k.losses.launch(&stream, self.over_all(SUM_THREADS), &SumLosses { a, p, total })?;
             k.bins.launch(&stream, each, &Bins { a, p, force: 1 })?;
             k.count.launch(&stream, blocks, &Count { a, p, chunk })?;
             k.scan.launch(&stream, Launch::blocks(1, SCAN_THREADS), &Scan { chunk, chunks })?;
@@ -382,25 +428,83 @@ impl<R: CudaReal> CudaAssembly<R> {
         Ok(())
     }
 
+    /// Divides discs among ranks in the new order.
+    fn divide(&mut self) -> Result<(), CudaAssemblyError> {
+        let Some(shared) = &mut self.shared else { return Ok(()) };
+        let stream = self.device.stream();
+        let start = ConstPointer::to(&self.start, stream);
+        let arguments = Columns { p: self.p, start, column: Pointer::to(shared.column(), stream) };
+        // SAFETY: one number for each column of tiles.
+        unsafe {
+            self.kernels.columns.launch(stream, Launch::blocks(1, COPY_THREADS), &arguments)
+        }?;
+        let columns = stream.clone_dtoh(shared.column())?;
+        shared.divide(&columns);
+        self.take_share();
+        Ok(())
+    }
+
+    /// Makes the search that is due after discs have moved too far for the windows of ranks.
+    fn widen(&mut self, control: &Control<R>) -> Result<(), CudaAssemblyError> {
+        let arrays = self.arrays();
+        let Some(shared) = &mut self.shared else { return Ok(()) };
+        shared.gather_discs(&arrays)?;
+        shared.widen(R::fraction_to_f64(control.drift) * f64::from(self.grid.bins));
+        self.take_share();
+        let control = Control { drift: R::Fraction::default(), ..*control };
+        let stream = self.device.stream();
+        stream.memcpy_htod(&[control], &mut self.control)?;
+        stream.memset_zeros(&mut self.bin_count)?;
+        self.search(1)
+    }
+
+    /// Sets the constants of this rank's share.
+    fn take_share(&mut self) {
+        let Some(shared) = &self.shared else { return };
+        let p = shared.parameters(&self.p);
+        let share = |p: &Parameters<R>| (p.ranked, p.own, p.window, p.margin);
+        if share(&p) != share(&self.p) {
+            // Graphs hold the arguments of their kernels and the addresses of what ranks exchange.
+            self.graphs = [None, None];
+            self.p = p;
+        }
+    }
+
+    /// Queues that all ranks learn what concerns all.
+    fn agree(&self) -> Result<(), CudaAssemblyError> {
+        if let Some(shared) = &self.shared {
+            shared.agree(&self.arrays())?;
+        }
+        Ok(())
+    }
+
     /// Queues a search, in any case or where one is due, which ends a round.
     fn search(&self, force: u32) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream();
         let (a, p) = (self.arrays(), self.p);
-        let each = self.each(COPY_THREADS).early(true);
-        let one = Launch::blocks(1, 1).early(true);
+        let early = self.shared.is_none();
+        let binned = over(p.window, COPY_THREADS).early(early);
+        let listed = over(p.own, COPY_THREADS).early(early);
+        let one = Launch::blocks(1, 1).early(early);
         // SAFETY: arrays are as long as the numbers of discs and bins say.
         unsafe {
-            self.kernels.bins.launch(stream, each, &Bins { a, p, force })?;
-            self.kernels.list.launch(stream, each, &List { a, p, force })?;
+            self.kernels.bins.launch(stream, binned, &Bins { a, p, force })?;
+            self.agree()?;
+            self.kernels.list.launch(stream, listed, &List { a, p, force })?;
             self.kernels.finish.launch(stream, one, &Finish { a, p, force })?;
         }
         Ok(())
     }
 
     /// Queues rounds of steps.
-    fn rounds(&mut self, rounds: usize) -> Result<(), CudaAssemblyError> {
+    fn rounds(&mut self, mut rounds: usize) -> Result<(), CudaAssemblyError> {
         let set = usize::from(self.swapped);
         if self.graphs[set].is_none() {
+            if self.shared.is_some() && rounds > 0 {
+                // Ranks connect outside of a capture.
+                self.queue_round()?;
+                rounds -= 1;
+            }
             self.graphs[set] = Some(self.capture()?);
         }
         if let Some(graph) = &self.graphs[set] {
@@ -424,20 +528,24 @@ impl<R: CudaReal> CudaAssembly<R> {
 
     fn queue_round(&self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream();
-        let mut launch = self.each(THREADS).early(true);
+        let (a, p) = (self.arrays(), self.p);
+        let mut launch = over(p.own, THREADS).early(self.shared.is_none());
         // One more block moves the bodies.
-        launch.grid[0] += self.p.bodies_move;
-        for k in 0..STEPS as u32 {
-            let arguments = Step { a: self.arrays(), p: self.p, k };
+        launch.grid[0] += p.bodies_move;
+        for k in 0..STEPS {
+            let arguments = Step { a, p, k: k as u32 };
             // SAFETY: arrays are as long as the numbers of discs say.
             unsafe { self.kernels.step.launch(stream, launch, &arguments) }?;
+            if let Some(shared) = &self.shared {
+                shared.exchange(&a, k)?;
+            }
         }
         self.search(0)
     }
 
     /// One thread for each disc.
-    fn each(&self, threads: u32) -> Launch {
-        Launch::each(self.p.discs as usize, threads)
+    fn over_all(&self, threads: u32) -> Launch {
+        over([0, self.p.discs], threads)
     }
 
     fn arrays(&self) -> Arrays<R> {
@@ -461,12 +569,14 @@ impl<R: CudaReal> CudaAssembly<R> {
             rare_loss: Pointer::to(&self.rare_loss, stream),
             bin_count: Pointer::to(&self.bin_count, stream),
             binned: Pointer::to(&self.binned, stream),
+            sorted: Pointer::to(&self.sorted, stream),
         }
     }
 
     /// The grain that failed first.
     fn failure(&self, control: &Control<R>) -> Result<CudaAssemblyError, CudaAssemblyError> {
-        let (step, kind) = (self.steps + (control.failed >> 36), control.failed >> 32 & 15);
+        let step = self.steps + (control.failed >> 36) - u64::from(control.first);
+        let kind = control.failed >> 32 & 15;
         let id = control.failed as u32;
         let grain = id as usize;
         let stream = self.device.stream();
@@ -479,6 +589,9 @@ impl<R: CudaReal> CudaAssembly<R> {
             Failure::BODIES_FULL => return Ok(full("walls and boxes")),
             _ => return Ok(full("grains in one place")),
         };
+        if let Some(shared) = &self.shared {
+            shared.gather_discs(&self.arrays())?;
+        }
         let ids = stream.clone_dtoh(&self.discs.id)?;
         let at = ids.iter().position(|&i| i == id).unwrap_or(0);
         let place = stream.clone_dtoh(&self.discs.disc.slice(at..=at))?[0].place;
@@ -486,4 +599,9 @@ impl<R: CudaReal> CudaAssembly<R> {
         let position = region.decode::<R>([place.x, place.y]);
         Ok(AssemblyError::Grain { step, grain, position, failure }.into())
     }
+}
+
+/// One thread for each of a range of discs.
+fn over([first, end]: [u32; 2], threads: u32) -> Launch {
+    Launch::each((end - first) as usize, threads)
 }

@@ -76,6 +76,13 @@ extern "C" __global__ void __launch_bounds__(SCAN_THREADS) assembly_starts(Array
     }
 }
 
+// Number of discs before each column of tiles. One block.
+extern "C" __global__ void assembly_columns(Parameters p, const unsigned* start, unsigned* column) {
+    for (unsigned x = threadIdx.x; x < p.tiles[0]; x += blockDim.x) {
+        column[x] = start[bin_index(p, x * TILE, 0)];
+    }
+}
+
 // New place of every disc: by bins, and within a bin by identity.
 extern "C" __global__ void assembly_places(Arrays a, Parameters p, const unsigned* start, unsigned* place_of, unsigned* disc_at) {
     const unsigned i = blockIdx.x * blockDim.x + threadIdx.x;
@@ -100,6 +107,7 @@ extern "C" __global__ void assembly_reorder(Arrays a, Arrays b, Parameters p, co
     const Disc disc = discs_after(a, p, step)[i];
     discs_after(b, p, step)[n] = disc;
     b.id[n] = a.id[i];
+    if (p.ranked != 0) a.sorted[n] = disc.place.x;
     const unsigned info = unsigned(disc.motion.info);
     for (unsigned row = 0; row < (info & ROWS_MASK); ++row) {
         const size_t from = size_t(row) * p.discs + i;

@@ -40,6 +40,16 @@ kernel! {
         pub start: Pointer<u32>,
     }
 
+    /// Number of discs before each column of tiles.
+    pub(super) struct Columns<R: CudaReal>: assembly_columns {
+        /// Constants.
+        pub p: Parameters<R>,
+        /// Discs before each bin.
+        pub start: ConstPointer<u32>,
+        /// Discs before each column.
+        pub column: Pointer<u32>,
+    }
+
     /// New place of every disc.
     pub(super) struct Places<R: CudaReal>: assembly_places {
         /// The discs.

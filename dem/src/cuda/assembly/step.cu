@@ -1,4 +1,4 @@
-// One DEM step of all discs, one thread each: twin of dem/src/assembly/tile.rs. Both discs of a pair
+// One DEM step of all own discs, one thread each: twin of dem/src/assembly/tile.rs. Both discs of a pair
 // evaluate their contact, with the same bits, so that no thread writes what another one reads.
 
 // Sums over the contacts of a disc.
@@ -159,10 +159,24 @@ __device__ inline Real move_bodies(const Arrays& a, const Parameters& p, const C
     for (unsigned b = threadIdx.x; b < p.bodies; b += THREADS) {
         largest2 = max(largest2, place_body(&a.body[b], &bodies_after(a, p, step + 1)[b],
                                             p.origin[0], p.origin[1], p.side,
-                                            c.time + (step + 1) * p.dt,
-                                            c.time + c.searched * p.dt));
+                                            time_after(c, p, step + 1),
+                                            time_after(c, p, c.searched)));
     }
     return Real(largest2);
+}
+
+// Notes a failure in step `k` of a round, and stops all ranks.
+__device__ inline void fail_step(Control& c, unsigned step, unsigned k, unsigned kind, unsigned id) {
+    fail(c, step, kind, id);
+    atomicMax(&c.moved[k + 1], bits_of(FAILED));
+}
+
+// In place of a step. A rank whose round ends after an odd number of steps copies its discs to the first
+// buffer.
+__device__ inline void keep(const Arrays& a, const Parameters& p, const Control& c, unsigned k,
+                            unsigned i) {
+    if (p.ranked == 0 || c.done != k || (k & 1u) == 0 || i >= p.own[1]) return;
+    *(discs_before(a, p, 0, k + 1) + i) = *(discs_before(a, p, 0, k) + i);
 }
 
 extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
@@ -170,43 +184,46 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
     await_turn();
     Control& c = *a.control;
     const unsigned step = c.steps + k;
-    const unsigned i = blockIdx.x * THREADS + threadIdx.x;
+    const unsigned n = blockIdx.x * THREADS + threadIdx.x;
+    const unsigned i = p.own[0] + n;
     const Fraction moved_before = c.moved[k];
-    if (has_failed(c) || step >= c.target) return;
-    if (real_of(moved_before) > p.allowed * p.allowed) {
-        // The lists are outdated, and remain so until a search.
-        if (i == 0) c.moved[k + 1] = moved_before;
+    if (has_failed(c)) return;
+    const bool outdated = real_of(moved_before) > p.allowed * p.allowed;
+    if (outdated || step >= c.target) {
+        // Lists that are outdated remain so until a search.
+        if (outdated && n == 0) c.moved[k + 1] = moved_before;
+        keep(a, p, c, k, i);
         return;
     }
-    if (i == 0) c.done = k + 1;
+    if (n == 0) c.done = k + 1;
     Real moved2 = 0;
     if (blockIdx.x == gridDim.x - 1) moved2 = move_bodies(a, p, c, step);
-    if (i < p.discs) {
-        const Disc* now = discs_after(a, p, step);
+    if (i < p.own[1]) {
+        const Disc* now = discs_before(a, p, step, k);
         Disc disc = now[i];
         if (disc.place.inv_mass != Real(0)) {
             Sums sum = {};
             unsigned info = unsigned(disc.motion.info);
             const unsigned touching = touch_discs(a, p, now, disc, i, sum);
             if ((info & BODIES_NEAR) != 0 && !touch_bodies(a, p, disc, i, step, sum)) {
-                fail(c, step, LEAK, a.id[i]);
+                fail_step(c, step, k, LEAK, a.id[i]);
             }
             info = (info & (ROWS_MASK | BODIES_NEAR)) | touching << FIRST_ROW;
             const Real lost = move(p, sum, disc);
             disc.motion.info = info;
             const Motion& u = disc.motion;
             if (!(u.x * u.x + u.y * u.y + u.w * u.w < Real(1e30))) {
-                fail(c, step, NOT_FINITE, a.id[i]);
+                fail_step(c, step, k, NOT_FINITE, a.id[i]);
             }
             if (sum.overlap > real_of(c.overlap)) atomicMax(&c.overlap, bits_of(sum.overlap));
-            if (sum.overlap > p.overlap_limit) fail(c, step, OVERLAP, a.id[i]);
+            if (sum.overlap > p.overlap_limit) fail_step(c, step, k, OVERLAP, a.id[i]);
             add_losses(a, p, i, sum, lost);
             const Position r = a.reference[i];
             const Real x = p.unit * Real(Signed(disc.place.x - r.x));
             const Real y = p.unit * Real(Signed(disc.place.y - r.y));
             moved2 = max(moved2, x * x + y * y);
         }
-        discs_after(a, p, step + 1)[i] = disc;
+        discs_before(a, p, step + 1, k + 1)[i] = disc;
     }
     note_move(c, p, k, moved2);
 }

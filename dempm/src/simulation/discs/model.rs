@@ -9,6 +9,7 @@ use dem::Grains;
 use dem::assembly::{Assembly, Energy, GrainState};
 use dem::cuda::CudaReal;
 use gpu::Device;
+use gpu::ranks::Ranks;
 use mpm::{Points, Vec2};
 use serde::{Deserialize, Serialize};
 
@@ -112,12 +113,18 @@ impl DiscModel {
         self.discs.record()
     }
 
-    /// Advances on a GPU from now on.
+    /// Advances on a GPU from now on; as one of several ranks, a part of the discs.
     pub(in crate::simulation) fn move_to(
         &mut self,
         device: &Arc<Device>,
+        ranks: Option<&Arc<Ranks>>,
     ) -> Result<(), SimulationError> {
-        self.discs.move_to(device)
+        self.discs.move_to(device, ranks)
+    }
+
+    /// Whether points and frames follow the discs; of several ranks only those of the first do.
+    pub(in crate::simulation) fn has_frames(&self) -> bool {
+        self.discs.has_states()
     }
 
     /// Means over the grains of points, as of the last frame.
@@ -135,7 +142,7 @@ impl DiscModel {
     ) -> Result<(usize, Duration), SimulationError> {
         let start = Instant::now();
         let steps = self.discs.advance(span, self.substeps)?;
-        if steps == span.to_frame {
+        if steps == span.to_frame && self.has_frames() {
             self.update(scene, span.first + steps, points)?;
         }
         Ok((steps, start.elapsed()))

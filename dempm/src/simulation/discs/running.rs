@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use dem::assembly::{Assembly, Energy, GrainState};
 use dem::cuda::{CudaAssembly, CudaReal};
+use gpu::ranks::Ranks;
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::error::SimulationError;
@@ -40,8 +41,15 @@ impl SceneAssembly {
 
 /// Discs that advance on the CPU or a GPU.
 pub(super) trait Running {
-    /// Advances on a GPU from now on.
-    fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), SimulationError>;
+    /// Advances on a GPU from now on; as one of several ranks, a part of the discs.
+    fn move_to(
+        &mut self,
+        device: &Arc<gpu::Device>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<(), SimulationError>;
+
+    /// Whether states and records are those of all discs; of several ranks only the first has them.
+    fn has_states(&self) -> bool;
 
     /// Advances by a macro step of `substeps` DEM steps on the CPU, or to the next frame on a GPU, which may
     /// then go on. Returns the macro steps made.
@@ -86,10 +94,18 @@ impl<R: CudaReal> Running for OnProcessor<R>
 where
     SceneAssembly: From<Assembly<R>>,
 {
-    fn move_to(&mut self, device: &Arc<gpu::Device>) -> Result<(), SimulationError> {
-        let assembly = CudaAssembly::upload(device, &self.assembly)?;
+    fn move_to(
+        &mut self,
+        device: &Arc<gpu::Device>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<(), SimulationError> {
+        let assembly = CudaAssembly::upload_on(device, &self.assembly, ranks)?;
         self.twin = Some(Twin { assembly, ahead: false, recorded: true });
         Ok(())
+    }
+
+    fn has_states(&self) -> bool {
+        self.twin.as_ref().is_none_or(|twin| twin.assembly.is_first())
     }
 
     fn advance(&mut self, span: &Span, substeps: usize) -> Result<usize, SimulationError> {
@@ -105,7 +121,9 @@ where
             assembly.queue(span.to_frame * substeps)?;
         }
         assembly.finish()?;
-        assembly.fetch_states()?;
+        if assembly.is_first() {
+            assembly.fetch_states()?;
+        }
         *ahead = span.ahead > 0;
         if *ahead {
             assembly.set_time(time(span.first + span.to_frame));
@@ -125,6 +143,7 @@ where
     fn record(&mut self) -> Result<(), SimulationError> {
         if let Some(twin) = &mut self.twin
             && !twin.recorded
+            && twin.assembly.is_first()
         {
             assert!(!twin.ahead, "a checkpoint is of one moment");
             twin.assembly.download_into(&mut self.assembly)?;

@@ -28,9 +28,9 @@ pub fn page(facts: &Facts, chapters: &[ReportChapter]) -> String {
          <header><h1>DEMPM validation report</h1>\n",
         plot::dark_style()
     );
-    html += "<p>A pile of grains collapses. A direct solver computes the forces between the grains; \
-             neural networks that learnt from it predict the same flow in less time. How long does \
-             each take, and how far off is it?</p>\n";
+    html += "<p>A pile of grains collapses. It can be computed grain by grain, with a packing of grains in every \
+             point of a coarser model, or with a formula for flowing grains, and predicted by networks that \
+             learnt from such runs. How long does each take, and how far off is it?</p>\n";
     write_first_screen(&mut html, chapters);
     for (_, note) in facts.iter().filter(|(name, _)| name == NOTE) {
         let _ = writeln!(html, "<p class=\"note\">{}</p>", inline(note));

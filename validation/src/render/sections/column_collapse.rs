@@ -3,6 +3,7 @@
 use plot::{Axis, Chart, Mark, Series};
 
 use crate::context::Context;
+use crate::literature::runout::LAWS;
 use crate::render::block::Block;
 use crate::render::figure::{Figure, Picture};
 use crate::render::section::Section;
@@ -10,7 +11,6 @@ use crate::render::table::Table;
 use crate::studies::column_collapse::{ASPECTS, Collapse, Deposit, estimate, measure};
 use crate::suite::Suite;
 use crate::text::number;
-use crate::truth::runout::LAWS;
 
 /// Runout and height of columns over their aspect ratio.
 pub struct ColumnCollapse;

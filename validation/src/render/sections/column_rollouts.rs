@@ -9,7 +9,7 @@ use crate::render::figure::Figure;
 use crate::render::rollouts::{animation, animation_of_runs, chart, failures, snapshots, table};
 use crate::render::section::Section;
 use crate::studies::rollouts::roll_out;
-use crate::studies::sweep::Case;
+use crate::studies::solver_column;
 
 /// Rollouts of the small column.
 pub struct ColumnRollouts;
@@ -23,13 +23,17 @@ impl Section for ColumnRollouts {
         "The collapse of a column of 1 m as each network predicts it, over the solver's."
     }
 
+    fn estimate(&self, context: &Context) -> f64 {
+        solver_column::estimate(context)
+    }
+
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        // The first case of every suite.
-        let case = Case::of(context.suite).remove(0);
-        let [truth, other] = case.run_references(context)?;
+        let [truth, other] = solver_column::measure(context)?;
         if context.models.is_empty() {
             let title = "Two runs of the solver, animated";
-            let animation = animation_of_runs(title, &other.output, &truth.output)?;
+            let caption = "Two runs of the solver with different random packings. Grey: the first. Coloured: \
+                           the second, from blue (close to the first) over yellow to red (far from it).";
+            let animation = animation_of_runs(title, caption, &other.output, &truth.output)?;
             return Ok(vec![Block::Figure(animation.on_cover()), no_model()]);
         }
         let models = baseline_and_others(&context.models);
@@ -37,12 +41,12 @@ impl Section for ColumnRollouts {
         let floor = kept_difference(&other, &truth.output, &truth.id)?;
         let all: Vec<_> = rollouts.iter().collect();
         let mut blocks = vec![
-            Block::text(format!(
-                "Every network starts from the first frames of the solver's column ({}) and predicts \
-                 the rest. No deterministic network can be better than half of the difference \
-                 between two seeds.",
-                case.reference_words
-            )),
+            Block::text(
+                "Every network starts from the first frames of the solver's column (`scenes/column.toml`, \
+                 200 discs in a packing) and predicts the rest. Errors are against the solver, not against \
+                 the discs. No deterministic network can be better than half of the difference between \
+                 two seeds.",
+            ),
             chart("Error over time", &all, Some(&floor))?,
             Block::Table(table(&rollouts)),
         ];

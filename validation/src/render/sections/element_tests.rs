@@ -4,6 +4,9 @@ use mpm::DruckerPragerParameters;
 use plot::{Axis, Chart, Mark, Series};
 
 use crate::context::Context;
+use crate::literature::discs::{
+    CRITICAL_COORDINATION, CRITICAL_SIN_PHI, CRITICAL_SOLID_FRACTION, PEAK_SIN_PHI, SHEAR, da_cruz,
+};
 use crate::render::block::Block;
 use crate::render::figure::{Figure, Picture};
 use crate::render::section::Section;
@@ -13,9 +16,6 @@ use crate::studies::element_tests::{
 };
 use crate::studies::statistics::range;
 use crate::text::number;
-use crate::truth::discs::{
-    CRITICAL_COORDINATION, CRITICAL_SIN_PHI, CRITICAL_SOLID_FRACTION, PEAK_SIN_PHI, SHEAR, da_cruz,
-};
 
 /// Critical state and strength of single packings.
 pub struct ElementTests;

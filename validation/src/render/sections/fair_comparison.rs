@@ -3,25 +3,25 @@
 use crate::render::block::Block;
 use crate::render::table::Table;
 use crate::studies::fair_comparison::{Comparison, PayBack, best_network, comparisons, pay_back};
-use crate::studies::sweep::{Case, MEASURES, Sweep};
+use crate::studies::pareto::front;
+use crate::studies::sweep::{Case, Family, MEASURES, Measured, Sweep};
 use crate::text::{length, number, seconds};
 
-/// Each network and each setting of the mu(I) law against the solver.
+/// The default packings, each network and each setting of the mu(I) law against their rivals.
 pub fn comparison_blocks(sweep: &Sweep) -> Vec<Block> {
     let columns = [
         "method",
         "measure",
-        "cheapest solver setting as accurate",
+        "cheapest rival as accurate",
         "speed-up",
-        "over the reference",
-        "best solver setting as fast",
+        "over the discs",
+        "best rival as fast",
         "its error is larger by",
     ];
     let mut table = Table::new("Fair comparisons", columns).note(
-        "Networks are compared with packings and the mu(I) law, the law with packings. Speed-up: \
-         time of that setting over time of the method; below 1 the method loses. The speed-up over \
-         the reference flatters, since the reference is far more accurate than needed. Errors within \
-         the noise count as equal.",
+        "Rivals of a network: discs of any size, packings and the mu(I) law; of a solver: those of the \
+         other kinds. Speed-up: time of the rival over time of the method; below 1 the method loses. \
+         Errors within the spread between seeds count as equal.",
     );
     let mut lines = Vec::new();
     for found in comparisons(sweep) {
@@ -30,7 +30,7 @@ pub fn comparison_blocks(sweep: &Sweep) -> Vec<Block> {
             found.measure.to_owned(),
             found.accurate.map_or("none measured".to_owned(), |rival| rival.name.clone()),
             found.speed_up.map_or(String::new(), number),
-            number(found.over_reference),
+            number(found.over_truth),
             found.fast.map_or("none is as fast".to_owned(), |rival| rival.name.clone()),
             found.gain.map_or(String::new(), number),
         ]);
@@ -49,7 +49,7 @@ pub fn comparison_blocks(sweep: &Sweep) -> Vec<Block> {
 fn sentence(found: &Comparison) -> String {
     let equal_error = match (found.speed_up, found.accurate) {
         (Some(ratio), Some(rival)) if ratio >= 1.0 => format!(
-            "{} times as fast as the cheapest setting of the solver that is as accurate ({})",
+            "{} times as fast as the cheapest rival that is as accurate ({})",
             number(ratio),
             rival.name
         ),
@@ -58,81 +58,81 @@ fn sentence(found: &Comparison) -> String {
             rival.name,
             number(ratio)
         ),
-        _ => "more accurate than every measured setting of the solver".to_owned(),
+        _ => "more accurate than every measured rival".to_owned(),
     };
     let equal_time = match found.gain {
         Some(gain) if gain > 1.0 => {
-            format!("in its time the solver's best setting has {} times its error", number(gain))
+            format!("in its time the best rival has {} times its error", number(gain))
         }
         Some(gain) if gain < 1.0 => {
-            format!("in its time the solver's best setting has {} of its error", number(gain))
+            format!("in its time the best rival has {} of its error", number(gain))
         }
-        Some(_) => "in its time the solver is as accurate".to_owned(),
-        None => "no setting of the solver is as fast".to_owned(),
+        Some(_) => "in its time the best rival is as accurate".to_owned(),
+        None => "no rival is as fast".to_owned(),
     };
-    format!("{} (points): {equal_error}; {equal_time}.", found.method.name)
+    format!("{} (distance of points): {equal_error}; {equal_time}.", found.method.name)
 }
 
-/// What the solver and the most accurate network need for a case, in one sentence without terms.
+/// What the discs, the packings and the best of the others need for a case, in one sentence without terms.
 pub fn lead(case: &Case, sweep: &Sweep) -> String {
-    let [width, height] = case.size;
-    let scene = format!("A column of grains {width} m wide and {height} m high collapses");
-    let reference = seconds(sweep.measured[0].seconds);
-    let Some(best) = best_network(sweep) else {
-        return format!(
-            "{scene}: the solver computes it in {reference}, and two runs that differ only in the \
-             random packing of the grains end up {} apart.",
-            length(sweep.floor.distance)
-        );
+    let scene = case.scene.description;
+    let words = |m: &Measured| {
+        let distance = m.error.map_or(f64::NAN, |error| error.distance);
+        format!("{} ({} off)", seconds(m.seconds), length(distance))
     };
-    let rival = match best.rival {
-        Some(rival) => format!(
-            "the solver's cheapest setting that is as accurate takes {}",
-            seconds(rival.seconds)
-        ),
-        None => "no setting of the solver that was measured is as accurate".to_owned(),
-    };
+    let mut text = format!(
+        "Grains, {scene}: every grain as a disc takes {}",
+        seconds(sweep.measured[0].seconds)
+    );
+    if let Some(packings) = sweep.measured.get(1).filter(|m| m.error.is_some()) {
+        text += &format!(", packings in points {}", words(packings));
+    }
+    if let Some(law) = best_of(sweep, Family::Continuum) {
+        text += &format!(", the best formula {}", words(law));
+    }
+    if let Some(best) = best_network(sweep) {
+        text += &format!(", the best network {}", words(best.network));
+    }
     format!(
-        "{scene}: the solver computes it in {reference}, the best network in {} with points {} off \
-         (root mean square), and {rival}.",
-        seconds(best.network.seconds),
-        length(best.network.error.map_or(f64::NAN, |error| error.distance))
+        "{text}. Two runs with other grains are {} apart (root mean squares over points and time).",
+        length(sweep.floor.distance)
     )
 }
 
-/// The most accurate network against the cheapest setting of the solver that is as accurate.
+/// The most accurate setting of a family.
+fn best_of(sweep: &Sweep, family: Family) -> Option<&Measured> {
+    let distance = |m: &Measured| m.error.map_or(f64::INFINITY, |error| error.distance);
+    let done = sweep.measured.iter().filter(|m| m.family == family && m.error.is_some());
+    done.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+/// What nothing beats in both time and distance, and the most accurate network.
 pub fn headline(case: &str, sweep: &Sweep) -> String {
-    let noise = format!(
-        "The reference takes {}, and two seeds of it are {} m apart (root mean square over points and \
-         frames).",
-        seconds(sweep.measured[0].seconds),
-        number(sweep.floor.distance)
-    );
-    let Some(best) = best_network(sweep) else {
-        return format!("{case}: no network was compared. {noise}");
+    let costs: Vec<_> = sweep.measured.iter().map(|m| m.cost(MEASURES[0].value)).collect();
+    let words = |place: usize| {
+        let m = &sweep.measured[place];
+        format!("{} ({}, {} m)", m.name, seconds(m.seconds), number(costs[place].error))
     };
-    let network = best.network;
-    let rival = match best.rival {
-        Some(rival) => {
-            let ratio = rival.seconds / network.seconds;
-            let verdict = if ratio >= 1.0 {
-                format!("{} times as long", number(ratio))
-            } else {
-                "so the network loses".to_owned()
-            };
-            let (time, name) = (seconds(rival.seconds), &rival.name);
-            format!("For as small an error the solver takes {time} ({name}), {verdict}.")
+    let front: Vec<String> = front(&costs, sweep.floor.distance).into_iter().map(words).collect();
+    let pays = best_network(sweep).map_or(String::new(), |best| {
+        let network = &best.network.name;
+        match (best.rival, best.break_even) {
+            (Some(rival), Some(runs)) => format!(
+                " The most accurate network ({network}) pays back after {runs:.0} runs, against {}.",
+                rival.name
+            ),
+            (Some(rival), None) => format!(
+                " The most accurate network ({network}) never pays back, against {}.",
+                rival.name
+            ),
+            (None, _) => format!(" No rival is as accurate as the network {network}."),
         }
-        None => "No measured setting of the solver is as accurate.".to_owned(),
-    };
-    let break_even = best.break_even.map_or(String::new(), |runs| {
-        format!(" Its data and training pay back after {runs:.0} runs.")
     });
     format!(
-        "{case}: the most accurate network ({}) takes {} and is {} m off. {rival}{break_even} {noise}",
-        network.name,
-        seconds(network.seconds),
-        number(network.error.map_or(f64::NAN, |error| error.distance)),
+        "{case}: no setting beats these in both time and distance from the discs: {}.{pays} Two seeds of \
+         the discs are {} m apart.",
+        front.join("; "),
+        number(sweep.floor.distance)
     )
 }
 
@@ -143,13 +143,13 @@ pub fn pay_back_blocks(sweep: &Sweep) -> Vec<Block> {
         "data and training",
         "a run",
         "against",
-        "cheapest setting as accurate",
+        "cheapest rival as accurate",
         "a run of it",
         "pays back after",
     ];
     let mut table = Table::new("Break-even", columns).note(
-        "Runs of this scene after which data and training have paid back, against the cheapest setting \
-         of the solver whose points are as accurate.",
+        "Runs of this scene after which data and training have paid back, against the cheapest rival whose \
+         points are as near to the discs.",
     );
     let mut blocks = vec![Block::heading("When a network pays back")];
     for found in pay_back(sweep) {

@@ -2,6 +2,7 @@
 
 use plot::{Axis, Chart, Mark, Series};
 
+use super::cover::stands_for_all;
 use super::fair_comparison::{comparison_blocks, headline, lead, pay_back_blocks};
 use super::no_model::no_model;
 use crate::context::Context;
@@ -12,12 +13,12 @@ use crate::render::table::Table;
 use crate::studies::fair_comparison::best_network;
 use crate::studies::pareto::front;
 use crate::studies::sweep::{Case, Error, Family, MEASURES, Measure, Measured, Sweep};
-use crate::text::{number, seconds};
+use crate::text::number;
 
 /// The charts of one scene.
 pub struct SpeedAccuracy {
-    /// Index of its case in [`Case::of`].
-    pub case: usize,
+    /// Name of its scene.
+    pub scene: &'static str,
     /// Its heading.
     pub title: &'static str,
     /// Its lead.
@@ -31,10 +32,12 @@ const BUSY: f64 = 1.3;
 const COVER: [u32; 2] = [460, 330];
 
 /// The series of a chart, and their names and marks.
-const FAMILIES: [(Family, &str, Mark); 4] = [
-    (Family::Packings, "packings (direct solver)", Mark::Circles),
-    (Family::Continuum, "mu(I) law", Mark::Squares),
-    (Family::Network, "networks", Mark::Triangles),
+const FAMILIES: [(Family, &str, Mark); 6] = [
+    (Family::Discs, "discs: the truth", Mark::Squares),
+    (Family::CoarserDiscs, "larger discs", Mark::Squares),
+    (Family::Packings, "packings", Mark::Circles),
+    (Family::Continuum, "mu(I) law", Mark::Triangles),
+    (Family::Network, "networks", Mark::Crosses),
     (Family::Ablation, "networks of the ablation", Mark::Crosses),
 ];
 
@@ -48,31 +51,30 @@ impl Section for SpeedAccuracy {
     }
 
     fn estimate(&self, context: &Context) -> f64 {
-        Case::of(context.suite).get(self.case).map_or(0.0, |case| case.estimate(context))
+        let case = case(context, self.scene);
+        case.map_or(0.0, |case| case.estimate(context))
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        let cases = Case::of(context.suite);
-        let Some(case) = cases.get(self.case) else {
+        let Some(case) = case(context, self.scene) else {
             return Ok(vec![Block::missing(
                 "The chart",
                 "only the full suite computes this scene.",
                 "`--suite full` computes it, on a GPU.",
             )]);
         };
-        let sweep = case.measure(context)?;
+        let sweep = case.measure_speed(context)?;
         let mut blocks = Vec::new();
-        // The middle case stands for all.
-        if self.case == cases.len() / 2 {
-            blocks.push(Block::lead("Speed", lead(case, &sweep)));
-            blocks.push(Block::Figure(cover_chart(case, &sweep)?.on_cover()));
+        if stands_for_all(case.scene, context.suite) {
+            blocks.push(Block::lead("Speed", lead(&case, &sweep)));
+            blocks.push(Block::Figure(cover_chart(&case, &sweep)?.on_cover()));
         }
-        blocks.push(Block::headline(headline(case.name, &sweep)));
-        blocks.push(description(case, &sweep, &context.device_name));
+        blocks.push(Block::headline(headline(case.scene.name, &sweep)));
+        blocks.push(description(&case, &sweep, &context.device_name));
         blocks.extend(busy(&sweep));
         blocks.extend(elsewhere(&sweep));
         for measure in &MEASURES {
-            blocks.push(Block::Figure(figure(case, &sweep, measure)?));
+            blocks.push(Block::Figure(figure(&case, &sweep, measure)?));
         }
         blocks.push(Block::Table(settings(&sweep)));
         blocks.extend(failures(&sweep));
@@ -92,18 +94,20 @@ impl Section for SpeedAccuracy {
     }
 }
 
+/// The case of a scene, if the suite has it.
+fn case(context: &Context, scene: &str) -> Option<Case> {
+    Case::of_speed(context.suite).into_iter().find(|case| case.scene.name == scene)
+}
+
 fn description(case: &Case, sweep: &Sweep, device: &str) -> Block {
-    let [one, other] = sweep.reference_seconds.map(seconds);
     Block::text(format!(
-        "Scene: {}. The reference ({}) ran with two seeds; errors are means of those against each, and \
-         errors below the difference between the two (shaded) are noise. All other runs have a third \
-         seed. The reference has the grid of the scene: settings with other cells show the effect of \
-         that choice. Time is wall time of the computation on {device}, one run at a time, without \
-         preparing packings and kernels, copying them to the device and writing files, but with the \
-         frames that a network starts from. Times with a spread in the table are medians of three; all \
-         others were measured once, and the two references, equal but for their seeds, took {one} and \
-         {other}.",
-        case.description, case.reference_words
+        "Scene: {} (`scenes/truth/`). Errors are distances from the discs, of which {} seeds ran; errors \
+         below the spread between two seeds (shaded) are equally good. Settings change what their names \
+         say in the defaults of the packings, or of the mu(I) law. Time is wall time of the computation on \
+         {device}, one run at a time, without preparing packings, columns of discs and kernels, copying \
+         them to the device and writing files, but with the frames that a network starts from. Times with \
+         a spread in the table are medians of three; all others were measured once.",
+        case.scene.description, sweep.seeds
     ))
 }
 
@@ -147,15 +151,16 @@ fn figure(case: &Case, sweep: &Sweep, measure: &Measure) -> miette::Result<Figur
         x: Axis::log("wall time [s]"),
         y: Axis::log(format!("{}, error [{}]", measure.name, measure.unit)),
         series,
-        floor: Some((floor, "within the noise of seeds".to_owned())),
+        floor: Some((floor, "within the spread between seeds of the discs".to_owned())),
     }
     .svg()?;
     let best: Vec<String> =
         best.iter().map(|&k| format!("{} {}", k + 1, sweep.measured[k].name)).collect();
     let caption = format!(
-        "{}. Down and left is better. The line joins the settings that no other beats in both: {}. The \
+        "{}, against {} seeds of the discs. Down and left is better. The line joins the settings that no other beats in both: {}. The \
          other numbers are in the table \"All settings\".",
-        case.name,
+        case.scene.name,
+        sweep.seeds,
         best.join("; ")
     );
     Ok(Figure::new(format!("Error over wall time: {}", measure.name), Picture::Svg(svg), caption))
@@ -183,28 +188,22 @@ fn families(
 
 /// The chart of the first screen: metres over seconds, with labels instead of a legend.
 fn cover_chart(case: &Case, sweep: &Sweep) -> miette::Result<Figure> {
-    let best = best_network(sweep);
-    let network = best.as_ref().map(|best| best.network.name.as_str());
-    let rival = best.as_ref().and_then(|best| Some(best.rival?.name.as_str()));
+    let network = best_network(sweep).map(|best| best.network.name.clone());
     let continuum = cheapest(sweep, Family::Continuum);
     let label = |place: usize, m: &Measured| {
         let name = Some(m.name.as_str());
-        let text = if place == 0 {
-            "solver, finest"
-        } else if name == network {
-            "best network"
-        } else if name == rival {
-            "solver, as accurate"
-        } else if name == continuum {
-            "a formula"
-        } else {
-            ""
+        let text = match place {
+            0 => "every grain",
+            1 => "packings in points",
+            _ if name == network.as_deref() => "best network",
+            _ if name == continuum => "a formula",
+            _ => "",
         };
         text.to_owned()
     };
     let mut series = families(sweep, |error| error.distance, label);
     series.iter_mut().for_each(|series| series.name.clear());
-    let floor = (sweep.floor.distance, "two runs of the solver differ by this".to_owned());
+    let floor = (sweep.floor.distance, "two runs with other grains differ by this".to_owned());
     let svg = Chart {
         x: Axis::log("computing time [s]"),
         y: Axis::log("distance of points [m]"),
@@ -212,11 +211,11 @@ fn cover_chart(case: &Case, sweep: &Sweep) -> miette::Result<Figure> {
         floor: Some(floor),
     }
     .svg_of_size(COVER)?;
-    let [width, height] = case.size;
     let caption = format!(
-        "Collapse of a column {width} m wide and {height} m high: each mark is a setting of the solver \
-         (circles: grains; squares: a formula for their flow) or a network (triangles, crosses), by its \
-         root mean square distance from the finest setting. Down and left is better."
+        "{}: each mark is a setting of a model, by the root mean square distance of its points from the same \
+         scene with every grain as a disc. Squares: discs; circles: packings; triangles: a formula; crosses: \
+         networks. Down and left is better.",
+        case.scene.name
     );
     Ok(Figure::new("How fast, and how far off", Picture::Svg(svg), caption))
 }
@@ -235,15 +234,14 @@ fn settings(sweep: &Sweep) -> Table {
         "spread [s]",
         "on",
         "processor time [s]",
-        "MSE [box²]",
+        "distance [m]",
         "front [m]",
-        "height profile [m]",
-        "points [m]",
+        "mass misplaced",
     ];
     let mut table = Table::new("All settings", columns).note(format!(
         "Spread: between the shortest and the longest of three times. Processor time: of the whole \
-         program, over all threads. MSE and points (its root, in metres): over all points and frames; \
-         front and height profile: at the end, where the front of the reference is at {:.2} m. Where \
+         program, over all threads. Errors against the discs: distance, root mean square over points and \
+         frames; front and mass misplaced, at the end, where the front of the discs is at {:.2} m. Where \
          points differ in size, the finer ones are averaged over the squares of the coarser ones.",
         sweep.front
     ));
@@ -258,10 +256,9 @@ fn settings(sweep: &Sweep) -> Table {
             m.spread.map_or(String::new(), number),
             m.device.clone(),
             m.processor_seconds.map_or(String::new(), number),
-            error(|e| e.mse),
-            error(|e| e.front),
-            error(|e| e.height),
             error(|e| e.distance),
+            error(|e| e.front),
+            error(|e| e.misplaced),
         ]);
     }
     table

@@ -1,243 +1,184 @@
-//! The scenes of the speed-accuracy charts and the settings that are compared on them.
+//! What runs on a scene: the truth, the models and their settings.
 
-use super::measured::Family;
+use dempm::scene::Scene;
+
+use super::measured::{Family, Measured, Sweep};
+use super::scenes::TruthScene;
 use crate::scene_text::merged;
 use crate::suite::Suite;
 
-/// A scene, its reference and the settings that are compared with it.
+/// A scene and what is compared with its truth.
 pub struct Case {
-    /// Name of the scene in the report.
-    pub name: &'static str,
-    /// What is simulated, in words.
-    pub description: &'static str,
-    /// Name of the reference among the settings.
-    pub reference_name: &'static str,
-    /// Settings of the reference, in words.
-    pub reference_words: &'static str,
-    /// Scene with the settings of the reference, which runs with two seeds.
-    reference: String,
-    /// Scene whose first frames networks start from. It is one of the settings, so that its packings
-    /// are prepared.
+    /// The scene.
+    pub scene: &'static TruthScene,
+    /// The scene as discs, one text for each seed.
+    pub(super) truth: Vec<String>,
+    /// Models and settings.
+    pub(super) settings: Vec<Setting>,
+    /// Scene whose first frames networks start from. Its packings are among those of the settings.
     pub(super) start_of_networks: String,
-    /// Names and scenes of the settings.
-    pub(super) settings: Vec<(Family, String, String)>,
-    /// Width and height of the column, m.
-    pub size: [f64; 2],
 }
 
-/// Settings of a suite with packings.
-struct Settings {
-    /// Name of the reference, its settings in words, and their keys.
-    reference: [&'static str; 3],
-    /// Discs in a packing unless a setting changes it.
-    discs: i64,
-    /// Names, and the keys that differ from the reference with these discs.
-    packings: &'static [(&'static str, &'static str)],
+/// A model with its settings.
+pub(super) struct Setting {
+    pub family: Family,
+    pub name: String,
+    /// Text of the scene.
+    pub text: String,
 }
 
-const QUICK: Settings = Settings {
-    reference: [
-        "400 discs (reference)",
-        "400 discs, f32, step 0.1 ms, cells of 0.125 m",
-        "rve.discs = 400",
-    ],
-    discs: 100,
-    packings: &[
-        ("200 discs", "rve.discs = 200"),
-        ("100 discs", ""),
-        ("50 discs", "rve.discs = 50"),
-        ("100 discs + f64", "material.precision = \"f64\""),
-        ("100 discs + long substeps", "grains.step_factor = 0.401"),
-        ("50 discs + long substeps", "rve.discs = 50\ngrains.step_factor = 0.401"),
-        ("100 discs + mass x 10", "grains.mass_scale = 10"),
-        ("100 discs + mass x 100", "grains.mass_scale = 100"),
-        ("100 discs + cells of 0.25 m", "domain.cell = 0.25"),
-    ],
-};
-
-/// With twice as many discs in the reference as in any setting. Long substeps are those of
-/// `scenes/paper`: 4 of 2.5e-5 s in a step, where the default makes 8 and short ones 16.
-const FULL: Settings = Settings {
-    reference: [
-        "800 discs (reference)",
-        "800 discs, f32, step 0.1 ms, cells of 0.125 m",
-        "rve.discs = 800",
-    ],
-    discs: 400,
-    packings: &[
-        ("400 discs", ""),
-        ("200 discs", "rve.discs = 200"),
-        ("100 discs", "rve.discs = 100"),
-        ("50 discs", "rve.discs = 50"),
-        ("400 discs, 8 packings", "material.packings = 8"),
-        ("400 discs + f64", "material.precision = \"f64\""),
-        ("400 discs + short substeps", "grains.step_factor = 0.1"),
-        ("400 discs + long substeps", "grains.step_factor = 0.401"),
-        ("100 discs + long substeps", "rve.discs = 100\ngrains.step_factor = 0.401"),
-        ("50 discs + long substeps", "rve.discs = 50\ngrains.step_factor = 0.401"),
-        ("400 discs + mass x 10", "grains.mass_scale = 10"),
-        ("400 discs + mass x 100", "grains.mass_scale = 100"),
-        ("100 discs + mass x 10", "rve.discs = 100\ngrains.mass_scale = 10"),
-        ("400 discs + step 0.05 ms", "step = 5e-5"),
-        ("400 discs + step 0.2 ms", "step = 2e-4"),
-        ("400 discs + step 0.5 ms", "step = 5e-4"),
-        ("400 discs + cells of 0.25 m", "domain.cell = 0.25"),
-        ("400 discs + cells of 0.0625 m", "domain.cell = 0.0625"),
-        ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
-    ],
-};
-
-/// Settings of the full suite for Col2x2.
-const ON_COL2X2: [&str; 12] = [
-    "400 discs",
-    "200 discs",
-    "100 discs",
-    "50 discs",
-    "400 discs + f64",
-    "400 discs + long substeps",
-    "50 discs + long substeps",
-    "400 discs + mass x 10",
-    "400 discs + step 0.5 ms",
-    "400 discs + cells of 0.25 m",
-    "400 discs + cells of 0.0625 m",
-    "100 discs + cells of 0.25 m",
+/// Keys of all runs: frames that are common to all, and no fields that are not compared.
+const COMMON: &str = "frame_interval = 0.02\noutput.fields = []";
+/// The packings as the scene has them.
+const DEFAULT: (&str, &str) = ("packings", "");
+/// The continuum law with the scene's cells and with half of them.
+const MU_I: &str = "mu(I)";
+const MU_I_FINE: &str = "mu(I), half the cell";
+/// Grains of twice and four times the size. The thickness goes with it, and points become large enough
+/// to average over.
+const COARSER: [(&str, &str); 2] = [
+    (
+        "discs, 2 times as large",
+        "grains.radius_min = 5e-3\ngrains.radius_max = 1e-2\ngrains.thickness = 1.5e-2",
+    ),
+    (
+        "discs, 4 times as large",
+        "grains.radius_min = 1e-2\ngrains.radius_max = 2e-2\ngrains.thickness = 3e-2\n\
+         domain.cell = 0.25",
+    ),
 ];
 
-/// Settings of the full suite for Col5x3.
-const ON_COL5X3: [&str; 6] = [
-    "400 discs",
-    "200 discs",
-    "100 discs",
-    "50 discs + long substeps",
-    "400 discs + cells of 0.25 m",
-    "100 discs + cells of 0.25 m",
+/// Settings of packings whose speed and accuracy the quick suite compares.
+const QUICK: [(&str, &str); 5] = [
+    ("200 discs", "rve.discs = 200"),
+    ("100 discs", "rve.discs = 100"),
+    ("50 discs", "rve.discs = 50"),
+    ("100 discs + long substeps", "rve.discs = 100\ngrains.step_factor = 0.401"),
+    ("100 discs + FLIP", "rve.discs = 100\nnumerics.transfer = \"flip\""),
 ];
 
-/// Settings with the mu(I) law.
-const CONTINUUM: [(&str, &str); 3] = [
-    ("mu(I) + cells of 0.25 m", "material.kind = \"mu-i\"\ndomain.cell = 0.25"),
-    ("mu(I) + cells of 0.125 m", "material.kind = \"mu-i\""),
-    ("mu(I) + cells of 0.0625 m", "material.kind = \"mu-i\"\ndomain.cell = 0.0625"),
+/// The same of the full suite. Long substeps are those of `scenes/paper`: 4 in a step of 0.1 ms.
+const FULL: [(&str, &str); 15] = [
+    ("800 discs", "rve.discs = 800"),
+    ("200 discs", "rve.discs = 200"),
+    ("100 discs", "rve.discs = 100"),
+    ("50 discs", "rve.discs = 50"),
+    ("8 packings", "material.packings = 8"),
+    ("64 packings of 100 discs", "material.packings = 64\nrve.discs = 100"),
+    ("long substeps", "grains.step_factor = 0.401"),
+    ("50 discs + long substeps", "rve.discs = 50\ngrains.step_factor = 0.401"),
+    ("mass x 10", "grains.mass_scale = 10"),
+    ("step 0.5 ms", "step = 5e-4"),
+    ("cells of 0.25 m", "domain.cell = 0.25"),
+    ("cells of 0.0625 m", "domain.cell = 0.0625"),
+    ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
+    ("FLIP", "numerics.transfer = \"flip\""),
+    ("walls on points", "numerics.wall_contact = \"points\""),
 ];
 
-/// Keys of all settings unless they change them.
-const COMMON: &str = "material.precision = \"f32\"\nstep = 1e-4\ndomain.cell = 0.125\n\
-                      grains.step_factor = 0.2\noutput.fields = []";
-
-/// Seeds of the two references and of everything else: no setting shares its packings with a
-/// reference.
-const SEEDS: [u64; 3] = [1, 2, 3];
+/// Scenes of the speed-accuracy charts; of the last, the largest, only a few settings.
+const SPEED: [&str; 4] = ["Small column", "Column a = 1", "Col2x2", "Col3x3"];
+/// Settings for it.
+const ON_THE_LARGEST: [&str; 4] =
+    ["100 discs", "50 discs + long substeps", "cells of 0.25 m", "64 packings of 100 discs"];
 
 impl Case {
-    /// The cases of a suite.
-    pub fn of(suite: Suite) -> Vec<Self> {
-        let column = include_str!("../../../../scenes/column.toml");
-        if suite == Suite::Quick {
-            // Half of the collapse of the demo column: the whole would take twice as long.
-            let scene = merged(column, "duration = 0.5");
-            let description = "the first 0.5 s of the collapse of a column of 1 m x 1 m (256 \
-                               points, `scenes/column.toml`)";
-            return vec![Self::new("Column of 1 m", description, &scene, &QUICK, [1.0, 1.0])];
+    /// All scenes of a suite, with every model in its defaults.
+    pub fn against_truth(suite: Suite) -> Vec<Self> {
+        TruthScene::of(suite).iter().map(|scene| Self::new(scene, suite)).collect()
+    }
+
+    /// The scenes of the speed-accuracy charts, with many settings.
+    pub fn of_speed(suite: Suite) -> Vec<Self> {
+        let scenes = TruthScene::of(suite).iter().filter(|scene| SPEED.contains(&scene.name));
+        scenes
+            .map(|scene| {
+                let mut case = Self::new(scene, suite);
+                let few = scene.name == SPEED[SPEED.len() - 1];
+                let packings: &[(&str, &str)] = suite.pick(&QUICK, &FULL);
+                for setting in packings {
+                    if !few || ON_THE_LARGEST.contains(&setting.0) {
+                        case.add(Family::Packings, setting);
+                    }
+                }
+                let coarse =
+                    ("mu(I), cells of 0.25 m", "material.kind = \"mu-i\"\ndomain.cell = 0.25");
+                case.add(Family::Continuum, &coarse);
+                case
+            })
+            .collect()
+    }
+
+    /// The models whose accuracy `dempm check` states, with material and cell (m).
+    pub fn defaults<'s>(&self, sweep: &'s Sweep) -> Vec<(&'static str, f64, &'s Measured)> {
+        let cell = cell(self.scene);
+        let models =
+            [("rve", DEFAULT.0, cell), ("mu-i", MU_I, cell), ("mu-i", MU_I_FINE, 0.5 * cell)];
+        let found = |name: &str| sweep.measured.iter().find(|m| m.name == name);
+        models
+            .into_iter()
+            .filter_map(|(material, name, cell)| Some((material, cell, found(name)?)))
+            .collect()
+    }
+
+    /// A scene with every model in its defaults.
+    pub fn new(scene: &'static TruthScene, suite: Suite) -> Self {
+        let text = merged(scene.text, COMMON);
+        let seed = |number: u64| format!("seed = {number}\nmaterial.kind = \"discs\"");
+        let truth = (1..=suite.pick(4, 8)).map(|number| merged(&text, &seed(number))).collect();
+        let start_of_networks = merged(scene.published.unwrap_or(scene.text), "output.fields = []");
+        let mut case = Self { scene, truth, settings: Vec::new(), start_of_networks };
+        case.add(Family::Packings, &DEFAULT);
+        if let Some(published) = scene.published {
+            let name = "packings, settings of the paper".to_owned();
+            let text = merged(published, COMMON);
+            case.settings.push(Setting { family: Family::Packings, name, text });
         }
-        vec![
-            Self::new(
-                "Column of 1 m",
-                "a column of 1 m x 1 m (256 points, 1.2 s, `scenes/column.toml`)",
-                column,
-                &FULL,
-                [1.0, 1.0],
-            ),
-            Self::new(
-                "Col2x2",
-                "the first 2 s of Col2x2, after which only the surface creeps: a column of 2 m x 2 m, \
-                 1024 points",
-                &merged(include_str!("../../../../scenes/paper/test/col2x2.toml"), "duration = 2.0"),
-                &FULL,
-                [2.0, 2.0],
-            )
-            .with_only(&ON_COL2X2),
-            Self::new(
-                "Col5x3",
-                "a column of 5 m x 3 m, 3840 points, 3 s",
-                include_str!("../../../../scenes/paper/test/col5x3.toml"),
-                &FULL,
-                [5.0, 3.0],
-            )
-            .with_only(&ON_COL5X3),
-        ]
-    }
-
-    fn new(
-        name: &'static str,
-        description: &'static str,
-        scene: &str,
-        settings: &Settings,
-        size: [f64; 2],
-    ) -> Self {
-        let scene = merged(scene, COMMON);
-        let [_, _, keys] = settings.reference;
-        let reference = merged(&scene, keys);
-        let other = merged(&scene, &seed(SEEDS[2]));
-        let other = merged(&other, &format!("rve.discs = {}", settings.discs));
-        let start_of_networks = merged(&other, "rve.discs = 200");
-        let setting = |family| {
-            let other = &other;
-            move |(name, changes): &(&str, &str)| {
-                (family, (*name).to_owned(), merged(other, changes))
-            }
-        };
-        let packings = settings.packings.iter().map(setting(Family::Packings));
-        let tried = packings.chain(CONTINUUM.iter().map(setting(Family::Continuum))).collect();
-        let [reference_name, reference_words, _] = settings.reference;
-        Self {
-            name,
-            description,
-            reference_name,
-            reference_words,
-            reference,
-            start_of_networks,
-            settings: tried,
-            size,
+        case.add(Family::Continuum, &(MU_I, "material.kind = \"mu-i\""));
+        let half = format!("material.kind = \"mu-i\"\ndomain.cell = {:?}", 0.5 * cell(scene));
+        case.add(Family::Continuum, &(MU_I_FINE, &half));
+        for (name, keys) in &COARSER[..suite.pick(1, 2)] {
+            case.add(Family::CoarserDiscs, &(name, &format!("material.kind = \"discs\"\n{keys}")));
         }
+        case
     }
 
-    /// Drops the settings with packings that are not among `names`.
-    fn with_only(mut self, names: &[&str]) -> Self {
-        self.settings.retain(|(family, name, _)| {
-            *family != Family::Packings || names.contains(&name.as_str())
-        });
-        self
-    }
-
-    /// The reference with its two seeds.
-    pub(super) fn references(&self) -> [String; 2] {
-        [SEEDS[0], SEEDS[1]].map(|number| merged(&self.reference, &seed(number)))
+    fn add(&mut self, family: Family, (name, changes): &(&str, &str)) {
+        let text = merged(&merged(self.scene.text, COMMON), changes);
+        self.settings.push(Setting { family, name: (*name).to_owned(), text });
     }
 }
 
-fn seed(number: u64) -> String {
-    format!("seed = {number}")
+/// The cell of the scene's grid, m.
+fn cell(scene: &TruthScene) -> f64 {
+    Scene::parse(scene.text, scene.name).map_or(f64::NAN, |scene| scene.domain.cell)
 }
 
 #[cfg(test)]
 mod tests {
-    use dempm::scene::Scene;
-
     use super::*;
 
     #[test]
-    fn what_larger_scenes_try_is_among_the_settings() {
-        let known = |name: &&str| FULL.packings.iter().any(|(setting, _)| setting == name);
-        assert!(ON_COL2X2.iter().chain(&ON_COL5X3).all(known));
+    fn what_the_largest_scene_tries_is_among_the_settings() {
+        let known = |name: &&str| FULL.iter().any(|(setting, _)| setting == name);
+        assert!(ON_THE_LARGEST.iter().all(known));
+        let known = |name: &&str| TruthScene::of(Suite::Full).iter().any(|s| s.name == *name);
+        assert!(SPEED.iter().all(known));
     }
 
     #[test]
-    fn all_settings_are_valid_scenes_of_the_same_material() {
-        for case in Case::of(Suite::Full).into_iter().chain(Case::of(Suite::Quick)) {
-            for (_, name, scene) in &case.settings {
-                let scene = Scene::parse(scene, name).unwrap_or_else(|e| panic!("{name}: {e:?}"));
-                assert_eq!(scene.seed, SEEDS[2]);
-                assert_eq!(scene.columns[0].place.size, case.size);
+    fn all_runs_are_valid_scenes_of_the_same_material() {
+        for suite in [Suite::Quick, Suite::Full] {
+            for case in Case::against_truth(suite).into_iter().chain(Case::of_speed(suite)) {
+                let texts = case.settings.iter().map(|setting| &setting.text);
+                for text in texts.chain(&case.truth).chain([&case.start_of_networks]) {
+                    let scene = Scene::parse(text, case.scene.name);
+                    let scene = scene.unwrap_or_else(|e| panic!("{}: {e:?}", case.scene.name));
+                    assert_eq!(scene.columns[0].place.size, case.scene.size);
+                }
+                let names: std::collections::HashSet<&str> =
+                    case.settings.iter().map(|setting| setting.name.as_str()).collect();
+                assert_eq!(names.len(), case.settings.len());
             }
         }
     }

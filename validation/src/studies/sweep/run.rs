@@ -1,174 +1,270 @@
-//! Runs the settings of a case and compares them with its reference.
-
-use std::path::Path;
+//! Runs a case and compares every setting with the truth.
 
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
 use dempm::trajectory::Trajectory;
-use miette::{Context as _, bail, miette};
+use miette::{Context as _, IntoDiagnostic, miette};
 use rayon::prelude::*;
 
-use super::cases::Case;
+use super::cases::{Case, Setting};
 use super::measured::{Error, Family, Measured, Sweep};
 use crate::context::{Context, Start};
-use crate::difference::kept_difference;
-use crate::models::{Model, ablation};
+use crate::models::{Model, ablation, baseline_and_others};
 use crate::run_cache::Run;
 use crate::suite::Suite;
+use crate::truth::{Comparison, Motion, Reference, compare};
 use crate::wall_time::computing;
 
 /// Kind of the kept values: a setting's result and its run.
-const KIND: &str = "setting";
+const KIND: &str = "against-truth";
 
 /// Runs shorter than this (s) are timed three times, since single brief times scatter.
 const BRIEF: f64 = 0.5;
 
+/// Name of the truth among the settings.
+const TRUTH: &str = "discs";
+
+/// A case on its way.
+struct Measurement<'c> {
+    case: &'c Case,
+    context: &'c mut Context,
+    /// Runs of the truth, once they are needed.
+    truth: Option<Reference>,
+}
+
 impl Case {
     /// Estimated time of what is not kept, s.
     pub fn estimate(&self, context: &Context) -> f64 {
-        let missing = self.missing(context);
-        let settings = missing.iter().map(|scene| context.estimate(scene));
-        settings.chain(self.references().iter().map(|scene| context.estimate(scene))).sum()
+        if self.missing(context).is_empty() {
+            return 0.0;
+        }
+        let texts = self.missing(context).into_iter().chain(self.truth.iter().map(String::as_str));
+        texts.map(|text| context.estimate(text)).sum()
     }
 
-    /// Runs the reference with both seeds.
+    /// Scenes of the settings whose results are not kept, and of the truth.
+    pub fn missing(&self, context: &Context) -> Vec<&str> {
+        let kept = |text: &str| context.cache.has_cached(KIND, &self.key(context, text));
+        let texts = self.settings.iter().map(|setting| &setting.text).chain(self.truth.first());
+        texts.map(String::as_str).filter(|text| !kept(text)).collect()
+    }
+
+    /// What a result depends on besides the programs.
+    fn key(&self, context: &Context, what: &str) -> String {
+        format!("{}\n{what}\n{}", context.device_name, self.truth.join("\n"))
+    }
+
+    /// Runs what is missing, with every model in its defaults.
     ///
     /// # Errors
-    /// If a run fails or the user interrupts.
-    pub fn run_references(&self, context: &mut Context) -> miette::Result<[Run; 2]> {
-        self.prepare(context);
-        let [one, other] = self.references();
-        let mut run = |scene: &str| {
-            let run = context.run(&format!("{}: reference", self.name), scene)?;
-            if run.succeeded {
-                Ok(run)
+    /// If the truth fails, a file cannot be read or the user interrupts. A model that fails is a result.
+    pub fn measure(&self, context: &mut Context) -> miette::Result<Sweep> {
+        let models = baseline_and_others(&context.models);
+        let mut measurement = Measurement::of(self, context);
+        let mut measured = measurement.solvers()?;
+        for model in models {
+            measured.push(measurement.network(Family::Network, model)?);
+        }
+        sweep(measured)
+    }
+
+    /// The runs of the default packings and of one seed of the truth, to be drawn; `None` if the packings
+    /// failed.
+    ///
+    /// # Errors
+    /// If one of them has to be made again and cannot, or the user interrupts.
+    pub fn drawn(&self, context: &mut Context) -> miette::Result<Option<[Run; 2]>> {
+        let mut run = |text: &str| context.run(self.scene.name, text);
+        let [packings, truth] = [run(&self.settings[0].text)?, run(&self.truth[0])?];
+        Ok((packings.succeeded && truth.succeeded).then_some([packings, truth]))
+    }
+
+    /// As [`measure`](Self::measure), with all ways to predict with a network, and the networks of the ablation.
+    ///
+    /// # Errors
+    /// As [`measure`](Self::measure).
+    pub fn measure_speed(&self, context: &mut Context) -> miette::Result<Sweep> {
+        let of_ablation = ablation(&context.models);
+        let models = context.models.clone();
+        let mut measurement = Measurement::of(self, context);
+        let mut measured = measurement.solvers()?;
+        for model in models {
+            if of_ablation.iter().any(|other| other.name == model.name) {
+                measured.push(measurement.network(Family::Ablation, model)?);
             } else {
-                Err(miette!("{}", run.message)).wrap_err("the reference failed")
+                measured.extend(measurement.ways(model)?);
             }
-        };
-        Ok([run(&one)?, run(&other)?])
+        }
+        sweep(measured)
+    }
+}
+
+impl<'c> Measurement<'c> {
+    fn of(case: &'c Case, context: &'c mut Context) -> Self {
+        Self { case, context, truth: None }
     }
 
-    /// What the result of a setting depends on.
-    fn key(&self, context: &Context, scene: &str) -> String {
-        let [one, other] = self.references();
-        format!("{}\n{scene}\n{one}\n{other}", context.device_name)
+    /// The truth and all settings of solvers.
+    fn solvers(&mut self) -> miette::Result<Vec<Measured>> {
+        self.prepare();
+        let mut measured = vec![self.one_of_truth()?];
+        for setting in &self.case.settings {
+            measured.push(self.setting(setting)?);
+        }
+        Ok(measured)
     }
 
-    /// Scenes of the settings whose results are not kept.
-    pub fn missing(&self, context: &Context) -> Vec<&str> {
-        let kept = |scene: &str| context.cache.has_cached(KIND, &self.key(context, scene));
-        let scenes = self.settings.iter().map(|(_, _, scene)| scene.as_str());
-        scenes.filter(|scene| !kept(scene)).collect()
-    }
-
-    /// Prepares the packings of all missing runs in parallel: a run prepares its own on a core or
-    /// two while the GPU waits.
-    fn prepare(&self, context: &Context) {
-        let references = self.references();
-        let scenes = self.missing(context).into_iter().chain(references.iter().map(String::as_str));
-        let missing: Vec<&str> = scenes.filter(|scene| context.estimate(scene) > 0.0).collect();
-        missing.par_iter().for_each(|text| {
+    /// Prepares the packings of all missing runs in parallel: a run prepares its own on a core or two
+    /// while the GPU waits.
+    fn prepare(&self) {
+        let missing = self.case.missing(self.context);
+        let settings = self.case.settings.iter().filter(|setting| {
+            setting.family == Family::Packings && missing.contains(&setting.text.as_str())
+        });
+        settings.collect::<Vec<_>>().par_iter().for_each(|setting| {
             // What fails here fails again in the run, which reports it.
-            let _ = Scene::parse(text, "scene.toml").map(Simulation::new);
+            let _ = Scene::parse(&setting.text, "scene.toml").map(Simulation::new);
         });
     }
 
-    /// Runs what is missing and compares all settings with the reference.
-    ///
-    /// # Errors
-    /// If the reference fails, a file cannot be read or the user interrupts.
-    pub fn measure(&self, context: &mut Context) -> miette::Result<Sweep> {
-        let references = self.run_references(context)?;
-        let both: Vec<&Run> = references.iter().collect();
-        let compare = |k: usize| {
-            compared(Family::Packings, self.reference_name, &references[k], &[&references[1 - k]])
-        };
-        let [one, other] = [compare(0)?, compare(1)?];
-        let reference_seconds = [one.seconds, other.seconds];
-        let floor = one.error.unwrap_or_default();
-        let mut measured = vec![one];
-        for setting in &self.settings {
-            measured.push(self.measure_setting(context, setting, &both)?);
+    /// The runs of the truth.
+    fn truth(&mut self) -> miette::Result<&Reference> {
+        if self.truth.is_none() {
+            let texts: Vec<&str> = self.case.truth.iter().map(String::as_str).collect();
+            let what = format!("{}: truth", self.case.scene.name);
+            let runs = self.context.runs_together(&what, &texts)?;
+            let read = |run: &Run| {
+                if !run.succeeded {
+                    return Err(miette!("{}", run.message)).wrap_err("the truth failed");
+                }
+                Motion::read(&run.output).into_diagnostic()
+            };
+            let runs = runs.iter().map(read).collect::<miette::Result<_>>()?;
+            self.truth = Some(Reference::of(runs).map_err(|problem| miette!("{problem}"))?);
         }
-        let of_ablation = ablation(&context.models);
-        for model in context.models.clone() {
-            if of_ablation.iter().any(|other| other.name == model.name) {
-                measured.push(self.measure_model(context, Family::Ablation, &model, &both)?);
-            } else {
-                measured.extend(self.measure_ways(context, model, &both)?);
-            }
-        }
-        let fronts: Vec<f64> =
-            both.iter().map(|run| front(&run.output)).collect::<miette::Result<_>>()?;
-        let front = 0.5 * (fronts[0] + fronts[1]);
-        let [width, height] = self.size;
-        Ok(Sweep { measured, floor, reference_seconds, front, runout: front - width, height })
+        self.truth.as_ref().ok_or_else(|| miette!("no truth"))
     }
 
-    fn measure_setting(
-        &self,
-        context: &mut Context,
-        (family, name, scene): &(Family, String, String),
-        references: &[&Run],
-    ) -> miette::Result<Measured> {
-        // The result is kept by itself: trajectories are large and may have been deleted.
-        let key = self.key(context, scene);
-        let kept: Option<(Measured, Run)> = context.cache.value(KIND, &key);
-        let (found, run) = match kept {
-            Some(kept) => kept,
-            None => {
-                let what = format!("{}: {name}", self.name);
-                let run = context.run(&what, scene)?;
-                let mut found = compared(*family, name, &run, references)?;
-                time_again(&mut found, |again| context.run_again(&what, scene, again))?;
-                context.cache.keep(KIND, &key, &(&found, &run))?;
-                (found, run)
-            }
-        };
-        context.cache.note(&run);
-        Ok(found)
+    /// One seed of the truth against the others.
+    fn one_of_truth(&mut self) -> miette::Result<Measured> {
+        let text = &self.case.truth[0];
+        self.kept(text, |this| {
+            let what = format!("{}: {TRUTH}", this.case.scene.name);
+            // On its own, for its time.
+            let run = this.context.run(&what, text)?;
+            let mut others = this.truth()?.runs.clone();
+            let first = others.remove(0);
+            let truth = Reference::of(others).map_err(|problem| miette!("{problem}"))?;
+            let found = compare(&first, &truth);
+            Ok((measured(Family::Discs, TRUTH, &run, found)?, run))
+        })
+    }
+
+    fn setting(&mut self, setting: &Setting) -> miette::Result<Measured> {
+        let Setting { family, name, text } = setting;
+        self.kept(text, |this| {
+            let what = format!("{}: {name}", this.case.scene.name);
+            let run = this.context.run(&what, text)?;
+            let mut found = this.compared(*family, name, &run)?;
+            time_again(&mut found, |again| this.context.run_again(&what, text, again))?;
+            Ok((found, run))
+        })
     }
 
     /// A network with all its prediction settings: f32; on a GPU bf16; in the full suite also with
     /// mirror images averaged.
-    fn measure_ways(
-        &self,
-        context: &mut Context,
-        model: Model,
-        references: &[&Run],
-    ) -> miette::Result<Vec<Measured>> {
-        let plain = self.measure_model(context, Family::Network, &model, references)?;
+    fn ways(&mut self, model: Model) -> miette::Result<Vec<Measured>> {
+        let plain = self.network(Family::Network, model.clone())?;
         // Only a GPU has bf16, and not every network fits on one.
         let on_gpu = plain.error.is_some() && !plain.device.starts_with("cpu");
         let mut measured = vec![plain];
         let fast = if on_gpu { model.in_bf16() } else { model };
         if on_gpu {
-            measured.push(self.measure_model(context, Family::Network, &fast, references)?);
+            measured.push(self.network(Family::Network, fast.clone())?);
         }
         // Twice the work: too much for minutes on two cores.
-        if context.suite == Suite::Full {
-            let mirrored = fast.mirrored();
-            measured.push(self.measure_model(context, Family::Network, &mirrored, references)?);
+        if self.context.suite == Suite::Full {
+            measured.push(self.network(Family::Network, fast.mirrored())?);
         }
         Ok(measured)
     }
 
-    fn measure_model(
-        &self,
-        context: &mut Context,
-        family: Family,
-        model: &Model,
-        references: &[&Run],
-    ) -> miette::Result<Measured> {
-        let start = Start::Scene(&self.start_of_networks);
-        let run = context.rollout(model, &start)?;
-        let mut found = compared(family, &model.name, &run, references)?;
-        if family == Family::Network {
-            time_again(&mut found, |again| context.rollout_again(model, &start, again))?;
-        }
-        Ok(Measured { model: Some(model.clone()), ..found })
+    fn network(&mut self, family: Family, model: Model) -> miette::Result<Measured> {
+        let text = &self.case.start_of_networks;
+        let start = Start::Scene(text);
+        let key = format!("{text}\n{}\n{}", model.name, self.context.hash(&model.path)?);
+        let found = self.kept(&key, |this| {
+            let run = this.context.rollout(&model, &start)?;
+            let mut found = this.compared(family, &model.name, &run)?;
+            if family == Family::Network {
+                time_again(&mut found, |again| this.context.rollout_again(&model, &start, again))?;
+            }
+            Ok((found, run))
+        })?;
+        Ok(Measured { model: Some(model), ..found })
     }
+
+    /// The kept result, or a new one. It is kept by itself: trajectories are large and may have been deleted.
+    fn kept(
+        &mut self,
+        what: &str,
+        make: impl FnOnce(&mut Self) -> miette::Result<(Measured, Run)>,
+    ) -> miette::Result<Measured> {
+        let key = self.case.key(self.context, what);
+        let (found, run) = match self.context.cache.value(KIND, &key) {
+            Some(kept) => kept,
+            None => {
+                let made = make(self)?;
+                self.context.cache.keep(KIND, &key, &made)?;
+                made
+            }
+        };
+        self.context.cache.note(&run);
+        Ok(found)
+    }
+
+    fn compared(&mut self, family: Family, name: &str, run: &Run) -> miette::Result<Measured> {
+        let found = if run.output.exists() {
+            compare(&Motion::read(&run.output)?, self.truth()?)
+        } else {
+            Err(run.message.clone())
+        };
+        measured(family, name, run, found)
+    }
+}
+
+/// Time and errors of a run.
+fn measured(
+    family: Family,
+    name: &str,
+    run: &Run,
+    found: Result<Comparison, String>,
+) -> miette::Result<Measured> {
+    let (comparison, problem) = match found {
+        Ok(comparison) => (Some(comparison), String::new()),
+        Err(problem) => (None, problem),
+    };
+    let mut measured = Measured {
+        family,
+        name: name.to_owned(),
+        model: None,
+        seconds: f64::NAN,
+        spread: None,
+        error: None,
+        comparison,
+        failure: if run.succeeded { problem } else { run.message.clone() },
+        warnings: if run.succeeded { run.message.clone() } else { String::new() },
+        device: String::new(),
+        processor_seconds: run.processor_seconds,
+        load: run.load,
+    };
+    if measured.failure.is_empty() {
+        let trajectory = Trajectory::open(&run.output)?;
+        measured.seconds = computing(&trajectory);
+        measured.device.clone_from(&trajectory.header().device);
+        measured.error = measured.comparison.as_ref().and_then(Error::of);
+    }
+    Ok(measured)
 }
 
 /// Times a brief run twice more. Failed runs have no time (NaN).
@@ -187,56 +283,14 @@ fn time_again(
     Ok(())
 }
 
-/// Time and errors of a run.
-fn compared(
-    family: Family,
-    name: &str,
-    run: &Run,
-    references: &[&Run],
-) -> miette::Result<Measured> {
-    let mut measured = Measured {
-        family,
-        name: name.to_owned(),
-        model: None,
-        seconds: f64::NAN,
-        spread: None,
-        error: None,
-        failure: run.message.clone(),
-        device: String::new(),
-        processor_seconds: run.processor_seconds,
-        load: run.load,
-    };
-    if run.succeeded {
-        let trajectory = Trajectory::open(&run.output)?;
-        measured.seconds = computing(&trajectory);
-        measured.error = Some(error(run, references)?);
-        measured.failure.clear();
-        measured.device.clone_from(&trajectory.header().device);
-    }
-    Ok(measured)
-}
-
-/// Mean errors against some references.
-fn error(run: &Run, references: &[&Run]) -> miette::Result<Error> {
-    let mut mean = Error::default();
-    let part = 1.0 / references.len() as f64;
-    for reference in references {
-        let errors = kept_difference(run, &reference.output, &reference.id)?;
-        let width = Trajectory::open(&reference.output)?.header().domain[0];
-        let Some(last) = errors.last() else {
-            bail!("{} has no time in common with its reference", run.output.display());
-        };
-        mean.mse += part * errors.mean();
-        mean.front += part * last.front.abs();
-        mean.height += part * last.height;
-        mean.distance += part * errors.mean().sqrt() * width;
-    }
-    Ok(mean)
-}
-
-/// Position of the foremost point at the end, m.
-fn front(path: &Path) -> miette::Result<f64> {
-    let trajectory = Trajectory::open(path)?;
-    let last = trajectory.frame(trajectory.frames() - 1)?;
-    Ok(last.position.iter().map(|x| x[0]).fold(f64::MIN, f64::max))
+/// The truth of a case is in every comparison with it; the finest has its own squares.
+fn sweep(measured: Vec<Measured>) -> miette::Result<Sweep> {
+    let comparisons = measured.iter().filter_map(|m| m.comparison.as_ref());
+    let finest = comparisons
+        .min_by(|a, b| b.seeds.cmp(&a.seeds).then(a.side.total_cmp(&b.side)))
+        .ok_or_else(|| miette!("nothing could be compared with the truth"))?;
+    let fronts = [finest.rows.first(), finest.rows.last()];
+    let [start, front] = fronts.map(|row| row.map_or(f64::NAN, |row| row.true_front.mean));
+    let floor = Error::between_seeds(finest).unwrap_or_default();
+    Ok(Sweep { seeds: finest.seeds, floor, front, runout: front - start, measured })
 }

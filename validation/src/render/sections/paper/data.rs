@@ -5,11 +5,11 @@ use surrogate::train::TrainConfig;
 use super::absent::MAKE_DATA;
 use super::cells::ratio;
 use crate::context::Context;
+use crate::literature::paper::{DATA_SETS, TRAJECTORIES};
 use crate::render::block::Block;
 use crate::render::section::Section;
 use crate::render::table::Table;
 use crate::text::number;
-use crate::truth::paper::{DATA_SETS, TRAJECTORIES};
 
 /// What the networks are trained on.
 pub struct Data;

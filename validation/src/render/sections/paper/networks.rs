@@ -5,12 +5,12 @@ use surrogate::simulator::Simulator;
 
 use super::cells::ratio;
 use crate::context::Context;
+use crate::literature::paper::NETWORKS;
 use crate::models::{Model, ModelCost, belongs, trained_on};
 use crate::render::block::Block;
 use crate::render::section::Section;
 use crate::render::table::Table;
 use crate::text::number;
-use crate::truth::paper::NETWORKS;
 
 /// Parameters and training time of the ten networks.
 pub struct Networks;

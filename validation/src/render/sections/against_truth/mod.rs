@@ -1,0 +1,10 @@
+//! Models against the truth: the same scenes with every grain as a disc.
+
+mod charts;
+mod list;
+mod overview;
+mod scene;
+mod tables;
+
+pub use list::all;
+pub use scene::truth_blocks;

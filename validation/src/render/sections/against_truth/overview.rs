@@ -1,0 +1,170 @@
+//! All scenes at once.
+
+use super::super::cover::stands_for_all;
+use super::charts::shown;
+use crate::context::Context;
+use crate::render::block::Block;
+use crate::render::section::Section;
+use crate::render::table::Table;
+use crate::studies::sweep::{Case, Family, Measured, Sweep};
+use crate::suite::Suite;
+use crate::text::{length, number};
+use crate::truth::Row;
+
+/// How far every model is from the truth on every scene.
+pub struct Overview;
+
+impl Section for Overview {
+    fn title(&self) -> &'static str {
+        "How right each model is"
+    }
+
+    fn lead(&self) -> &'static str {
+        "The distance of every model from the discs on every scene, in metres and in spreads between seeds."
+    }
+
+    /// It is written after the sections of the scenes, which compute.
+    fn always(&self) -> bool {
+        true
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        let (mut sweeps, mut absent) = (Vec::new(), Vec::new());
+        for case in Case::against_truth(context.suite) {
+            if case.missing(context).is_empty() {
+                let sweep = case.measure(context)?;
+                sweeps.push((case, sweep));
+            } else {
+                absent.push(case.scene.name);
+            }
+        }
+        let mut blocks = Vec::new();
+        if !sweeps.is_empty() {
+            blocks.extend(lead(&sweeps, context.suite));
+            blocks.push(headline(&sweeps));
+            blocks.push(Block::text(
+                "Distance: root mean square distance of squares of material from those of the discs, at \
+                 the time at which it is largest beside the spread. Ratio: that distance over the spread \
+                 between two seeds of the discs. A model that were the discs would have a ratio of 1.",
+            ));
+            blocks.push(Block::Table(ratios(&sweeps)));
+            blocks.push(Block::Table(accuracy(&sweeps)));
+        }
+        if !absent.is_empty() {
+            blocks.push(Block::missing(
+                absent.join(", "),
+                "not all models have been run.",
+                "`--only truth` runs them.",
+            ));
+        }
+        Ok(blocks)
+    }
+}
+
+type Measurements = [(Case, Sweep)];
+
+/// Packings and continuum law at the end of the scene that stands for all.
+fn lead(sweeps: &Measurements, suite: Suite) -> Option<Block> {
+    let (case, sweep) = sweeps.iter().find(|(case, _)| stands_for_all(case.scene, suite))?;
+    let last = |m: &Measured| m.comparison.as_ref()?.rows.last().cloned();
+    let solvers = |m: &&Measured| matches!(m.family, Family::Packings | Family::Continuum);
+    let words = sweep
+        .measured
+        .iter()
+        .filter(solvers)
+        .filter_map(|m| Some(format!("{} ({})", length(last(m)?.distance), m.name)));
+    let words: Vec<String> = words.collect();
+    let spread = last(sweep.measured.get(1)?)?.spread.map_or(String::new(), length);
+    Some(Block::lead(
+        "Truth",
+        format!(
+            "Where {}, points end {} from those of the same scene with every grain as a disc. Two such \
+             runs with other grains end {spread} apart.",
+            case.scene.description,
+            words.join(", ")
+        ),
+    ))
+}
+
+fn headline(sweeps: &Measurements) -> Block {
+    let words = sweeps.iter().filter_map(|(case, sweep)| {
+        let ratio = worst(sweep.measured.get(1)?)?.ratio()?;
+        Some(format!("{} {}", case.scene.name, number(ratio)))
+    });
+    let words: Vec<String> = words.collect();
+    Block::headline(format!(
+        "Distance of the default packings from the discs over the spread between seeds: {}.",
+        words.join("; ")
+    ))
+}
+
+fn worst(m: &Measured) -> Option<&Row> {
+    m.comparison.as_ref()?.worst()
+}
+
+/// Largest ratio and distance of every model on every scene.
+fn ratios(sweeps: &Measurements) -> Table {
+    let mut models: Vec<&str> = Vec::new();
+    for m in sweeps.iter().flat_map(|(_, sweep)| shown(sweep)) {
+        if !models.contains(&m.name.as_str()) {
+            models.push(&m.name);
+        }
+    }
+    let columns = ["scene", "spread [m]"].into_iter().chain(models.iter().copied());
+    let mut table = Table::new("Distance over spread", columns).note(
+        "Largest ratio, and the distance there in m. Discs: one seed against the others. A cell is empty \
+         where a model has no such settings, failed before the ratio counts or was trained on other \
+         scenes.",
+    );
+    for (case, sweep) in sweeps {
+        let spread = sweep.measured.get(1).and_then(worst).and_then(|row| row.spread);
+        let head = [case.scene.name.to_owned(), spread.map_or(String::new(), number)];
+        let cells = models.iter().map(|name| {
+            let row = shown(sweep).find(|m| m.name == *name).and_then(worst);
+            row.and_then(|row| Some(format!("{} ({})", number(row.ratio()?), number(row.distance))))
+                .unwrap_or_default()
+        });
+        table.row(head.into_iter().chain(cells));
+    }
+    table
+}
+
+/// What `dempm check` quotes: the defaults of packings and continuum law, and the discs themselves.
+fn accuracy(sweeps: &Measurements) -> Table {
+    let columns = [
+        "scene",
+        "kind",
+        "width [m]",
+        "height [m]",
+        "material",
+        "cell [m]",
+        "seeds",
+        "distance [m]",
+        "spread [m]",
+        "source",
+    ];
+    let mut table = Table::new("Accuracy of the defaults", columns).note(
+        "Distance and spread at the end. `dempm check` quotes this table as it was \
+         when the program was built: it is `dempm/src/check/accuracy.csv`.",
+    );
+    for (case, sweep) in sweeps {
+        for (material, cell, m) in case.defaults(sweep) {
+            let last = m.comparison.as_ref().and_then(|found| found.rows.last());
+            let Some(row) = last.filter(|_| m.failure.is_empty()) else { continue };
+            let [width, height] = case.scene.size;
+            table.row([
+                case.scene.name.to_owned(),
+                case.scene.kind.name().to_owned(),
+                number(width),
+                number(height),
+                material.to_owned(),
+                number(cell),
+                sweep.seeds.to_string(),
+                number(row.distance),
+                row.spread.map_or(String::new(), number),
+                "validation report".to_owned(),
+            ]);
+        }
+    }
+    table
+}
