@@ -185,16 +185,6 @@ impl<R: Real> Assembly<R> {
         self.drag = rate;
     }
 
-    /// Coefficient of friction between grains from now on.
-    pub fn set_friction(&mut self, friction: f64) {
-        self.grains.friction = friction;
-    }
-
-    /// Gravity (m/s²) from now on.
-    pub fn set_gravity(&mut self, gravity: [f64; 2]) {
-        self.gravity = gravity;
-    }
-
     /// Kinetic energy over what lifts every grain by a mean diameter against `gravity` (m/s²).
     pub fn agitation(&self, gravity: f64) -> f64 {
         let mobile = self.discs.iter().filter(|disc| disc.inv_mass != R::default());
