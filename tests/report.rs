@@ -163,7 +163,8 @@ fn models_are_compared_with_discs() {
     assert!(runs >= context.cache.take_used().len());
     let figures = blocks.iter().filter(|block| matches!(block, Block::Figure(_))).count();
     let tables = blocks.iter().filter(|block| matches!(block, Block::Table(_))).count();
-    assert_eq!((figures, tables), (6, 2));
+    // An animation, and quantities over time.
+    assert!(figures >= 6 && tables == 3, "{figures} figures, {tables} tables");
 
     // The same from the command line.
     let [packings, truth] = case.drawn(&mut context).unwrap().unwrap();

@@ -256,7 +256,7 @@ fn columns_are_prepared_on_a_gpu() {
         let values = values.unwrap();
         values.iter().sum::<f32>() / values.len() as f32
     };
-    let start = |device| Simulation::prepare(scene.clone(), device).unwrap().frame();
+    let start = |device| Simulation::prepare(scene.clone(), device, None).unwrap().frame();
     let (cpu, gpu) = (start(None), start(Some(&device)));
     assert!((mean(cpu.solid_fraction) - mean(gpu.solid_fraction)).abs() < 0.02);
     assert!((mean(cpu.coordination) - mean(gpu.coordination)).abs() < 0.5);

@@ -97,7 +97,7 @@ fn measure(
     device: Option<&Arc<gpu::Device>>,
     extent: Extent,
 ) -> miette::Result<Vec<String>> {
-    let mut simulation = Simulation::prepare(scene, device)?;
+    let mut simulation = Simulation::prepare(scene, device, None)?;
     if let Some(device) = device {
         simulation.move_to(device, None)?;
     }

@@ -147,7 +147,8 @@ impl<'a> Session<'a> {
                 options.check_place(&scene, &path, &checkpoint)?;
             }
             observer.preparing();
-            let mut simulation = Simulation::prepare(scene, options.device.as_ref())?;
+            let mut simulation =
+                Simulation::prepare(scene, options.device.as_ref(), options.ranks.as_deref())?;
             let monitor = Monitor::new(&simulation);
             options.place(&mut simulation)?;
             let writer = writes.then(|| create(&simulation, &path)).transpose()?;

@@ -43,17 +43,21 @@ impl Simulation {
     /// # Errors
     /// If a packing or column cannot be prepared or the grid cannot be set up.
     pub fn new(scene: Scene) -> Result<Self, SimulationError> {
-        Self::prepare(scene, None)
+        Self::prepare(scene, None, None)
     }
 
-    /// As [`new`](Self::new), but discs are prepared on a GPU. It is left where it is:
+    /// As [`new`](Self::new), but discs are prepared on a GPU, by several ranks together. It is left where it is:
     /// [`move_to`](Self::move_to) follows.
     ///
     /// # Errors
     /// As [`new`](Self::new).
-    pub fn prepare(scene: Scene, device: Option<&Arc<Device>>) -> Result<Self, SimulationError> {
+    pub fn prepare(
+        scene: Scene,
+        device: Option<&Arc<Device>>,
+        ranks: Option<&Ranks>,
+    ) -> Result<Self, SimulationError> {
         let start = Instant::now();
-        let (model, points) = initial_model(&scene, device)?;
+        let (model, points) = initial_model(&scene, device, ranks)?;
         let prepared = start.elapsed().as_secs_f64();
         let wall_time = BTreeMap::from([("preparation".to_owned(), prepared)]);
         Ok(Self {

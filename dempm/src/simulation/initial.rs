@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use dem::Packing;
 use gpu::Device;
+use gpu::ranks::Ranks;
 use mpm::{Mat2, Points, Vec2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -17,10 +18,12 @@ use super::scene_material::SceneMaterial;
 use crate::packings::{self, Ladder};
 use crate::scene::{self, InitialStress, Scene};
 
-/// The model of a scene and its points at time zero; discs are prepared on the GPU, if one is given.
+/// The model of a scene and its points at time zero; discs are prepared on the GPU, if one is given,
+/// by several ranks together.
 pub(super) fn initial_model(
     scene: &Scene,
     device: Option<&Arc<Device>>,
+    ranks: Option<&Ranks>,
 ) -> Result<(Model, Points), SimulationError> {
     let start = scene.points();
     let area = scene.point_area();
@@ -35,7 +38,7 @@ pub(super) fn initial_model(
     };
     let material = match &scene.material {
         scene::Material::Discs(discs) => {
-            let model = DiscModel::new(scene, discs, &mut points, device)?;
+            let model = DiscModel::new(scene, discs, &mut points, device, ranks)?;
             return Ok((Model::Discs(Box::new(model)), points));
         }
         scene::Material::Rve(rve) => {

@@ -110,7 +110,7 @@ pub fn chart(title: &str, rollouts: &[&Rollout], floor: Option<&Errors>) -> miet
     let svg =
         Chart { x: Axis::linear("time [s]"), y: Axis::log("MSE [box²]"), series, floor: None }
             .svg()?;
-    let mut caption = "Mean square distance of points from the truth, box width 1.".to_owned();
+    let mut caption = "Mean square distance of points from the solver's, box width 1.".to_owned();
     if rollouts.iter().any(|rollout| rollout.errors.failure.is_some()) {
         caption += " A line that ends before the others is a rollout that ended early.";
     }
@@ -133,7 +133,7 @@ pub fn snapshots(rollout: &Rollout) -> miette::Result<Option<Block>> {
     let times: Vec<String> = pairs.pairs.iter().map(|(time, ..)| format!("{time:.2}")).collect();
     let caption = format!(
         "At {} s, row by row. Grey: the solver. Coloured: predicted points, by their squared distance \
-         from the truth (box width 1), from {:.0e} and below (dark blue) to {:.0e} and above (dark \
+         from the solver's (box width 1), from {:.0e} and below (dark blue) to {:.0e} and above (dark \
          red); each colour spans half a decade.",
         times.join(", "),
         RANGE[0],

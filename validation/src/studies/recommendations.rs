@@ -109,7 +109,14 @@ mod tests {
     }
 
     fn sweep(measured: Vec<Measured>) -> Sweep {
-        Sweep { measured, seeds: 8, floor: Error::default(), front: 3.0, runout: 2.0 }
+        Sweep {
+            measured,
+            outside: Vec::new(),
+            seeds: 8,
+            floor: Error::default(),
+            front: 3.0,
+            runout: 2.0,
+        }
     }
 
     #[test]

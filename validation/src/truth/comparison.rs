@@ -37,14 +37,15 @@ pub struct Comparison {
 
 impl Comparison {
     /// The row with the largest ratio of distance to spread of those that count; the last row if the runs
-    /// are too short for any. `None` of one seed or without rows.
+    /// are too short for any. `None` of one seed, and of a model that failed before.
     pub fn worst(&self) -> Option<&Row> {
         let ratio = |row: &&Row| row.ratio();
         let counted = self.rows.iter().filter(|row| row.time >= self.counted_from - 1e-9);
         let worst = counted
             .filter(|row| ratio(row).is_some_and(f64::is_finite))
             .max_by(|a, b| a.ratio().unwrap_or(0.0).total_cmp(&b.ratio().unwrap_or(0.0)));
-        worst.or_else(|| self.rows.last().filter(|row| ratio(row).is_some()))
+        let last = self.rows.last().filter(|_| self.failure.is_none());
+        worst.or_else(|| last.filter(|row| ratio(row).is_some()))
     }
 
     /// The last row at or before a time (s).
@@ -210,6 +211,22 @@ mod tests {
         assert!((last.misplaced - 0.5 / 3.0).abs() < 1e-12);
         let worst = found.worst().unwrap();
         assert!((worst.ratio().unwrap() - (13.0_f64 / 14.0).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_worst_row_is_one_that_counts() {
+        let seeds = [0.0, 0.1].map(|d| block((10.0 * d) as u64, 1, [d, 0.0]));
+        let mut truth = Reference::of(seeds.to_vec()).unwrap();
+        let model = block(9, 1, [0.3, 0.0]);
+        let worst = |truth: &Reference, model: &Motion| {
+            compare(model, truth).unwrap().worst().map(|row| row.time)
+        };
+        assert_eq!(worst(&truth, &model), Some(1.0));
+        // Of runs that end before, the last row; of a model that failed before, none.
+        truth.counted_from = 2.0;
+        assert_eq!(worst(&truth, &model), Some(1.0));
+        let failed = Motion { status: "failed".to_owned(), ..model };
+        assert_eq!(worst(&truth, &failed), None);
     }
 
     #[test]

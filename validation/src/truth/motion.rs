@@ -103,7 +103,7 @@ fn state(frame: Frame, mass: &[f64], spacing: f64) -> State {
         frame.velocity.iter().zip(mass).map(|(v, m)| 0.5 * m * square(v)).sum()
     };
     let kinetic = frame.budget.get("kinetic_energy").copied().unwrap_or_else(of_points);
-    let found = fronts(&frame.position, mass, spacing);
+    let found = fronts(&frame, mass, spacing);
     State {
         time: frame.time,
         front: found.mass,

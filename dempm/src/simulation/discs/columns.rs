@@ -6,6 +6,7 @@ use std::sync::Arc;
 use dem::assembly::{Boundary, ColumnBox, Grain, Packed};
 use dem::cuda::CudaReal;
 use gpu::Device;
+use gpu::ranks::Ranks;
 
 use crate::packings;
 use crate::scene::{Discs, InitialStress, Scene};
@@ -14,26 +15,35 @@ use crate::simulation::error::SimulationError;
 /// Overlap with boxes and other columns (radii) that grains may start with.
 const TOUCH: f64 = 0.05;
 
-/// The grains of all columns with their contacts, and those of each column.
+/// The grains of all columns with their contacts, and those of each column. Several ranks begin with different
+/// columns and find the others in the cache.
 pub(super) fn filled<R: CudaReal>(
     scene: &Scene,
     discs: &Discs,
     boundary: &Boundary,
     device: Option<&Arc<Device>>,
+    ranks: Option<&Ranks>,
 ) -> Result<(Packed, Vec<Vec<Grain>>), SimulationError> {
     let resting = scene.resting_columns();
-    let mut all = Packed::default();
-    let mut columns = Vec::new();
-    let mut taken = Taken::new(2.0 * discs.grains.radius_max);
-    for (k, column) in scene.columns.iter().enumerate() {
+    let prepare = |k: usize| {
         let place = ColumnBox {
-            corner: column.place.corner,
-            size: column.place.size,
+            corner: scene.columns[k].place.corner,
+            size: scene.columns[k].place.size,
             loaded: resting[k] && scene.initial_stress == InitialStress::Ladder,
         };
         let seed = (scene.seed << 16) + k as u64;
-        let mut packed =
-            packings::column::<R>(&discs.grains, boundary, scene.gravity, &place, seed, device)?;
+        packings::column::<R>(&discs.grains, boundary, scene.gravity, &place, seed, device)
+    };
+    let count = scene.columns.len();
+    let first = ranks.map_or(0, |ranks| ranks.rank() * count / ranks.size());
+    let in_turn = (first..count).chain(0..first).map(prepare);
+    let mut prepared = in_turn.collect::<Result<Vec<Packed>, _>>()?;
+    prepared.rotate_right(first);
+
+    let mut all = Packed::default();
+    let mut columns = Vec::new();
+    let mut taken = Taken::new(2.0 * discs.grains.radius_max);
+    for (column, mut packed) in scene.columns.iter().zip(prepared) {
         // The top layer may reach into what lies on it.
         packed.retain(|grain| {
             let free = |branch: [f64; 2]| branch[0].hypot(branch[1]) > (1.0 - TOUCH) * grain.r;

@@ -52,18 +52,20 @@ pub struct DiscState {
 }
 
 impl DiscModel {
-    /// Fills the columns of a scene with discs at time zero, on a GPU if one is given, and sets the points to
+    /// Fills the columns of a scene with discs at time zero, on a GPU if one is given, together
+    /// with other ranks, and sets the points to
     /// the means over them.
     pub(in crate::simulation) fn new(
         scene: &Scene,
         discs: &Discs,
         points: &mut Points,
         device: Option<&Arc<Device>>,
+        ranks: Option<&Ranks>,
     ) -> Result<Self, SimulationError> {
         check_memory(discs, discs.count_in(scene.point_area() * points.len() as f64))?;
         let (assembly, members) = match discs.precision {
-            Precision::F32 => assemble::<f32>(scene, discs, device)?,
-            Precision::F64 => assemble::<f64>(scene, discs, device)?,
+            Precision::F32 => assemble::<f32>(scene, discs, device, ranks)?,
+            Precision::F64 => assemble::<f64>(scene, discs, device, ranks)?,
         };
         if let Some(point) = members.first_empty() {
             let position = points.position[point].into();
@@ -285,12 +287,13 @@ fn assemble<R: CudaReal>(
     scene: &Scene,
     discs: &Discs,
     device: Option<&Arc<Device>>,
+    ranks: Option<&Ranks>,
 ) -> Result<(SceneAssembly, Members), SimulationError>
 where
     SceneAssembly: From<Assembly<R>>,
 {
     let boundary = scene.boundary(discs);
-    let (packed, columns) = filled::<R>(scene, discs, &boundary, device)?;
+    let (packed, columns) = filled::<R>(scene, discs, &boundary, device, ranks)?;
     let dt = scene.step / discs.grains.substeps(scene.step) as f64;
     let assembly = Assembly::<R>::new(&discs.grains, &boundary, scene.gravity, dt, &packed)?;
     Ok((assembly.into(), Members::new(scene, &columns)))

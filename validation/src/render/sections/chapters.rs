@@ -68,7 +68,7 @@ pub fn all() -> Vec<Chapter> {
         Chapter {
             title: "Learned models against their solver",
             about: "What networks learnt from, and reproduce, is the run of the packings, not that of the \
-                    discs: here the truth is the solver.",
+                    discs. These sections measure them against that solver.",
             sections: vec![Box::new(ColumnRollouts)],
         },
         Chapter {

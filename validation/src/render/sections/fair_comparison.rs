@@ -81,7 +81,7 @@ pub fn lead(case: &Case, sweep: &Sweep) -> String {
         format!("{} ({} off)", seconds(m.seconds), length(distance))
     };
     let mut text = format!(
-        "Grains, {scene}: every grain as a disc takes {}",
+        "Where {scene}, every grain as a disc takes {}",
         seconds(sweep.measured[0].seconds)
     );
     if let Some(packings) = sweep.measured.get(1).filter(|m| m.error.is_some()) {

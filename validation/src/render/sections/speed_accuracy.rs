@@ -4,7 +4,7 @@ use plot::{Axis, Chart, Mark, Series};
 
 use super::cover::stands_for_all;
 use super::fair_comparison::{comparison_blocks, headline, lead, pay_back_blocks};
-use super::no_model::no_model;
+use super::no_model::{left_out, no_model};
 use crate::context::Context;
 use crate::render::block::Block;
 use crate::render::figure::{Figure, Picture};
@@ -73,6 +73,7 @@ impl Section for SpeedAccuracy {
         blocks.push(description(&case, &sweep, &context.device_name));
         blocks.extend(busy(&sweep));
         blocks.extend(elsewhere(&sweep));
+        blocks.extend(left_out(&sweep));
         for measure in &MEASURES {
             blocks.push(Block::Figure(figure(&case, &sweep, measure)?));
         }
@@ -149,7 +150,7 @@ fn figure(case: &Case, sweep: &Sweep, measure: &Measure) -> miette::Result<Figur
     series.push(Series::new("Pareto front", Mark::Reference, line));
     let svg = Chart {
         x: Axis::log("wall time [s]"),
-        y: Axis::log(format!("{}, error [{}]", measure.name, measure.unit)),
+        y: Axis::log(format!("{} [{}]", measure.name, measure.unit)),
         series,
         floor: Some((floor, "within the spread between seeds of the discs".to_owned())),
     }

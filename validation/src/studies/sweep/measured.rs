@@ -111,6 +111,8 @@ fn root_mean_square(values: impl IntoIterator<Item = f64>) -> f64 {
 pub struct Sweep {
     /// The settings; the truth itself comes first.
     pub measured: Vec<Measured>,
+    /// Names of networks that are left out, as the scene lies outside of their training data.
+    pub outside: Vec<String>,
     /// Number of seeds of the truth.
     pub seeds: usize,
     /// Errors between two seeds of the truth.
@@ -119,6 +121,22 @@ pub struct Sweep {
     pub front: f64,
     /// How far this front moves, m.
     pub runout: f64,
+}
+
+impl Sweep {
+    /// The comparison that shows most of the truth: with all seeds, up to the end, on the finest squares.
+    pub fn with_truth(&self) -> Option<&Comparison> {
+        with_truth(&self.measured)
+    }
+}
+
+/// As [`Sweep::with_truth`].
+pub(super) fn with_truth(measured: &[Measured]) -> Option<&Comparison> {
+    let all = measured.iter().filter_map(|m| m.comparison.as_ref());
+    all.min_by(|a, b| {
+        let size = |found: &Comparison| (found.seeds, found.rows.len());
+        size(b).cmp(&size(a)).then(a.side.total_cmp(&b.side))
+    })
 }
 
 /// A measure of error.
@@ -140,7 +158,7 @@ pub const MEASURES: [Measure; 3] = [
 
 impl Measured {
     /// Whether it is a network and the scene lies outside of its training data.
-    pub fn is_outside_of_training(&self) -> bool {
+    pub(super) fn is_outside_of_training(&self) -> bool {
         !self.family.is_solver() && self.warnings.contains("outside the training data")
     }
 
@@ -148,5 +166,46 @@ impl Measured {
     pub fn cost(&self, measure: fn(&Error) -> f64) -> Cost {
         let error = self.error.as_ref().map_or(f64::INFINITY, measure);
         Cost { seconds: self.seconds, error }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::truth::{Row, Seeds};
+
+    #[test]
+    fn errors_are_means_over_time_and_differences_at_the_end() {
+        let row = |time: f64, distance: f64| Row {
+            time,
+            distance,
+            spread: Some(0.1 * distance),
+            misplaced: 0.2 * time,
+            misplaced_spread: Some(0.02),
+            front: 1.5,
+            true_front: Seeds { mean: 2.0 * time, deviation: Some(0.03) },
+            connected_front: None,
+            true_connected_front: None,
+            centre: [0.0; 2],
+            true_centre: [Seeds { mean: 0.0, deviation: None }; 2],
+            kinetic_energy: 0.0,
+            true_kinetic_energy: Seeds { mean: 0.0, deviation: None },
+        };
+        let found = Comparison {
+            name: String::new(),
+            side: 0.0625,
+            seeds: 2,
+            rows: vec![row(0.5, 3.0), row(1.0, 4.0)],
+            counted_from: 0.5,
+            arrest: None,
+            true_arrest: None,
+            failure: None,
+        };
+        let error = Error::of(&found).unwrap();
+        assert!((error.distance - 12.5_f64.sqrt()).abs() < 1e-12);
+        assert_eq!((error.front, error.misplaced), (0.5, 0.2));
+        let floor = Error::between_seeds(&found).unwrap();
+        assert!((floor.distance - 0.125_f64.sqrt()).abs() < 1e-12);
+        assert_eq!((floor.front, floor.misplaced), (0.03, 0.02));
     }
 }

@@ -7,7 +7,7 @@ use miette::{Context as _, IntoDiagnostic, miette};
 use rayon::prelude::*;
 
 use super::cases::{Case, Setting};
-use super::measured::{Error, Family, Measured, Sweep};
+use super::measured::{Error, Family, Measured, Sweep, with_truth};
 use crate::context::{Context, Start};
 use crate::models::{Model, ablation, baseline_and_others};
 use crate::run_cache::Run;
@@ -175,6 +175,9 @@ impl<'c> Measurement<'c> {
     /// mirror images averaged.
     fn ways(&mut self, model: Model) -> miette::Result<Vec<Measured>> {
         let plain = self.network(Family::Network, model.clone())?;
+        if plain.is_outside_of_training() {
+            return Ok(vec![plain]);
+        }
         // Only a GPU has bf16, and not every network fits on one.
         let on_gpu = plain.error.is_some() && !plain.device.starts_with("cpu");
         let mut measured = vec![plain];
@@ -283,14 +286,15 @@ fn time_again(
     Ok(())
 }
 
-/// The truth of a case is in every comparison with it; the finest has its own squares.
-fn sweep(measured: Vec<Measured>) -> miette::Result<Sweep> {
-    let comparisons = measured.iter().filter_map(|m| m.comparison.as_ref());
-    let finest = comparisons
-        .min_by(|a, b| b.seeds.cmp(&a.seeds).then(a.side.total_cmp(&b.side)))
-        .ok_or_else(|| miette!("nothing could be compared with the truth"))?;
+/// The results of a case.
+fn sweep(all: Vec<Measured>) -> miette::Result<Sweep> {
+    let (outside, measured): (Vec<Measured>, _) =
+        all.into_iter().partition(Measured::is_outside_of_training);
+    let outside = outside.into_iter().map(|m| m.name).collect();
+    let finest =
+        with_truth(&measured).ok_or_else(|| miette!("nothing could be compared with the truth"))?;
     let fronts = [finest.rows.first(), finest.rows.last()];
     let [start, front] = fronts.map(|row| row.map_or(f64::NAN, |row| row.true_front.mean));
     let floor = Error::between_seeds(finest).unwrap_or_default();
-    Ok(Sweep { seeds: finest.seeds, floor, front, runout: front - start, measured })
+    Ok(Sweep { seeds: finest.seeds, floor, front, runout: front - start, outside, measured })
 }

@@ -1,7 +1,6 @@
 //! All scenes at once.
 
 use super::super::cover::stands_for_all;
-use super::charts::shown;
 use crate::context::Context;
 use crate::render::block::Block;
 use crate::render::section::Section;
@@ -74,7 +73,7 @@ fn lead(sweeps: &Measurements, suite: Suite) -> Option<Block> {
         .filter(solvers)
         .filter_map(|m| Some(format!("{} ({})", length(last(m)?.distance), m.name)));
     let words: Vec<String> = words.collect();
-    let spread = last(sweep.measured.get(1)?)?.spread.map_or(String::new(), length);
+    let spread = sweep.with_truth()?.rows.last()?.spread.map_or(String::new(), length);
     Some(Block::lead(
         "Truth",
         format!(
@@ -105,28 +104,36 @@ fn worst(m: &Measured) -> Option<&Row> {
 /// Largest ratio and distance of every model on every scene.
 fn ratios(sweeps: &Measurements) -> Table {
     let mut models: Vec<&str> = Vec::new();
-    for m in sweeps.iter().flat_map(|(_, sweep)| shown(sweep)) {
+    for m in sweeps.iter().flat_map(|(_, sweep)| &sweep.measured) {
         if !models.contains(&m.name.as_str()) {
             models.push(&m.name);
         }
     }
-    let columns = ["scene", "spread [m]"].into_iter().chain(models.iter().copied());
+    let columns = ["scene", "spread at the end [m]"].into_iter().chain(models.iter().copied());
     let mut table = Table::new("Distance over spread", columns).note(
         "Largest ratio, and the distance there in m. Discs: one seed against the others. A cell is empty \
          where a model has no such settings, failed before the ratio counts or was trained on other \
          scenes.",
     );
     for (case, sweep) in sweeps {
-        let spread = sweep.measured.get(1).and_then(worst).and_then(|row| row.spread);
+        let spread = sweep.with_truth().and_then(|found| found.rows.last()?.spread);
         let head = [case.scene.name.to_owned(), spread.map_or(String::new(), number)];
-        let cells = models.iter().map(|name| {
-            let row = shown(sweep).find(|m| m.name == *name).and_then(worst);
-            row.and_then(|row| Some(format!("{} ({})", number(row.ratio()?), number(row.distance))))
-                .unwrap_or_default()
-        });
+        let found = |name: &&str| sweep.measured.iter().find(|m| m.name == **name);
+        let cells = models.iter().map(|name| found(name).and_then(ratio).unwrap_or_default());
         table.row(head.into_iter().chain(cells));
     }
     table
+}
+
+/// Largest ratio and the distance there, up to when the model failed.
+fn ratio(m: &Measured) -> Option<String> {
+    let found = m.comparison.as_ref()?;
+    let row = found.worst()?;
+    let until = match (m.failure.is_empty(), found.rows.last()) {
+        (false, Some(last)) => format!(" until {} s", number(last.time)),
+        _ => String::new(),
+    };
+    Some(format!("{} ({}){until}", number(row.ratio()?), number(row.distance)))
 }
 
 /// What `dempm check` quotes: the defaults of packings and continuum law, and the discs themselves.

@@ -1,7 +1,8 @@
 //! One scene: all models against the truth.
 
 use super::super::cover::stands_for_all;
-use super::charts::{charts, shown};
+use super::super::no_model::left_out;
+use super::charts::charts;
 use super::tables::{over_time, summary};
 use crate::context::Context;
 use crate::render::block::Block;
@@ -68,15 +69,15 @@ pub fn truth_blocks(case: &Case, context: &mut Context) -> miette::Result<Vec<Bl
     }
     blocks.push(Block::Table(summary(&sweep)));
     blocks.extend(charts(&sweep)?);
-    blocks.push(Block::Table(over_time(&sweep)));
+    blocks.extend(over_time(&sweep).map(Block::Table));
     blocks.extend(failures(&sweep));
-    blocks.extend(outside(&sweep));
+    blocks.extend(left_out(&sweep));
     Ok(blocks)
 }
 
 /// Distance and ratio of each model at its worst.
 fn headline(sweep: &Sweep) -> Block {
-    let models = shown(sweep).filter(|m| m.family != Family::Discs);
+    let models = sweep.measured.iter().filter(|m| m.family != Family::Discs);
     let words: Vec<String> = models
         .filter_map(|m| {
             let worst = m.comparison.as_ref()?.worst()?;
@@ -122,20 +123,4 @@ fn failures(sweep: &Sweep) -> Vec<Block> {
         [Block::text(format!("{} failed{when}:", m.name)), Block::Quote(m.failure.clone())]
     };
     failed.flat_map(block).collect()
-}
-
-/// Networks that are not shown since the scene lies outside of their training data.
-fn outside(sweep: &Sweep) -> Option<Block> {
-    let networks: Vec<&str> = sweep
-        .measured
-        .iter()
-        .filter(|m| m.is_outside_of_training())
-        .map(|m| m.name.as_str())
-        .collect();
-    (!networks.is_empty()).then(|| {
-        Block::text(format!(
-            "Not shown, since the scene lies outside of their training data: {}.",
-            networks.join(", ")
-        ))
-    })
 }

@@ -1,6 +1,5 @@
 //! Models and truth in numbers.
 
-use super::charts::shown;
 use crate::render::table::Table;
 use crate::studies::sweep::{Measured, Sweep};
 use crate::text::{number, percent};
@@ -24,7 +23,7 @@ pub(super) fn summary(sweep: &Sweep) -> Table {
         "centre of mass off [m]",
         "at rest after [s]",
     ];
-    let truth = sweep.measured.iter().filter_map(|m| m.comparison.as_ref()).next_back();
+    let truth = sweep.with_truth();
     let last = truth.and_then(|found| found.rows.last());
     let rest = truth.and_then(|found| found.true_arrest);
     let note = format!(
@@ -36,7 +35,7 @@ pub(super) fn summary(sweep: &Sweep) -> Table {
         sweep.seeds
     );
     let mut table = Table::new("Models and discs", columns).note(note);
-    for m in shown(sweep) {
+    for m in &sweep.measured {
         table.row(summary_row(m));
     }
     table
@@ -70,45 +69,52 @@ fn summary_row(m: &Measured) -> [String; 11] {
     ]
 }
 
-/// All models over time.
-pub(super) fn over_time(sweep: &Sweep) -> Table {
+/// Distances of all models over time, and their states beside that of the truth.
+pub(super) fn over_time(sweep: &Sweep) -> [Table; 2] {
     let columns = [
         "model",
         "time [s]",
         "distance [m]",
         "spread [m]",
         "ratio",
-        "misplaced",
-        "misplaced between seeds",
-        "front [m]",
-        "front of the discs [m]",
-        "connected front [m]",
-        "connected front of the discs [m]",
-        "centre of mass x [m]",
-        "of the discs [m]",
-        "y [m]",
-        "of the discs [m]",
-        "kinetic energy [J/kg]",
-        "of the discs [J/kg]",
+        "mass misplaced",
+        "between seeds",
     ];
-    let mut table = Table::new("Over time", columns).note(
-        "Of the discs: mean over seeds ± standard deviation. Cells are empty where a trajectory lacks a \
-         quantity.",
+    let mut distances = Table::new("Distances over time", columns)
+        .note("Spread and the last column: between two seeds of the discs.");
+    let columns = [
+        "model",
+        "time [s]",
+        "front [m]",
+        "discs",
+        "connected front [m]",
+        "discs",
+        "centre of mass x [m]",
+        "discs",
+        "y [m]",
+        "discs",
+        "kinetic energy [J/kg]",
+        "discs",
+    ];
+    let mut states = Table::new("States over time", columns).note(
+        "Beside each quantity that of the discs: mean over seeds ± standard deviation. The connected \
+         front is empty where trajectories lack it.",
     );
-    for m in shown(sweep) {
+    for m in &sweep.measured {
         let Some(found) = &m.comparison else { continue };
         let mut next = INTERVAL;
         for row in &found.rows {
             if row.time > next - 1e-6 {
-                table.row(cells(&m.name, row));
+                distances.row(distance_cells(&m.name, row));
+                states.row(state_cells(&m.name, row));
                 next = row.time + INTERVAL;
             }
         }
     }
-    table
+    [distances, states]
 }
 
-fn cells(name: &str, row: &Row) -> [String; 17] {
+fn distance_cells(name: &str, row: &Row) -> [String; 7] {
     let optional = |value: Option<f64>| value.map_or(String::new(), number);
     [
         name.to_owned(),
@@ -118,6 +124,13 @@ fn cells(name: &str, row: &Row) -> [String; 17] {
         optional(row.ratio()),
         number(row.misplaced),
         optional(row.misplaced_spread),
+    ]
+}
+
+fn state_cells(name: &str, row: &Row) -> [String; 12] {
+    [
+        name.to_owned(),
+        number(row.time),
         metres(row.front),
         seeds(&row.true_front),
         row.connected_front.map_or(String::new(), metres),

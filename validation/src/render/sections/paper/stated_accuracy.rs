@@ -62,7 +62,7 @@ fn leads(nearest: &Nearest) -> [Block; 2] {
         ),
         Block::headline(format!(
             "Of {count} errors that the paper's text states, `{}` reaches {}. Mean square distance of \
-             points, box width 1: {}.",
+             points from the solver's, box width 1: {}.",
             nearest.network,
             nearest.met(),
             all.join("; ")
@@ -73,9 +73,9 @@ fn leads(nearest: &Nearest) -> [Block; 2] {
 fn table(all: &[Reached]) -> Table {
     let columns = ["quantity", "paper", "ours", "ratio", "network", "from frame"];
     let mut table = Table::new("Stated accuracy", columns).note(
-        "Mean square distance of points, box width 1. The paper's values are orders of magnitude; that \
+        "Mean square distance of points from the solver's, box width 1. The paper's values are orders of magnitude; that \
          of Col2x2 is a quarter of Col5x2's. From frame: the first predicted frame; a network with \
-         coarser frames is given more of the truth, and is judged at the next frame that it has.",
+         coarser frames is given more of the solver's run, and is judged at the next frame that it has.",
     );
     for Reached { paper, network, error, first_frame, .. } in all {
         table.row([
