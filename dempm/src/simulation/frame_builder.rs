@@ -229,7 +229,10 @@ mod tests {
             kind = "mu-i"
         "#;
         let mut simulation = Simulation::new(Scene::parse(text, "test.toml").unwrap()).unwrap();
-        assert_eq!(simulation.frame().boxes, [[0.0, 0.375, 0.25, 0.625]]);
+        let frame = simulation.frame();
+        assert_eq!(frame.boxes, [[0.0, 0.375, 0.25, 0.625]]);
+        // All of the column is one piece.
+        assert_eq!(frame.budget["front_connected"], frame.budget["front"]);
         for _ in 0..50 {
             simulation.advance().unwrap();
         }
