@@ -1,5 +1,5 @@
 # make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
-# make learn   train a small network on direct runs, let it predict scenes/column.toml: out/learn
+# make learn   train a small network on direct runs, let it predict a column: out/learn
 # make test    the whole test suite
 # make lint    links, formatting, clippy, licences and crate documentation, as the continuous
 #              integration does
@@ -26,14 +26,11 @@ RUNS := train/column train/tall train/wide valid/between other-packing/between
 
 learn: build-surrogate $(RUNS:%=$(LEARN)/data/%.h5)
 	$(RUN) surrogate -- train configs/tiny.toml --data $(LEARN)/data -o $(LEARN)/run --overwrite
-	$(RUN) surrogate -- rollout $(LEARN)/run/best.safetensors --scene scenes/column.toml \
+	$(RUN) surrogate -- rollout $(LEARN)/run/best.safetensors --scene configs/tiny/train/column.toml \
 		-o $(LEARN)/column.h5 --overwrite
 	$(RUN) dempm -- plot $(LEARN)/column.h5 -o $(LEARN)/column.png
 	$(RUN) surrogate -- eval $(LEARN)/run/best.safetensors --data $(LEARN)/data/valid \
 		--noise-floor $(LEARN)/data/other-packing -o $(LEARN)/eval
-
-$(LEARN)/data/train/column.h5: scenes/column.toml | build-dempm
-	$(RUN) dempm -- run $< -o $@ --overwrite
 
 $(LEARN)/data/%.h5: configs/tiny/%.toml | build-dempm
 	$(RUN) dempm -- run $< -o $@ --overwrite

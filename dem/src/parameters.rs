@@ -38,6 +38,9 @@ pub struct Preparation {
     pub local_damping: f64,
     /// Strain rate of the oedometric compression that makes the ladder of stress states (1/s).
     pub ladder_rate: f64,
+    /// Compresses with the friction of flow instead of that of preparation. Lateral stresses are then about half the
+    /// vertical ones; with smooth grains nearly equal, as in a column of grains that settled smoothly.
+    pub rough_ladder: bool,
 }
 
 impl Default for RveParameters {
@@ -56,6 +59,12 @@ impl Default for RveParameters {
 
 impl Default for Preparation {
     fn default() -> Self {
-        Self { pressure: 2.0e3, cloud_solid_fraction: 0.3, local_damping: 0.2, ladder_rate: 0.02 }
+        Self {
+            pressure: 2.0e3,
+            cloud_solid_fraction: 0.3,
+            local_damping: 0.2,
+            ladder_rate: 0.02,
+            rough_ladder: false,
+        }
     }
 }

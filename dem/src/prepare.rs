@@ -74,6 +74,8 @@ pub fn ladder(
     targets: &[f64],
 ) -> Result<Vec<Rung>, Error> {
     let fail = |e: StageError| Error::Preparation { seed, reason: e.to_string() };
+    let friction =
+        if p.preparation.rough_ladder { p.grains.friction } else { p.grains.preparation_friction };
     let mut rungs = vec![None; targets.len()];
     for loading in [true, false] {
         let mut order: Vec<usize> = (0..targets.len())
@@ -86,6 +88,8 @@ pub fn ladder(
         let rate = p.preparation.ladder_rate;
         let shortening_rate = if loading { rate } else { -rate };
         let mut element = start(p, isotropic.clone()).map_err(fail)?;
+        // The friction of flow that follows leaves all contacts as they are.
+        element.parameters.grains.friction = friction;
         for k in order {
             let until = Until::Pressure(targets[k]);
             let stage = Stage::Oedometric { shortening_rate, until };

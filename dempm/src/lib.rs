@@ -31,7 +31,7 @@
 //! writer.finish("finished")?;
 //!
 //! let trajectory = Trajectory::open(&path)?;
-//! assert_eq!((trajectory.frames(), trajectory.points().mass.len()), (1, 64));
+//! assert_eq!((trajectory.frames(), trajectory.points().mass.len()), (1, 1024));
 //! # Ok(())
 //! # }
 //! ```

@@ -18,7 +18,7 @@ const ERROR_OF_THE_MODEL: f64 = 5.6e-4;
 fn rounding_is_far_below_the_error_of_a_model() {
     let Some(device) = gpu::for_tests() else { return };
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let scene = Scene::load(root.join("scenes/column.toml")).unwrap();
+    let scene = Scene::load(root.join("configs/tiny/train/column.toml")).unwrap();
     let simulator = |precision| {
         let model = Simulator::load(&root.join("models/tgnns-tiny.safetensors")).unwrap();
         // Each rollout has a thread and needs a stream.

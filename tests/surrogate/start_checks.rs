@@ -79,7 +79,7 @@ fn a_start_is_compared_with_the_training_data() {
     assert!(said.len() == 1 && said[0].contains("a rough guide"), "{said:?}");
 
     // A column away from the walls, whose mirror image should move as its mirror image.
-    let free = "duration = 1.0\nstep = 4e-4\nframe_interval = 0.02\n[domain]\nsize = [4.0, 2.0]\n\
+    let free = "duration = 1.0\nstep = 4e-4\nframe_interval = 0.02\n[domain]\nsize = [4.0, 2.0]\ncell = 0.125\n\
                 [[column]]\ncorner = [1.0, 0.0]\nsize = [0.75, 0.75]\n[material]\nkind = \"mu-i\"\n";
     let free =
         InitialFrames::from_scene(Scene::parse(free, "free.toml").unwrap(), &simulator).unwrap();

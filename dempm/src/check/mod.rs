@@ -5,7 +5,7 @@
 //! let text = "duration = 3.0\n[domain]\nsize = [10.0, 10.0]\n[[column]]\nsize = [3.0, 3.0]\n";
 //! let scene = dempm::scene::Scene::parse(text, "column.toml")?;
 //! let needs = dempm::check::Needs::of(&scene, 1.0e8);
-//! assert_eq!(needs.points, 2304);
+//! assert_eq!(needs.points, 36_864);
 //! # Ok(())
 //! # }
 //! ```

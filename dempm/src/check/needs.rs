@@ -391,15 +391,15 @@ mod tests {
     fn the_3_m_column_has_the_known_numbers() {
         let needs = needs(COLUMN);
         let (rve, dem) = (needs.rve.as_ref().unwrap(), needs.dem.as_ref().unwrap());
-        assert_eq!((needs.points, rve.discs, dem.substeps, needs.steps), (2304, 400, 8, 30_000));
+        assert_eq!((needs.points, rve.discs, dem.substeps, needs.steps), (36_864, 64, 4, 30_000));
         assert!((needs.density - 2226.0).abs() < 1.0);
         assert!((needs.wave_speed - 80.0).abs() < 1.0);
-        assert!((needs.step_limit - 7.8e-4).abs() < 1.0e-5);
+        assert!((needs.step_limit - 2.0e-4).abs() < 1.0e-5);
         assert!((dem.step_limit - 3.4e-5).abs() < 1.0e-6);
         assert!((needs.base_pressure - 65.5e3).abs() < 100.0);
         assert!((dem.stiffness_number - 204.0).abs() < 1.0);
-        assert!((dem.disc_steps - 2.212e11).abs() < 1.0e9);
-        assert!((needs.seconds - 2212.0).abs() < 60.0);
+        assert!((dem.disc_steps - 2.831e11).abs() < 1.0e9);
+        assert!((needs.seconds - 3290.0).abs() < 60.0);
         // The column reaches the wall of the box, and nothing else is wrong with it.
         let [warning] = &needs.warnings[..] else { panic!("{:?}", needs.warnings) };
         assert!(warning.contains("right wall: 10.5 m"), "{warning}");
@@ -422,7 +422,9 @@ mod tests {
         );
         let fast = format!(
             "{}velocity = [0, -62.4]",
-            COLUMN.replace("= 3.0\n[", "= 3.0\nstep = 4e-4\nframe_interval = 0.04\n[")
+            COLUMN
+                .replace("= 3.0\n[", "= 3.0\nstep = 4e-4\nframe_interval = 0.04\n[")
+                .replace("[10.0, 10.0]", "[10.0, 10.0]\ncell = 0.125")
         );
         assert!(needs(&fast).warnings.iter().any(|w| w.contains("0.20 cells in one step")));
     }
@@ -467,10 +469,10 @@ mod tests {
             let line = text.lines().find(|line| line.trim_start().starts_with(label)).unwrap();
             line.find(value).map(|start| line[..start].chars().count() + value.chars().count())
         };
-        let column = end("material points", "2 304");
+        let column = end("material points", "36 864");
         assert!(column.is_some());
         for (label, value) in
-            [("macro step", "100 µs"), ("DEM step", "12.5 µs"), ("time  ", "37 min")]
+            [("macro step", "100 µs"), ("DEM step", "25 µs"), ("time  ", "55 min")]
         {
             assert_eq!(end(label, value), column, "{text}");
         }

@@ -151,10 +151,10 @@ fn expected(accuracy: &Accuracy) -> (String, Vec<Row>) {
     let points =
         |metres: &f64| Row("points, root mean square", quantity(*metres, "m"), from.clone());
     let mut rows: Vec<Row> = distance.iter().map(points).collect();
-    let note = if distance.is_some() { "no model can be nearer".into() } else { from.clone() };
+    let note = if distance.is_some() { "the scatter of the truth".into() } else { from.clone() };
     rows.push(Row("two seeds of discs", quantity(*spread, "m"), note));
     if !beyond.is_empty() {
-        rows.push(Row("not measured", "with".into(), beyond.join(", ")));
+        rows.push(Row("outside of what was measured", String::new(), beyond.join(", ")));
     }
     ("Expected distance from the same scene as discs, at the end".to_owned(), rows)
 }

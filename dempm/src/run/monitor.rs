@@ -150,7 +150,8 @@ impl Monitor {
             .iter()
             .sum();
         let drift = scalar(frame, "energy_drift");
-        let unsound = soundness::drift(drift, dissipated, self.start_energy);
+        let kinetic = scalar(frame, "kinetic_energy");
+        let unsound = soundness::drift(drift, dissipated, kinetic, self.start_energy);
         if let Some(sign) = unsound.filter(|_| !self.energy) {
             self.energy = true;
             warn(sign.to_string());
@@ -285,6 +286,7 @@ mod tests {
             "size = [0.5, 0.5]\n",
             "size = [0.5, 0.5]\ncorner = [1.0, 0.25]\nvelocity = [0.0, -80.0]\n",
         );
+        let text = text.replace("[domain]\n", "[domain]\ncell = 0.125\n");
         let mut simulation = Simulation::new(Scene::parse(&text, "scene.toml").unwrap()).unwrap();
         assert!(failure(&simulation).is_none());
         for _ in 0..simulation.scene.steps_per_frame() {

@@ -24,6 +24,8 @@ const FEW: f64 = 4.0;
 const MAX_DISCS: f64 = 1.0e9;
 /// Most nodes of a grid for continuum fields.
 const MAX_NODES: f64 = 1.0e7;
+/// Packings that average over each other's scatter.
+const MANY: usize = 16;
 /// Relative difference of radii below which discs form lattices.
 const EQUAL: f64 = 0.1;
 
@@ -208,11 +210,13 @@ fn size(rve: &Rve, log: &Log) {
                 )
                 .help(format!("at least {discs} discs of these radii; 400 is usual")),
         );
-    } else if p.discs < 100 {
+    } else if p.discs < 100 && rve.packings < MANY {
+        let packings =
+            if rve.packings == 1 { "1 packing" } else { &format!("{} packings", rve.packings) };
         log.report(
-            Problem::warning(format!("{} discs make a noisy material", p.discs))
+            Problem::warning(format!("{packings} of {} discs make a noisy material", p.discs))
                 .at(log.place("rve.discs"), "the stress ratio scatters by about 0.7 / sqrt(discs)")
-                .help("200 are enough for a first look, 400 for results"),
+                .help("64 packings, which average over each other, or 400 discs"),
         );
     }
 }

@@ -10,26 +10,26 @@ use super::range::{Limits, between, from_zero, positive, within};
 use super::reader::Table;
 
 /// Reads `[rve]` and `[grains]`.
-pub(super) fn read_rve(log: &Log, root: &Table<'_>) -> RveParameters {
-    let grains = read(log, root.table("grains"), &[]);
-    RveParameters { grains, ..read(log, root.table("rve"), &["grains"]) }
+pub(super) fn read_rve(log: &Log, root: &Table<'_>, defaults: &RveParameters) -> RveParameters {
+    let grains = read(log, root.table("grains"), &defaults.grains, &[]);
+    RveParameters { grains, ..read(log, root.table("rve"), defaults, &["grains"]) }
 }
 
-/// Reads a table whose keys, types and defaults are those of `T::default()`, but for some `left_out`: a
+/// Reads a table whose keys, types and defaults are those of `defaults`, but for some `left_out`: a
 /// parameter is declared in one place only.
-pub(super) fn read<T>(log: &Log, table: Table<'_>, left_out: &[&str]) -> T
+pub(super) fn read<T>(log: &Log, table: Table<'_>, defaults: &T, left_out: &[&str]) -> T
 where
-    T: Default + Serialize + DeserializeOwned,
+    T: Clone + Serialize + DeserializeOwned,
 {
     let path = table.path();
-    let parameters = toml::Table::try_from(T::default()).and_then(|mut values| {
+    let parameters = toml::Table::try_from(defaults).and_then(|mut values| {
         values.retain(|key, _| !left_out.contains(&key));
         fill(table, &mut values);
         values.try_into().map_err(serde::ser::Error::custom)
     });
     parameters.unwrap_or_else(|error| {
         log.report(Problem::error(format!("[{path}]: {error}")));
-        T::default()
+        defaults.clone()
     })
 }
 

@@ -107,7 +107,7 @@ fn calming(scene: &Scene, log: &Log) {
         log.report(
             Problem::warning(format!("relaxation = {rate} leaves points in random motion"))
                 .at(log.place("numerics.relaxation"), "1/s")
-                .help("the default of 500 calms points within some steps"),
+                .help("the default calms points within a tenth of a second"),
         );
     }
 }

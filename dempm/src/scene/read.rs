@@ -5,6 +5,7 @@ use dem::cuda::Room;
 use mpm::{Basis, Friction, Numerics, Scheme, Transfer, WallContact, Walls};
 use toml::de::DeTable;
 
+use super::defaults;
 use super::log::Log;
 use super::model::{
     Column, Discs, Domain, GridOutput, InitialStress, Material, Obstacle, Plate, Precision,
@@ -42,6 +43,7 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
     let root = Table::root(log, document);
     let (material, initial_stress) = material(log, &root);
     let (fields, grains_every, grid) = output(&root, &material);
+    let numerics = numerics(&root, &material);
     let scene = Scene {
         name: name.to_owned(),
         text: text.to_owned(),
@@ -55,7 +57,7 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
             positive(1.0, "s").with_hint("seconds: 0.1 ms is 1.0e-4"),
         ),
         frame_interval: root.number("frame_interval", Some(0.01), positive(TIME, "s")),
-        domain: domain(&root),
+        domain: domain(&root, &material),
         columns: columns(&root),
         obstacles: root.tables("obstacle", |table| {
             let obstacle = Obstacle {
@@ -68,7 +70,7 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
         plate: plate(&root),
         material,
         initial_stress,
-        numerics: numerics(&root),
+        numerics,
         fields,
         grains_every,
         grid,
@@ -84,14 +86,14 @@ fn stem(name: &str) -> &str {
     file.strip_suffix(".toml").unwrap_or(file)
 }
 
-fn domain(root: &Table<'_>) -> Domain {
+fn domain(root: &Table<'_>, material: &Material) -> Domain {
     if !root.has("domain") {
         root.missing("[domain]", "[domain] and below it size = [10.0, 10.0]");
     }
     let table = root.table("domain");
     let domain = Domain {
         size: table.vector("size", None, SIZE),
-        cell: table.number("cell", Some(0.125), positive(LENGTH, "m")),
+        cell: table.number("cell", Some(defaults::cell(material)), positive(LENGTH, "m")),
         points_per_cell: table.integer(
             "points_per_cell",
             2,
@@ -179,7 +181,8 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
         ("discs", Kind::Discs),
     ];
     let kind = table.choice("kind", Some(Kind::Rve), &kinds);
-    let packings = table.integer("packings", 1, between(1.0, 1024.0, "packings")) as usize;
+    let packings =
+        table.integer("packings", defaults::PACKINGS, between(1.0, 1024.0, "packings")) as usize;
     let precisions = [("f32", Precision::F32), ("f64", Precision::F64)];
     let precision = table.choice("precision", Some(Precision::F32), &precisions);
     let rooms = [("usual", Room::Usual), ("ample", Room::Ample)];
@@ -189,9 +192,13 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
     table.finish();
 
     // All tables are read, so that one scene can hold several materials and choose by `kind`.
-    let rve = parameters::read_rve(log, root);
-    let mu_i = parameters::read(log, root.table("mu-i"), &[]);
-    let elastic = parameters::read(log, root.table("elastic"), &[]);
+    let mut defaults = defaults::packings();
+    if matches!(kind, Kind::Discs) {
+        defaults.grains = defaults::discs();
+    }
+    let rve = parameters::read_rve(log, root, &defaults);
+    let mu_i = parameters::read(log, root.table("mu-i"), &Default::default(), &[]);
+    let elastic = parameters::read(log, root.table("elastic"), &Default::default(), &[]);
     let floor = floor(root);
     let material = match kind {
         Kind::Discs => Material::Discs(Discs { grains: rve.grains, floor, precision }),
@@ -210,7 +217,7 @@ fn floor(root: &Table<'_>) -> Floor {
     floor
 }
 
-fn numerics(root: &Table<'_>) -> Numerics {
+fn numerics(root: &Table<'_>, material: &Material) -> Numerics {
     let table = root.table("numerics");
     let bases = [
         ("quadratic", Basis::Quadratic),
@@ -219,10 +226,13 @@ fn numerics(root: &Table<'_>) -> Numerics {
         ("linear", Basis::Linear),
     ];
     let schemes = [("musl", Scheme::Musl), ("usl", Scheme::Usl), ("usf", Scheme::Usf)];
-    // Rates are the defaults of `relaxation`: quiet and converged in the step for FLIP towards
-    // APIC; FLIP towards PIC is viscous, hence a rate that leaves a collapse free to flow.
+    // Rates are the defaults of `relaxation`.
+    let flip_apic = match material {
+        Material::Rve(_) => defaults::TRANSFER,
+        _ => Transfer::default(),
+    };
     let transfers = [
-        ("flip-apic", Transfer::FlipApic { rate: 500.0 }),
+        ("flip-apic", flip_apic),
         ("flip", Transfer::Flip { rate: 1.0 }),
         ("apic", Transfer::Apic),
         ("pic", Transfer::Pic),

@@ -95,14 +95,26 @@ fn the_shortest_scene_has_the_documented_defaults() {
     let scene = parse(SHORT);
     assert_eq!((scene.title.as_str(), scene.seed, scene.step), ("test", 1, 1.0e-4));
     assert_eq!((scene.steps(), scene.steps_per_frame(), scene.frames()), (30_000, 100, 300));
-    assert_eq!(scene.point_count(), 2304);
+    assert_eq!((scene.domain.cell, scene.point_count()), (0.03125, 36_864));
     assert_eq!(scene.text, SHORT);
     assert_eq!(scene.domain.walls.bottom, Friction::Coulomb(0.5));
-    assert_eq!(scene.numerics.transfer, Transfer::FlipApic { rate: 500.0 });
+    assert_eq!(scene.numerics.transfer, Transfer::FlipApic { rate: 10.0 });
     assert_eq!(scene.fields, crate::trajectory::Field::OPTIONAL);
     let Material::Rve(rve) = &scene.material else { panic!("{:?}", scene.material) };
-    assert_eq!(rve.parameters, dem::RveParameters::default());
+    assert_eq!(rve.packings, 64);
+    let expected = dem::RveParameters {
+        grains: dem::Grains { step_factor: 0.401, overlap_limit: 2.0, ..Default::default() },
+        discs: 64,
+        ..Default::default()
+    };
+    assert_eq!(rve.parameters, expected);
     assert_eq!(scene.warnings, []);
+
+    let transfer = |kind| parse(&format!("{SHORT}[material]\nkind = \"{kind}\"")).numerics.transfer;
+    assert_eq!(transfer("mu-i"), Transfer::FlipApic { rate: 500.0 });
+    let discs = parse(&format!("{SHORT}[material]\nkind = \"discs\""));
+    assert_eq!(discs.material.grains(), Some(&dem::Grains::default()));
+    assert_eq!(discs.domain.cell, 0.125);
 }
 
 #[test]
@@ -159,7 +171,13 @@ fn rve_keys_are_those_of_the_dem() {
     assert_eq!((rve.packings, rve.precision), (3, Precision::F64));
     assert_eq!(rve.neighbours, dem::cuda::Room::Ample);
     let mut expected = dem::RveParameters {
-        grains: dem::Grains { radius_min: 3.0e-3, friction: 1.0, ..Default::default() },
+        grains: dem::Grains {
+            radius_min: 3.0e-3,
+            friction: 1.0,
+            step_factor: 0.401,
+            overlap_limit: 2.0,
+            ..Default::default()
+        },
         discs: 200,
         kinetic_stress: false,
         ..Default::default()
@@ -194,7 +212,7 @@ fn points_fill_the_columns() {
 #[case::unknown_table("[numeric]", &["did you mean `numerics`?"])]
 #[case::far_key("foo = 1", &["valid keys here are `column`, `discs`, `domain`, `duration`"])]
 #[case::wrong_type("step = \"fast\"", &["`step` must be a number (s)", "this is: text"])]
-#[case::unit("step = 0.1", &["step = 0.1 s is unstable", "80 m/s", "at most 0.5", "1.3e-5 s"])]
+#[case::unit("step = 0.1", &["step = 0.1 s is unstable", "80 m/s", "at most 0.5", "2.5e-5 s"])]
 #[case::huge_step("step = 100", &["must be above 0 and at most 1 s", "0.1 ms is 1.0e-4"])]
 #[case::not_finite("gravity = [nan, inf]", &["`gravity` = NaN", "`gravity` = inf"])]
 #[case::half_frame("frame_interval = 0.01005", &["100.5", "nearest: frame_interval = 0.0101"])]
@@ -244,7 +262,7 @@ fn a_wrong_line_is_explained(#[case] line: &str, #[case] expected: &[&str]) {
 )]
 #[case::cells(
     "duration = 1\n[domain]\nsize=[1.3,1]\n[[column]]\nsize=[1,1]",
-    &["10.400000 x 8.000000 cells", "nearest: size = [1.25, 1.0]"]
+    &["41.600000 x 32.000000 cells", "nearest: size = [1.3125, 1.0]"]
 )]
 #[case::many(
     "duration = 1\nstep=1e-9\nframe_interval=1e-6\n[domain]\nsize=[4,4]\ncell=1e-5\n[[column]]\nsize=[2,2]",
@@ -252,7 +270,7 @@ fn a_wrong_line_is_explained(#[case] line: &str, #[case] expected: &[&str]) {
 )]
 #[case::fast(
     "duration = 1\n[domain]\nsize=[4,4]\n[[column]]\nsize=[2,2]\nvelocity=[300,0]",
-    &["300.0000 m/s is too fast", "250.0000 m/s"]
+    &["300.0000 m/s is too fast", "62.5000 m/s"]
 )]
 #[case::coarse(
     "duration = 1\n[domain]\nsize=[4,4]\ncell=1.0\n[[column]]\nsize=[0.5,0.5]",
@@ -272,7 +290,7 @@ fn a_wrong_scene_is_explained(#[case] text: &str, #[case] expected: &[&str]) {
 
 #[rstest]
 #[case("[[obstacle]]\ncorner = [5.1, 0]\nsize = [1, 1]", "not on lines of the background grid")]
-#[case("[rve]\ndiscs = 60", "noisy")]
+#[case("[material]\npackings = 8", "8 packings of 64 discs make a noisy material")]
 #[case("[numerics]\nbasis = \"linear\"", "for tests only")]
 #[case("[plate]\ncorner=[5,5]\nsize=[1,1]\nvelocity=[1,0]\nstart=9", "never moves")]
 #[case("[plate]\ncorner=[8,5]\nsize=[1,1]\nvelocity=[1,0]", "leaves the domain")]
@@ -306,9 +324,9 @@ fn one_missing_bracket_is_one_error() {
 #[test]
 fn an_impact_faster_than_waves_is_warned_about() {
     let fast =
-        SHORT.replace("[[column]]\n", "[[column]]\nvelocity = [0.0, -80.0]\ncorner = [0, 1]\n");
+        SHORT.replace("[[column]]\n", "[[column]]\nvelocity = [0.0, -60.0]\ncorner = [0, 1]\n");
     let shown = render(&parse(&fast).warning_report().unwrap());
-    assert!(shown.contains("column 1 hits a wall or the floor at up to 80.1 m/s"), "{shown}");
+    assert!(shown.contains("column 1 hits a wall or the floor at up to 60.2 m/s"), "{shown}");
 }
 
 #[test]

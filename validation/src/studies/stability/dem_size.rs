@@ -48,7 +48,7 @@ fn strength(p: &RveParameters, seed: u64, strain: f64) -> Measured {
 fn said(discs: usize) -> Option<String> {
     scene_messages::said(&format!(
         "duration = 0.1\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n\
-         [material]\nkind = \"rve\"\n[rve]\ndiscs = {discs}\n"
+         [material]\nkind = \"rve\"\npackings = 1\n[rve]\ndiscs = {discs}\n"
     ))
 }
 

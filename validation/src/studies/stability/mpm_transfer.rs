@@ -149,7 +149,7 @@ fn said(transfer: Transfer, step: f64) -> Option<String> {
     let rate = rate.map_or(String::new(), |rate| format!("relaxation = {rate:?}\n"));
     scene_messages::said(&format!(
         "duration = {0:?}\nframe_interval = {0:?}\nstep = {step:?}\n[domain]\nsize = [4.0, 2.0]\n\
-         [[column]]\nsize = [1.0, 1.0]\n[material]\nkind = \"mu-i\"\n[numerics]\n\
+         cell = 0.125\n[[column]]\nsize = [1.0, 1.0]\n[material]\nkind = \"mu-i\"\n[numerics]\n\
          transfer = \"{kind}\"\n{rate}",
         100.0 * step
     ))

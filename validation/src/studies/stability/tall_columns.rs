@@ -174,7 +174,7 @@ fn shaft(height: f64, thickness: f64) -> String {
         "duration = {duration:?}\nframe_interval = {frame:?}\nstep = {step:?}\n[domain]\n\
          size = [0.25, {:?}]\ncell = 0.25\nwalls = {{ left = \"slip\", right = \"slip\", bottom = \
          \"slip\", top = \"slip\" }}\n[[column]]\nsize = [0.25, {height:?}]\n[material]\n\
-         kind = \"rve\"\ninitial_stress = \"none\"\n[grains]\nthickness = {thickness:?}\n\
+         kind = \"rve\"\npackings = 1\ninitial_stress = \"none\"\n[grains]\nstep_factor = 0.201\nthickness = {thickness:?}\n\
          [rve]\ndiscs = 64\n[rve.preparation]\npressure = {:?}\n",
         height + 1.0,
         // Of the same stiffness number whatever the thickness.

@@ -31,9 +31,9 @@ pub(super) struct Setting {
 const COMMON: &str = "frame_interval = 0.02\noutput.fields = []";
 /// The packings as the scene has them.
 const DEFAULT: (&str, &str) = ("packings", "");
-/// The continuum law with the scene's cells and with half of them.
+/// The continuum law with the scene's cells and with larger ones.
 const MU_I: &str = "mu(I)";
-const MU_I_FINE: &str = "mu(I), half the cell";
+const MU_I_COARSE: &str = "mu(I), twice the cell";
 /// Grains of twice and four times the size. The thickness goes with it, and points become large enough
 /// to average over.
 const COARSER: [(&str, &str); 2] = [
@@ -49,29 +49,28 @@ const COARSER: [(&str, &str); 2] = [
 ];
 
 /// Settings of packings whose speed and accuracy the quick suite compares.
-const QUICK: [(&str, &str); 5] = [
-    ("200 discs", "rve.discs = 200"),
-    ("100 discs", "rve.discs = 100"),
-    ("50 discs", "rve.discs = 50"),
-    ("100 discs + long substeps", "rve.discs = 100\ngrains.step_factor = 0.401"),
-    ("100 discs + FLIP", "rve.discs = 100\nnumerics.transfer = \"flip\""),
+const QUICK: [(&str, &str); 4] = [
+    ("16 packings", "material.packings = 16"),
+    ("36 discs", "rve.discs = 36"),
+    ("cells of 62.5 mm", "domain.cell = 0.0625"),
+    ("relaxation 500 1/s", "numerics.relaxation = 500"),
 ];
 
-/// The same of the full suite. Long substeps are those of `scenes/paper`: 4 in a step of 0.1 ms.
+/// The same of the full suite: every default changed by itself, and what is cheaper.
 const FULL: [(&str, &str); 15] = [
-    ("800 discs", "rve.discs = 800"),
-    ("200 discs", "rve.discs = 200"),
+    ("16 packings", "material.packings = 16"),
+    ("1 packing", "material.packings = 1"),
     ("100 discs", "rve.discs = 100"),
-    ("50 discs", "rve.discs = 50"),
-    ("8 packings", "material.packings = 8"),
-    ("64 packings of 100 discs", "material.packings = 64\nrve.discs = 100"),
-    ("long substeps", "grains.step_factor = 0.401"),
-    ("50 discs + long substeps", "rve.discs = 50\ngrains.step_factor = 0.401"),
+    ("36 discs", "rve.discs = 36"),
+    ("rough ladder", "rve.preparation.rough_ladder = true"),
+    ("8 substeps", "grains.step_factor = 0.201"),
     ("mass x 10", "grains.mass_scale = 10"),
-    ("step 0.5 ms", "step = 5e-4"),
-    ("cells of 0.25 m", "domain.cell = 0.25"),
-    ("cells of 0.0625 m", "domain.cell = 0.0625"),
-    ("100 discs + cells of 0.25 m", "rve.discs = 100\ndomain.cell = 0.25"),
+    ("cells of 62.5 mm", "domain.cell = 0.0625"),
+    ("cells of 62.5 mm, 100 discs", "domain.cell = 0.0625\nrve.discs = 100"),
+    ("cells of 62.5 mm, steps of 0.2 ms", "domain.cell = 0.0625\nstep = 2e-4"),
+    ("cells of 125 mm", "domain.cell = 0.125"),
+    ("cells of 125 mm, 400 discs", "domain.cell = 0.125\nrve.discs = 400"),
+    ("relaxation 500 1/s", "numerics.relaxation = 500"),
     ("FLIP", "numerics.transfer = \"flip\""),
     ("walls on points", "numerics.wall_contact = \"points\""),
 ];
@@ -80,7 +79,7 @@ const FULL: [(&str, &str); 15] = [
 const SPEED: [&str; 4] = ["Small column", "Column a = 1", "Col2x2", "Col3x3"];
 /// Settings for it.
 const ON_THE_LARGEST: [&str; 4] =
-    ["100 discs", "50 discs + long substeps", "cells of 0.25 m", "64 packings of 100 discs"];
+    ["16 packings", "cells of 62.5 mm", "cells of 62.5 mm, 100 discs", "cells of 125 mm"];
 
 impl Case {
     /// All scenes of a suite, with every model in its defaults.
@@ -102,7 +101,7 @@ impl Case {
                     }
                 }
                 let coarse =
-                    ("mu(I), cells of 0.25 m", "material.kind = \"mu-i\"\ndomain.cell = 0.25");
+                    ("mu(I), cells of 0.125 m", "material.kind = \"mu-i\"\ndomain.cell = 0.125");
                 case.add(Family::Continuum, &coarse);
                 case
             })
@@ -113,7 +112,7 @@ impl Case {
     pub fn defaults<'s>(&self, sweep: &'s Sweep) -> Vec<(&'static str, f64, &'s Measured)> {
         let cell = cell(self.scene);
         let models =
-            [("rve", DEFAULT.0, cell), ("mu-i", MU_I, cell), ("mu-i", MU_I_FINE, 0.5 * cell)];
+            [("rve", DEFAULT.0, cell), ("mu-i", MU_I, cell), ("mu-i", MU_I_COARSE, 2.0 * cell)];
         let found = |name: &str| sweep.measured.iter().find(|m| m.name == name);
         models
             .into_iter()
@@ -135,8 +134,8 @@ impl Case {
             case.settings.push(Setting { family: Family::Packings, name, text });
         }
         case.add(Family::Continuum, &(MU_I, "material.kind = \"mu-i\""));
-        let half = format!("material.kind = \"mu-i\"\ndomain.cell = {:?}", 0.5 * cell(scene));
-        case.add(Family::Continuum, &(MU_I_FINE, &half));
+        let twice = format!("material.kind = \"mu-i\"\ndomain.cell = {:?}", 2.0 * cell(scene));
+        case.add(Family::Continuum, &(MU_I_COARSE, &twice));
         for (name, keys) in &COARSER[..suite.pick(1, 2)] {
             case.add(Family::CoarserDiscs, &(name, &format!("material.kind = \"discs\"\n{keys}")));
         }

@@ -1,0 +1,45 @@
+//! Defaults of scenes, chosen by their distance from the same scenes computed grain by grain
+//! (`docs/notes/2026-11-23-truth.md`).
+
+use dem::{Grains, RveParameters};
+use mpm::Transfer;
+
+use super::model::Material;
+
+/// Edge of a cell of the grid (m).
+const CELL: f64 = 0.03125;
+/// The same with discs, whose points are means over squares of half of it: eight mean diameters of the default grains.
+const CELL_OF_DISCS: f64 = 0.125;
+/// Different packings in a scene.
+pub(super) const PACKINGS: u64 = 64;
+/// Discs in a packing: fewer than a packing needs that stands alone, as cells average over several.
+const DISCS: usize = 64;
+/// DEM step of packings over `sqrt(m_min / kn)`: 4 substeps of 2.5e-5 s for the default grains. Twice that of whole
+/// scenes, whose energy it would let drift by more than 1 %.
+const STEP_FACTOR: f64 = 0.401;
+/// Largest overlap (radii): splashes press packings of single points together, which recover.
+const OVERLAP_LIMIT: f64 = 2.0;
+
+/// Parameters of packings and their grains.
+pub(super) fn packings() -> RveParameters {
+    let grains =
+        Grains { step_factor: STEP_FACTOR, overlap_limit: OVERLAP_LIMIT, ..Grains::default() };
+    RveParameters { grains, discs: DISCS, ..RveParameters::default() }
+}
+
+/// Transfer of packings. The continuum laws keep the default of the MPM: they are nearer to the grains with more
+/// dissipation.
+pub(super) const TRANSFER: Transfer = Transfer::FlipApic { rate: 10.0 };
+
+/// Edge of a cell of the grid (m).
+pub(super) fn cell(material: &Material) -> f64 {
+    match material {
+        Material::Discs(_) => CELL_OF_DISCS,
+        Material::Rve(_) | Material::MuI(_) | Material::Elastic(_) => CELL,
+    }
+}
+
+/// Grains of whole scenes.
+pub(super) fn discs() -> Grains {
+    Grains::default()
+}
