@@ -6,7 +6,7 @@ use crate::real::Real;
 
 /// One disc. Velocities are peculiar: what is left after the affine motion `L x` of the cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[repr(C)]
+#[repr(C, align(32))]
 #[serde(bound = "")]
 pub struct Disc<R: Real> {
     /// Reduced position: fractions of the cell vectors `a` and `b`.

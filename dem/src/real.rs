@@ -136,7 +136,13 @@ macro_rules! impl_real {
             #[inline(always)]
             fn advance(s: $unsigned, step: Self) -> $unsigned {
                 let half: $float = if step < 0.0 { -0.5 } else { 0.5 };
-                s.wrapping_add((step + half) as $signed as $unsigned)
+                // The cast `as` checks its range number by number; this way several advance at once.
+                const LARGEST: $float = (<$signed>::MAX as $float).next_down();
+                let rounded = (step + half).max(-LARGEST).min(LARGEST);
+                // SAFETY: neither bound is beyond the integers, and `max` is not NaN.
+                let units: $signed = unsafe { rounded.to_int_unchecked() };
+                let units = if step.is_nan() { 0 } else { units };
+                s.wrapping_add(units as $unsigned)
             }
             #[inline]
             fn shear(s: $unsigned, k: i32, t: $unsigned) -> $unsigned {
@@ -187,5 +193,13 @@ mod tests {
         assert!((f32::fraction_to_f64(s) - 0.25).abs() < 1e-6);
         assert_eq!(f32::advance(5, -0.6), 4);
         assert_eq!(f32::advance(0, -1.4), u32::MAX);
+    }
+
+    /// As the cast to an integer does it, but for the last bits of the largest moves.
+    #[test]
+    fn moves_beyond_all_measure_end_at_the_largest() {
+        assert_eq!(f32::advance(7, f32::NAN), 7);
+        assert_eq!(f32::advance(0, f32::INFINITY), (1 << 31) - 128);
+        assert_eq!(f64::advance(0, f64::NEG_INFINITY), 0_u64.wrapping_sub((1 << 63) - 1024));
     }
 }

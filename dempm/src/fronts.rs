@@ -1,4 +1,6 @@
-//! The front of a pile that a few points in flight do not move.
+//! Fronts of a pile that a few points in flight do not move.
+
+use rayon::prelude::*;
 
 /// Share of the mass behind the [`mass_front`].
 pub const MASS_SHARE: f64 = 0.99;
@@ -17,6 +19,25 @@ pub fn mass_front(position: &[[f64; 2]], mass: &[f64]) -> f64 {
         behind >= wanted
     });
     front.map_or(f64::NAN, |(x, _)| *x)
+}
+
+/// Solid depth of a layer (mean grain diameters) at which [`connected_front`] ends a pile. Grains side by side are
+/// pi / 4 deep.
+pub const CONNECTED_DEPTH: f64 = 0.5;
+
+/// The foremost x (m) that a layer of at least `depth` (m) of solid connects to the pile; NaN without parts.
+/// `parts` are the x (m) of grains or points and the area (m²) of solid in them.
+///
+/// Between two parts that are neighbours in x, the layer is as deep as the mean of their areas over their
+/// distance. Where it is shallower than `depth` the material falls apart, and the largest piece is the pile. The
+/// definition is the same for single grains and for points, which only resolve it less.
+pub fn connected_front(parts: impl IntoIterator<Item = (f64, f64)>, depth: f64) -> f64 {
+    let mut parts: Vec<(f64, f64)> = parts.into_iter().filter(|(x, _)| x.is_finite()).collect();
+    parts.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let connected = |a: &(f64, f64), b: &(f64, f64)| 0.5 * (a.1 + b.1) >= depth * (b.0 - a.0);
+    let area = |piece: &[(f64, f64)]| piece.iter().map(|(_, area)| area).sum::<f64>();
+    let pile = parts.chunk_by(connected).max_by(|a, b| area(a).total_cmp(&area(b)));
+    pile.and_then(<[_]>::last).map_or(f64::NAN, |(x, _)| *x)
 }
 
 #[cfg(test)]
@@ -45,5 +66,39 @@ mod tests {
         assert_eq!(mass_front(&line, &mass), 100.0);
         assert_eq!(mass_front(&line, &mass.iter().rev().copied().collect::<Vec<_>>()), 91.0);
         assert!(mass_front(&[[f64::NAN; 2]], &[1.0]).is_nan());
+    }
+
+    /// Grains of 10 mm side by side, at x = 0 to 0.99 m.
+    fn row() -> Vec<(f64, f64)> {
+        (0..100).map(|k| (0.01 * f64::from(k), 0.25 * std::f64::consts::PI * 1e-4)).collect()
+    }
+
+    #[test]
+    fn the_connected_front_is_the_last_grain_of_a_layer() {
+        let depth = CONNECTED_DEPTH * 0.01;
+        let front = |parts: &[(f64, f64)]| connected_front(parts.iter().copied(), depth);
+        let mut parts = row();
+        let area = parts[0].1;
+        assert_eq!(front(&parts), 0.99);
+        // A gap between centres of pi / 2 diameters is half a diameter deep.
+        parts.push((0.99 + 0.0157, area));
+        assert_eq!(front(&parts), 0.99 + 0.0157);
+        parts.push((0.99 + 0.0157 + 0.0158, area));
+        assert_eq!(front(&parts), 0.99 + 0.0157);
+        // A larger piece elsewhere is the pile, whatever the order of parts.
+        parts.extend(row().iter().map(|&(x, area)| (x - 3.0, 2.0 * area)));
+        assert!((front(&parts) + 2.01).abs() < 1e-12);
+        assert!(front(&[]).is_nan() && front(&[(f64::NAN, 1.0)]).is_nan());
+    }
+
+    /// Points of 50 mm x 50 mm with a solid fraction of 0.8 stand for a layer of 10 mm as far as 0.2 m apart.
+    #[test]
+    fn points_of_a_thin_layer_are_connected() {
+        let layer =
+            |spacing: f64| (0..10).map(move |k| (spacing * f64::from(k), 0.8 * 0.05 * 0.05));
+        assert!((connected_front(layer(0.199), 0.01) - 9.0 * 0.199).abs() < 1e-12);
+        // As far apart as that they are pieces of the same size.
+        let alone = connected_front(layer(0.201).chain([(0.05, 0.002)]), 0.01);
+        assert!((alone - 0.201).abs() < 1e-12, "{alone}");
     }
 }

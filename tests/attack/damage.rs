@@ -48,10 +48,14 @@ const READERS: [(&str, bool); 10] = [
     ("surrogate eval whole/best.safetensors --data in -o out --device cpu", false),
 ];
 
+/// The first of them also read a run of discs, with grains and a grid.
+const OF_DISCS: usize = 3;
+
 fn trajectory(attack: &mut Attack) -> Result<(), Finding> {
-    let reader = attack.rng.random_range(0..READERS.len());
+    let original = ["whole.h5", "data/valid/middle.h5", "discs.h5"][attack.rng.random_range(0..3)];
+    let readers = if original == "discs.h5" { OF_DISCS } else { READERS.len() };
+    let reader = attack.rng.random_range(0..readers);
     let (line, repeats) = READERS[reader];
-    let original = ["whole.h5", "data/valid/middle.h5"][attack.rng.random_range(0..2)];
     prepare_reader(original, &attack.folder);
     let how = damage_file(attack, "in/t.h5");
     let ended = program(line, &attack.folder).run();

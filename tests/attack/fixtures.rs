@@ -51,6 +51,23 @@ kind = "mu-i"
 fields = ["stress"]
 "#;
 
+/// Discs with grains and fields on a grid.
+const DISCS: &str = r#"duration = 0.01
+frame_interval = 0.002
+[domain]
+size = [0.25, 0.125]
+cell = 0.0625
+[[column]]
+corner = [0.0, 0.0]
+size = [0.0625, 0.0625]
+[material]
+kind = "discs"
+[output]
+fields = ["stress", "solid_fraction", "coordination"]
+grains_every = 2
+grid = { width = 0.01, spacing = 0.025 }
+"#;
+
 const LIST: &str = r#"scene = "mu-i.toml"
 [set]
 duration = 0.05
@@ -107,10 +124,11 @@ every = 10
 ///
 /// | | |
 /// |---|---|
-/// | `scene.toml`, `mu-i.toml`, `list.toml`, `element.toml`, `training.toml` | texts |
+/// | `scene.toml`, `mu-i.toml`, `discs.toml`, `list.toml`, `element.toml`, `training.toml` | texts |
 /// | `packing.csv` | packing of `element.toml` |
 /// | `cache/packings/` | packings of `scene.toml` |
 /// | `whole.h5`, `whole.npz` | the run of `scene.toml` |
+/// | `discs.h5` | the run of `discs.toml` |
 /// | `cut.h5`, `cut.h5.ckpt` | the same, killed |
 /// | `data/train/`, `data/valid/` | runs of `mu-i.toml` |
 /// | `whole/` | the training of `training.toml` |
@@ -139,10 +157,12 @@ fn make(folder: &Path) {
     };
     write("scene.toml", SCENE);
     write("mu-i.toml", MU_I);
+    write("discs.toml", DISCS);
     write("list.toml", LIST);
     write("element.toml", &ELEMENT.replace("packing = \"packing.csv\"\n", ""));
     write("training.toml", TRAINING);
     do_it("dempm run scene.toml -o whole.h5 --device cpu");
+    do_it("dempm run discs.toml -o discs.h5 --device cpu");
     kill_at(
         folder,
         "dempm run scene.toml -o cut.h5 --device cpu --checkpoint-interval 0",

@@ -142,7 +142,7 @@ fn fuzz_weights() {
 fn fuzz_trajectories() {
     let (formed, accepted) = (Cell::new(0), Cell::new(0));
     fuzz("fuzz_trajectories", |attack| {
-        let original = one(&["whole.h5", "data/valid/middle.h5"], attack);
+        let original = one(&["whole.h5", "data/valid/middle.h5", "discs.h5"], attack);
         let path = attack.folder.join("t.h5");
         let mut bytes = fs::read(fixtures().join(original)).unwrap();
         let how = if attack.rng.random_bool(0.3) {
@@ -219,6 +219,11 @@ fn read_all(path: &Path) -> miette::Result<()> {
     file.boxes(all.clone())?;
     for field in file.fields() {
         file.field::<f64>(field, all.clone())?;
+    }
+    file.grains()?;
+    for frame in all {
+        file.grain_frame(frame)?;
+        file.grid_frame(frame)?;
     }
     Ok(())
 }

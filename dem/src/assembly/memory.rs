@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::tile::{History, Tile};
+use super::pairs::History;
+use super::tile::Tile;
 use crate::real::Real;
 
 /// Histories of touching pairs by the identities of their discs.
@@ -21,7 +22,7 @@ impl<R: Real> ContactMemory<R> {
         let id = |k: u32| ids[k as usize];
         // A pair across a border is in both tiles.
         let outer = tiles.iter().flat_map(|tile| tile.outer.iter().filter(|pair| pair.i < pair.j));
-        let pairs = tiles.iter().flat_map(|tile| &tile.inner).chain(outer);
+        let pairs = tiles.iter().flat_map(|tile| tile.inner.iter()).chain(outer);
         let pairs = pairs.map(|pair| (id(pair.i), id(pair.j), pair.contact));
         let bodies = tiles.iter().flat_map(|tile| &tile.bodies);
         let bodies = bodies.map(|pair| (id(pair.disc), pair.body, pair.contact));

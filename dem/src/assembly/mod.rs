@@ -4,20 +4,26 @@
 //! Grains and their contact law are those of the periodic packings. [`prepare_column`] fills a column with
 //! grains at rest; [`Assembly`] advances them.
 
+mod bodies;
 mod boundary;
 mod coarse_grain;
+mod contacts;
 mod coordinates;
 mod energy;
 mod error;
 mod memory;
+mod motion;
 mod output;
 mod packed;
+mod pairs;
 mod prepare;
 mod profile;
 mod search;
 mod settling;
 mod solver;
+mod step;
 mod tile;
+mod touching;
 
 pub use boundary::{Boundary, Faces, Floor, RigidBox};
 pub use coarse_grain::{CoarseGraining, Continuum, Flow, free_share};
@@ -31,4 +37,4 @@ pub use solver::Assembly;
 
 pub(crate) use coordinates::Region;
 pub(crate) use memory::ContactMemory;
-pub(crate) use tile::History;
+pub(crate) use pairs::History;

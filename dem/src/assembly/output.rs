@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use super::boundary::Body;
 use super::energy::Energy;
 use super::packed::GrainState;
+use super::pairs::History;
 use super::solver::Assembly;
-use super::tile::{History, Tile};
+use super::tile::Tile;
 use crate::contact::ContactLaw;
 use crate::disc::Disc;
 use crate::real::Real;
@@ -75,7 +76,7 @@ impl<R: Real> Assembly<R> {
                 ..GrainState::default()
             })
             .collect();
-        for pair in tile.inner.iter().chain(&tile.outer) {
+        for pair in tile.inner.iter().chain(tile.outer.iter()) {
             let (a, b) = (&self.discs[pair.i as usize], &self.discs[pair.j as usize]);
             let Some(contact) = self.contact(law, a, b, pair.contact, pair.dashpot) else {
                 continue;
@@ -156,7 +157,7 @@ impl<R: Real> Assembly<R> {
         };
         for tile in tiles {
             for (pairs, weight) in [(&tile.inner, 1.0), (&tile.outer, 0.5)] {
-                for pair in pairs {
+                for pair in pairs.iter() {
                     let a = &self.discs[pair.i as usize];
                     let b = &self.discs[pair.j as usize];
                     let contact = self.contact(&law, a, b, pair.contact, pair.dashpot);

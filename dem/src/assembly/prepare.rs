@@ -26,17 +26,20 @@ pub struct ColumnBox {
 const DENSEST: f64 = 0.88;
 /// More grains than fill the column, as the top layer is cut.
 const OVERFILL: f64 = 1.04;
-/// Decay of velocities (1/s) while grains fall, while they settle, and once they hardly move.
+/// Decay of velocities (1/s) while grains fall, and once they hardly move; see [`settling_drag`].
 const FALLING_DRAG: f64 = 2.0;
-const SETTLING_DRAG: f64 = 20.0;
 const RESTING_DRAG: f64 = 200.0;
 /// Time (s) between two looks at the motion.
 const LOOK: f64 = 0.01;
-/// Mean kinetic energies, in units of the mean weight times the mean diameter: grains hardly move; they have
-/// settled, though without friction single ones still rearrange; they are at rest.
+/// Mean kinetic energies, in units of the mean weight times the mean diameter: grains hardly move, so that the
+/// column is formed; they have settled, though without friction single ones still rearrange; they are at rest.
 const HARDLY_MOVING: f64 = 1.0e-3;
 const SETTLED: f64 = 1.0e-5;
 const AT_REST: f64 = 1.0e-7;
+/// How long grains fall nearly freely, in times of a free fall from the top of the rain to that of the column.
+const FALL: f64 = 1.2;
+/// DEM step while grains fall and settle, over that of rest: still little more than half of the stable one.
+const COARSE_STEP: f64 = 1.5;
 /// Shortest settling, in looks, and longest, in times of a free fall from the top of the column.
 const SHORTEST: usize = 5;
 const LONGEST: f64 = 30.0;
@@ -74,15 +77,17 @@ pub fn prepare_column<R: Real>(
     let weight = if gravity[1] < 0.0 { gravity[1] } else { -9.81 };
     let rain = rain(grains, place, seed);
     let silo = silo(grains, boundary, place, &rain);
-    let dt = preparation_step(grains);
+    let step = preparation_step(grains);
+    let coarse = COARSE_STEP * step;
 
     let mut smooth = grains.clone();
     smooth.friction = grains.preparation_friction;
-    let mut falling = start(Assembly::new(&smooth, &silo, [0.0, weight], dt, &rain)?)?;
+    let mut falling = start(Assembly::new(&smooth, &silo, [0.0, weight], coarse, &rain)?)?;
     falling.set_drag(FALLING_DRAG);
-    let fall = (2.0 * (silo.size[1] - place.corner[1] - height).max(0.0) / -weight).sqrt();
-    falling.advance((fall / dt).ceil() as usize)?;
-    settle(&mut *falling, dt, weight, SETTLED, place)?;
+    let drop = (silo.size[1] - place.corner[1] - height).max(0.0);
+    falling.advance((FALL * (2.0 * drop / -weight).sqrt() / coarse).ceil() as usize)?;
+    let settling = Settle { drag: settling_drag(grains, height), weight, place };
+    settling.run(&mut *falling, coarse, HARDLY_MOVING)?;
 
     let mut packed = falling.finish()?.packed();
     let top = place.corner[1] + height;
@@ -93,16 +98,13 @@ pub fn prepare_column<R: Real>(
     packed.retain(|grain| grain.x[1] < top);
 
     // Without the friction of flow at first, which would lock in the horizontal stress under what was cut.
-    let mut cut = start(Assembly::new(&smooth, &silo, [0.0, weight], dt, &packed)?)?;
-    settle(&mut *cut, dt, weight, SETTLED, place)?;
-    let mut assembly = cut.finish()?;
-    assembly.set_friction(grains.friction);
-    if !place.loaded {
-        let bulk_density = SOLID_FRACTION * grains.grain_density;
-        assembly.set_gravity([0.0, -UNLOADED / (bulk_density * height)]);
-    }
-    let mut relaxing = start(assembly)?;
-    settle(&mut *relaxing, dt, weight, AT_REST, place)?;
+    let mut cut = start(Assembly::new(&smooth, &silo, [0.0, weight], coarse, &packed)?)?;
+    settling.run(&mut *cut, coarse, SETTLED)?;
+    let packed = cut.finish()?.packed();
+    let bulk_density = SOLID_FRACTION * grains.grain_density;
+    let load = if place.loaded { weight } else { -UNLOADED / (bulk_density * height) };
+    let mut relaxing = start(Assembly::new(grains, &silo, [0.0, load], step, &packed)?)?;
+    settling.run(&mut *relaxing, step, AT_REST)?;
     let mut packed = relaxing.finish()?.packed();
     packed.retain(|grain| grain.x[1] < top);
     for grain in &mut packed.grains {
@@ -119,29 +121,47 @@ fn preparation_step(grains: &Grains) -> f64 {
     Grains { step_factor: Grains::default().step_factor, mass_scale: 1.0, ..grains.clone() }.step()
 }
 
-/// Advances with drag, in steps of `dt` (s), until the kinetic energy is below `rest`, see [`AT_REST`], for a
-/// `weight` (m/s²).
-fn settle<R: Real>(
-    settling: &mut dyn Settling<R>,
-    dt: f64,
+/// Decay of velocities (1/s) while a column settles: its lowest angular frequency, $\pi c / 2 h$ with the speed
+/// $c = \sqrt{k_n / (t \rho)}$ of compression, so that it bounces with half the critical damping. Low columns
+/// settle as fast with that of rest.
+fn settling_drag(grains: &Grains, height: f64) -> f64 {
+    let density = SOLID_FRACTION * grains.grain_density;
+    let speed = (grains.normal_stiffness / (grains.thickness * density)).sqrt();
+    (std::f64::consts::FRAC_PI_2 * speed / height).min(RESTING_DRAG)
+}
+
+/// How a column settles.
+struct Settle<'a> {
+    /// See [`settling_drag`].
+    drag: f64,
+    /// Gravity (m/s²), below zero.
     weight: f64,
-    rest: f64,
-    place: &ColumnBox,
-) -> Result<(), AssemblyError> {
-    settling.set_drag(SETTLING_DRAG);
-    let look = (LOOK / dt).ceil() as usize;
-    let longest = LONGEST * (2.0 * place.size[1] / -weight).sqrt();
-    let looks = (longest / LOOK).ceil() as usize + SHORTEST;
-    for k in 1..=looks {
-        settling.advance(look)?;
-        let agitation = settling.agitation(-weight)?;
-        if k >= SHORTEST && agitation < rest {
-            return Ok(());
+    place: &'a ColumnBox,
+}
+
+impl Settle<'_> {
+    /// Advances with drag, in steps of `dt` (s), until the kinetic energy is below `rest`, see [`AT_REST`].
+    fn run<R: Real>(
+        &self,
+        settling: &mut dyn Settling<R>,
+        dt: f64,
+        rest: f64,
+    ) -> Result<(), AssemblyError> {
+        settling.set_drag(self.drag);
+        let look = (LOOK / dt).ceil() as usize;
+        let longest = LONGEST * (2.0 * self.place.size[1] / -self.weight).sqrt();
+        let looks = (longest / LOOK).ceil() as usize + SHORTEST;
+        for k in 1..=looks {
+            settling.advance(look)?;
+            let agitation = settling.agitation(-self.weight)?;
+            if k >= SHORTEST && agitation < rest {
+                return Ok(());
+            }
+            settling.set_drag(if agitation < HARDLY_MOVING { RESTING_DRAG } else { self.drag });
         }
-        settling.set_drag(if agitation < HARDLY_MOVING { RESTING_DRAG } else { SETTLING_DRAG });
+        let reason = format!("the grains are not at rest after {longest:.1} s");
+        Err(AssemblyError::Preparation { corner: self.place.corner, reason })
     }
-    let reason = format!("the grains are not at rest after {longest:.1} s");
-    Err(AssemblyError::Preparation { corner: place.corner, reason })
 }
 
 /// Grains of random radii in rows, each as low as those below let it lie at its place in the row.

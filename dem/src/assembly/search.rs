@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use super::boundary::RigidBox;
 use super::coordinates::Region;
 use super::memory::ContactMemory;
-use super::tile::{BodyPair, History, Pair, Tile};
+use super::pairs::{BodyPair, History, Pair};
+use super::tile::Tile;
 use crate::contact::ContactLaw;
 use crate::disc::Disc;
 use crate::grains::Grains;
@@ -125,8 +126,10 @@ impl<R: Real> Search<'_, R> {
     /// Lists the pairs of a tile again.
     pub fn renew(&self, tile: &mut Tile<R>) {
         let touching = |pair: &Pair<R>| pair.contact != History::default();
-        let pairs = tile.inner.drain(..).chain(tile.outer.drain(..));
+        let pairs = tile.inner.iter().chain(tile.outer.iter());
         let mut pairs: Vec<Pair<R>> = pairs.filter(touching).collect();
+        tile.inner.clear();
+        tile.outer.clear();
         pairs.sort_by_key(|pair| pair.i);
         // Pairs are asked for in the order of their first disc.
         let mut next = 0;
@@ -156,24 +159,20 @@ impl<R: Real> Search<'_, R> {
         let near = Near::new(tile, self.discs, &self.bins);
         let unit = R::from_f64(self.bins.region.unit::<R>());
         let skin = R::from_f64(self.skin);
+        let mut within = Vec::new();
         for (i, bin) in (tile.first..tile.end).zip(near.own_bins(self.discs)) {
             let a = &self.discs[i as usize];
-            for &j in near.around_bin(bin) {
+            near.within(a, skin, unit, bin, &mut within);
+            for &j in &within {
                 // Both tiles list a pair across their border, a tile an own pair once.
                 let inner = (tile.first..tile.end).contains(&j);
-                if inner && j <= i {
-                    continue;
-                }
                 let b = &self.discs[j as usize];
-                let x = unit * R::nearest(a.s[0], b.s[0]);
-                let y = unit * R::nearest(a.s[1], b.s[1]);
-                let range = a.r + b.r + skin;
                 let fixed = a.inv_mass == R::default() && b.inv_mass == R::default();
-                if x * x + y * y >= range * range || fixed {
+                if inner && j <= i || fixed {
                     continue;
                 }
                 let pair = Pair { i, j, contact: memory(i, j), dashpot: self.law.dashpot(a, b) };
-                if inner { &mut tile.inner } else { &mut tile.outer }.push(pair);
+                if inner { &mut tile.inner } else { &mut tile.outer }.push(pair, a.r + b.r);
             }
         }
         tile.reference.clear();
@@ -229,49 +228,72 @@ impl<'a> Frame<'a> {
 }
 
 /// Discs in and around a tile, by bins.
-struct Near<'a> {
+struct Near<'a, R: Real> {
     frame: Frame<'a>,
     own: std::ops::Range<u32>,
     /// `sorted[start[b]..start[b + 1]]` are the discs of bin b.
     start: Vec<u32>,
-    sorted: Vec<u32>,
+    sorted: Vec<Neighbour<R>>,
 }
 
-impl<'a> Near<'a> {
-    fn new<R: Real>(tile: &Tile<R>, discs: &[Disc<R>], bins: &'a Bins) -> Self {
+/// What the search reads of a disc.
+#[derive(Clone, Copy, Default)]
+struct Neighbour<R: Real> {
+    s: [R::Fraction; 2],
+    r: R,
+    /// Place in the assembly.
+    place: u32,
+}
+
+impl<'a, R: Real> Near<'a, R> {
+    fn new(tile: &Tile<R>, discs: &[Disc<R>], bins: &'a Bins) -> Self {
         // Own discs have moved by less than a bin since they were sorted into the tile.
         let frame = Frame::new(tile, bins, 2);
-        let binned = || tile.nearby().filter_map(|k| Some((k, frame.bin(&discs[k as usize])?)));
+        let binned: Vec<(u32, u32)> =
+            tile.nearby().filter_map(|k| Some((k, frame.bin(&discs[k as usize])?))).collect();
         let mut start = vec![0; (frame.side * frame.side) as usize + 1];
-        for (_, bin) in binned() {
+        for &(_, bin) in &binned {
             start[bin as usize + 1] += 1;
         }
         for b in 1..start.len() {
             start[b] += start[b - 1];
         }
         let mut next = start.clone();
-        let mut sorted = vec![0; start[start.len() - 1] as usize];
-        for (k, bin) in binned() {
-            let place = &mut next[bin as usize];
-            sorted[*place as usize] = k;
-            *place += 1;
+        let mut sorted = vec![Neighbour::default(); binned.len()];
+        for &(place, bin) in &binned {
+            let Disc { s, r, .. } = discs[place as usize];
+            let free = &mut next[bin as usize];
+            sorted[*free as usize] = Neighbour { s, r, place };
+            *free += 1;
         }
         Self { frame, own: tile.first..tile.end, start, sorted }
     }
 
     /// Column and row in the frame of each own disc.
-    fn own_bins<R: Real>(&self, discs: &[Disc<R>]) -> impl Iterator<Item = u32> {
+    fn own_bins(&self, discs: &[Disc<R>]) -> impl Iterator<Item = u32> {
         let own = &discs[self.own.start as usize..self.own.end as usize];
         // An own disc elsewhere has a velocity beyond all measure, which ends the run.
         own.iter().map(|disc| self.frame.bin(disc).unwrap_or(self.frame.side + 1))
     }
 
-    /// The discs of a bin and the eight around it, row by row.
-    fn around_bin(&self, bin: u32) -> impl Iterator<Item = &u32> {
+    /// Lists the places of the discs in a bin and the eight around it that a disc can touch across `skin` (m),
+    /// row by row, and its own; `unit` is that of [`Real::Fraction`] (m).
+    fn within(&self, disc: &Disc<R>, skin: R, unit: R, bin: u32, places: &mut Vec<u32>) {
         let row = self.frame.side;
-        [bin - row, bin, bin + row].into_iter().flat_map(|middle| {
+        let mut count = 0;
+        for middle in [bin - row, bin, bin + row] {
             let range = self.start[middle as usize - 1]..self.start[middle as usize + 2];
-            &self.sorted[range.start as usize..range.end as usize]
-        })
+            let others = &self.sorted[range.start as usize..range.end as usize];
+            // Without branching; the entry after the last one is written speculatively.
+            places.resize(count + others.len() + 1, 0);
+            for other in others {
+                let x = unit * R::nearest(disc.s[0], other.s[0]);
+                let y = unit * R::nearest(disc.s[1], other.s[1]);
+                let range = disc.r + other.r + skin;
+                places[count] = other.place;
+                count += usize::from(x * x + y * y < range * range);
+            }
+        }
+        places.truncate(count);
     }
 }

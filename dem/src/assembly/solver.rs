@@ -9,8 +9,10 @@ use super::energy::Losses;
 use super::error::{AssemblyError, GrainFailure};
 use super::memory::ContactMemory;
 use super::packed::{Grain, Packed, PackedContact, Partner};
+use super::pairs::History;
 use super::search::{Bins, Search, sort};
-use super::tile::{History, Step, Tile, TileSums, Work};
+use super::step::{Step, TileSums};
+use super::tile::{Tile, Work};
 use crate::contact::ContactLaw;
 use crate::disc::Disc;
 use crate::grains::Grains;
@@ -181,16 +183,6 @@ impl<R: Real> Assembly<R> {
     /// A resistance to all motion: velocities decay at `rate` (1/s). Preparations use it.
     pub fn set_drag(&mut self, rate: f64) {
         self.drag = rate;
-    }
-
-    /// Coefficient of friction between grains from now on.
-    pub fn set_friction(&mut self, friction: f64) {
-        self.grains.friction = friction;
-    }
-
-    /// Gravity (m/s²) from now on.
-    pub fn set_gravity(&mut self, gravity: [f64; 2]) {
-        self.gravity = gravity;
     }
 
     /// Kinetic energy over what lifts every grain by a mean diameter against `gravity` (m/s²).
@@ -417,7 +409,7 @@ impl<R: Real> Assembly<R> {
             return (place, GrainFailure::Leak);
         }
         let deepest = self.tiles.iter().flat_map(|tile| {
-            let pairs = tile.inner.iter().chain(&tile.outer);
+            let pairs = tile.inner.iter().chain(tile.outer.iter());
             pairs.map(|pair| (pair.i as usize, pair.j as usize))
         });
         let relative = |&(i, j): &(usize, usize)| {

@@ -17,19 +17,22 @@ fn layers(packed: &Packed, place: &ColumnBox, domain: &Boundary, count: usize) -
 }
 
 /// With frictionless grains a column of 0.2 m is as dense as walls allow, its vertical stress is its weight
-/// (10 %: layers are five grains high), and its K0 nearly that of a liquid (30 %: from 0.8 to 1.2 in layers of one
-/// column).
+/// (10 %: layers are five grains high), and its K0 nearly that of a liquid. Of ten such columns, single layers had
+/// a K0 of 0.97 with a standard deviation of 0.12 and means of three layers one of 0.067: a layer is within
+/// three of them, the mean within 0.15.
 #[test]
 fn profile_of_a_column() {
     let p = Grains::default();
     let place = column_place();
     let found = layers(column(), &place, &column_domain(), 4);
+    let mean = found[..3].iter().map(Layer::k0).sum::<f64>() / 3.0;
+    expect("mean K0", mean, 0.97, 0.15);
     for (k, layer) in found.iter().enumerate().take(3) {
         println!("{layer:?} K0 {:.3}", layer.k0());
         let above: f64 = found[k + 1..].iter().map(|l| l.solid_fraction).sum();
         let load = (above + 0.5 * layer.solid_fraction) * p.grain_density * G * 0.05;
         expect("vertical stress over weight", layer.vertical_stress / load, 1.0, 0.1);
-        expect("K0", layer.k0(), 1.0, 0.3);
+        expect("K0 of a layer", layer.k0(), 0.97, 0.35);
         expect("solid fraction", layer.solid_fraction, 0.84, 0.02);
         expect("coordination", layer.coordination, 3.9, 0.35);
     }

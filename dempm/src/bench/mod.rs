@@ -1,5 +1,6 @@
 //! Speed of this machine, as tables in Markdown.
 
+pub mod discs;
 mod extent;
 pub mod kernel;
 mod markdown;

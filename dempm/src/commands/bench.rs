@@ -7,7 +7,7 @@ use files::{out, print_result, utc_now};
 use miette::IntoDiagnostic;
 
 use super::device::report;
-use crate::bench::{Extent, kernel, scenes};
+use crate::bench::{Extent, discs, kernel, scenes};
 use crate::device::Device;
 
 /// Arguments of `dempm bench`.
@@ -39,6 +39,8 @@ pub fn bench(args: &BenchArgs, verbose: bool) -> miette::Result<()> {
     out!("{}\n", machine(gpu.as_ref()))?;
     out!("### One macro step of RVEs in steady simple shear\n")?;
     print_result(format_args!("{}", kernel::report(gpu.as_ref(), extent)?))?;
+    out!("\n### A column of discs on the CPU\n")?;
+    print_result(format_args!("{}", discs::report(extent)?))?;
     out!("\n### Scenes\n")?;
     print_result(format_args!("{}", scenes::report(gpu.as_ref(), scenes, extent)?))?;
     Ok(())

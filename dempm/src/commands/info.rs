@@ -5,6 +5,7 @@ use std::path::Path;
 
 use files::print_result;
 
+use super::start::start_profile;
 use crate::fronts::mass_front;
 use crate::trajectory::{Field, Result, Trajectory};
 
@@ -70,6 +71,11 @@ fn summary(trajectory: &Trajectory) -> Result<String> {
         // It, too, ends half a spacing ahead of its point.
         let front = mass_front(&position, &trajectory.points().mass) + 0.5 * header.point_spacing;
         text.line("front of 99 %", format_args!("{} m", number(front)));
+        let connected =
+            trajectory.budget().get("front_connected").and_then(|front| front.get(last));
+        if let Some(&front) = connected {
+            text.line("front of pile", format_args!("{} m", number(front)));
+        }
         text.line("final height", format_args!("{} m", number(most(1))));
     }
     text.line("wall time", wall_time(trajectory));
@@ -79,6 +85,7 @@ fn summary(trajectory: &Trajectory) -> Result<String> {
         "file size",
         format_args!("{:.2} MB for {:.2} MB of data", size as f64 / 1e6, bytes as f64 / 1e6),
     );
+    text.0 += &start_profile(trajectory)?;
     ranges(trajectory, &mut text)?;
     Ok(text.0)
 }

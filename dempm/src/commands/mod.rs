@@ -12,4 +12,5 @@ mod outputs;
 pub mod plot;
 mod progress;
 pub mod run;
+mod start;
 mod summary;

@@ -24,6 +24,9 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
     let position: Vec<[f64; 2]> = points.position.iter().map(|&x| x.into()).collect();
     let edge = |front: f64| format!("{:.3} m", (front + 0.5 * spacing).min(width));
     line("front of 99 %", edge(mass_front(&position, &points.mass)));
+    if let Some(front) = simulation.connected_front() {
+        line("front of the pile", format!("{front:.3} m"));
+    }
     line("final height", format!("{top:.3} m"));
     if let [column] = scene.columns.as_slice() {
         let [width, height] = column.place.size;

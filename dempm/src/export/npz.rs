@@ -10,7 +10,7 @@ use zip::{CompressionMethod, ZipWriter};
 use super::error::ExportError;
 use super::finite::check_finite;
 use super::npy::npy_header;
-use crate::trajectory::{Field, Trajectory};
+use crate::trajectory::{Field, GridFrame, StaticGrid, Trajectory};
 
 /// Writes all arrays of a trajectory as `.npz`.
 ///
@@ -27,6 +27,9 @@ pub fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> 
         write_static(trajectory, &mut archive).map_err(&at)?;
         for field in trajectory.fields() {
             write_field(trajectory, field, &mut archive, output)?;
+        }
+        if let Some(grid) = trajectory.grid() {
+            write_grid(trajectory, grid, &mut archive, output)?;
         }
         let boxes = trajectory.boxes(0..trajectory.frames())?;
         archive.array("boundary_boxes", boxes.shape(), boxes.iter().copied()).map_err(&at)?;
@@ -84,6 +87,36 @@ fn write_frames<T: Element + hdf5::H5Type, W: Write + io::Seek>(
     for index in 0..trajectory.frames() {
         let frame = trajectory.field::<T>(field, index..index + 1)?;
         archive.values(frame.iter().flatten().copied()).map_err(&at)?;
+    }
+    Ok(())
+}
+
+/// The fields on the grid, array by array.
+fn write_grid<W: Write + io::Seek>(
+    trajectory: &Trajectory,
+    grid: &StaticGrid,
+    archive: &mut Archive<W>,
+    output: &Path,
+) -> Result<(), ExportError> {
+    let at = ExportError::at(output);
+    let [rows, columns] = [grid.y.len(), grid.x.len()];
+    for (name, nodes) in [("grid_x", &grid.x), ("grid_y", &grid.y)] {
+        archive.array(name, &[nodes.len()], nodes.iter().copied()).map_err(&at)?;
+    }
+    type Values = fn(&GridFrame) -> &[f32];
+    let fields: [(&str, &[usize], Values); 3] = [
+        ("grid_density", &[], |frame| &frame.density),
+        ("grid_velocity", &[2], |frame| frame.velocity.as_flattened()),
+        ("grid_stress", &[4], |frame| frame.stress.as_flattened()),
+    ];
+    for (name, components, values) in fields {
+        let shape = [&[trajectory.frames(), rows, columns], components].concat();
+        archive.begin::<f32>(name, &shape).map_err(&at)?;
+        for index in 0..trajectory.frames() {
+            if let Some(frame) = trajectory.grid_frame(index)? {
+                archive.values(values(&frame).iter().copied()).map_err(&at)?;
+            }
+        }
     }
     Ok(())
 }

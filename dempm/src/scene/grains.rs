@@ -34,6 +34,7 @@ pub(super) fn validate(scene: &Scene, log: &Log) {
         Material::Discs(discs) => {
             if radii(&discs.grains, log) {
                 columns(scene, &discs.grains, log);
+                stacks(scene, log);
                 points(scene, &discs.grains, log);
                 count(scene, discs, log);
                 grid(scene, log);
@@ -54,8 +55,7 @@ pub(super) fn validate(scene: &Scene, log: &Log) {
 /// Refuses a grid of too many nodes.
 fn grid(scene: &Scene, log: &Log) {
     let Some(grid) = scene.grid else { return };
-    let nodes: f64 =
-        scene.domain.size.map(|size| (size + 6.0 * grid.width) / grid.spacing).iter().product();
+    let nodes: f64 = grid.nodes(scene.domain.size).iter().product();
     if nodes > MAX_NODES {
         log.report(
             Problem::error(format!("`output.grid` has {nodes:.1e} nodes"))
@@ -125,6 +125,28 @@ fn columns(scene: &Scene, grains: &Grains, log: &Log) {
                     .help(format!(
                         "at least {NARROW} mean diameters; smaller grains or a larger column"
                     )),
+            );
+        }
+    }
+}
+
+/// Warns of columns that stand on each other: each is prepared for itself.
+fn stacks(scene: &Scene, log: &Log) {
+    let tolerance = 1.0e-6 * scene.domain.spacing();
+    for (k, upper) in scene.columns.iter().enumerate() {
+        let ([left, bottom], [right, _]) = (upper.place.corner, upper.place.end());
+        let below = scene.columns.iter().position(|lower| {
+            let ([from, _], [to, top]) = (lower.place.corner, lower.place.end());
+            (bottom - top).abs() < tolerance && right.min(to) - left.max(from) > tolerance
+        });
+        if let Some(lower) = below {
+            log.report(
+                Problem::warning(format!("column {} stands on column {}", k + 1, lower + 1))
+                    .at(log.place(&format!("column[{k}].corner")), "columns are prepared apart")
+                    .help(
+                        "the lower one is prepared without the weight of the upper one and settles \
+                         when the run begins; where both are as wide, write them as one column",
+                    ),
             );
         }
     }

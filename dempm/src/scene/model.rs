@@ -61,6 +61,13 @@ pub struct GridOutput {
     pub spacing: f64,
 }
 
+impl GridOutput {
+    /// Nodes along x and y in a domain of `size` (m) and three widths around it.
+    pub fn nodes(&self, size: [f64; 2]) -> [f64; 2] {
+        size.map(|length| ((length + 6.0 * self.width) / self.spacing).ceil())
+    }
+}
+
 /// The domain `[0, size_x] x [0, size_y]`, its walls and its background grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Domain {

@@ -513,3 +513,19 @@ proptest! {
         survives(&text);
     }
 }
+
+#[test]
+fn stacked_columns_of_discs_are_warned_about() {
+    let text = |kind: &str, x: f64| {
+        format!(
+            "duration = 1\n[domain]\nsize = [2, 2]\n[[column]]\nsize = [0.5, 0.5]\n[[column]]\n\
+             corner = [{x}, 0.5]\nsize = [0.5, 0.5]\n[material]\nkind = \"{kind}\"\n"
+        )
+    };
+    let stacked = |kind, x| {
+        let report = parse(&text(kind, x)).warning_report();
+        report.is_some_and(|report| render(&report).contains("column 2 stands on column 1"))
+    };
+    assert!(stacked("discs", 0.25));
+    assert!(!stacked("discs", 0.5) && !stacked("rve", 0.25));
+}

@@ -7,7 +7,7 @@ use mpm::Mat2;
 use super::discs::{PointMeans, grid_nodes};
 use super::driver::Simulation;
 use super::model::Model;
-use crate::fronts::mass_front;
+use crate::fronts::{CONNECTED_DEPTH, connected_front, mass_front};
 use crate::scene::{self, Precision};
 use crate::trajectory::{
     self, Field, Frame, GrainFrame, GridFrame, Header, StaticGrains, StaticGrid,
@@ -182,9 +182,26 @@ impl Simulation {
         };
         let position: Vec<[f64; 2]> = points.position.iter().map(|&x| x.into()).collect();
         scalars.insert("front_99".to_owned(), mass_front(&position, &points.mass));
+        if let Some(front) = self.connected_front() {
+            scalars.insert("front_connected".to_owned(), front);
+        }
         scalars.insert("front".to_owned(), largest(0));
         scalars.insert("max_height".to_owned(), largest(1));
         scalars
+    }
+
+    /// The foremost x (m) connected to the pile; `None` without grains.
+    pub(crate) fn connected_front(&self) -> Option<f64> {
+        let (diameter, density) = self.scene.material.grain();
+        let depth = CONNECTED_DEPTH * diameter;
+        match &self.model {
+            Model::Discs(discs) => Some(connected_front(discs.solid(), depth)),
+            Model::Mpm(_) if diameter > 0.0 => {
+                let points = self.points.position.iter().zip(&self.points.mass);
+                Some(connected_front(points.map(|(x, mass)| (x.x, mass / density)), depth))
+            }
+            Model::Mpm(_) => None,
+        }
     }
 }
 
@@ -212,7 +229,10 @@ mod tests {
             kind = "mu-i"
         "#;
         let mut simulation = Simulation::new(Scene::parse(text, "test.toml").unwrap()).unwrap();
-        assert_eq!(simulation.frame().boxes, [[0.0, 0.375, 0.25, 0.625]]);
+        let frame = simulation.frame();
+        assert_eq!(frame.boxes, [[0.0, 0.375, 0.25, 0.625]]);
+        // All of the column is one piece.
+        assert_eq!(frame.budget["front_connected"], frame.budget["front"]);
         for _ in 0..50 {
             simulation.advance().unwrap();
         }

@@ -55,6 +55,20 @@ pub(super) fn mismatch(nodes: Option<usize>, frame: Option<&GridFrame>) -> Optio
     (found != expected).then(|| format!("fields on {found:?} nodes, expected {expected:?}"))
 }
 
+/// The nodes along an axis. Nodes that do not increase are an error.
+fn nodes(source: &CheckedFile<'_>, name: &str) -> Result<Vec<f64>> {
+    let nodes: Vec<f64> = source.whole(name, None)?;
+    let increases = |pair: &[f64]| pair[0] < pair[1] && pair[1].is_finite();
+    match nodes.windows(2).position(|pair| !increases(pair)) {
+        Some(k) => {
+            let [before, node] = [nodes[k], nodes[k + 1]];
+            let problem = format!("of node {} is {node} m, after {before} m", k + 1);
+            Err(source.value_error(name, problem))
+        }
+        None => Ok(nodes),
+    }
+}
+
 /// The group of an open file.
 #[derive(Debug)]
 pub(super) struct GridDatasets {
@@ -74,7 +88,11 @@ impl GridDatasets {
         }
         let group = links::group(source.file, GROUP).map_err(at(GROUP))?;
         let width: f64 = read_scalar(&group, WIDTH).map_err(at(GROUP))?;
-        let grid = StaticGrid { width, x: source.whole(X, None)?, y: source.whole(Y, None)? };
+        if !(width > 0.0 && width.is_finite()) {
+            let problem = format!("is {width} m, it must be above 0");
+            return Err(source.value_error("grid.width", problem));
+        }
+        let grid = StaticGrid { width, x: nodes(source, X)?, y: nodes(source, Y)? };
         let shaped = |name: &str, components: &[usize]| {
             let dataset = source.open(name)?;
             let shape = [&[frames, grid.y.len(), grid.x.len()], components].concat();

@@ -6,6 +6,7 @@ mod formats;
 #[cfg(unix)]
 mod full_disk;
 mod grains;
+mod grid;
 mod products;
 mod python;
 mod synthetic;

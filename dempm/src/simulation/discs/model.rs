@@ -200,6 +200,11 @@ impl DiscModel {
         }
     }
 
+    /// x (m) and area (m²) of each grain as of the last frame.
+    pub(in crate::simulation) fn solid(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.states.iter().map(|grain| (grain.x[0], PI * grain.r * grain.r))
+    }
+
     /// The continuum fields at the nodes of a grid, as of the last frame.
     pub(in crate::simulation) fn grid_frame(&self, nodes: &StaticGrid) -> GridFrame {
         grid::fields(&self.states, self.grains.thickness, nodes)

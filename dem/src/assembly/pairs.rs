@@ -1,0 +1,111 @@
+//! Pairs that can touch before the next listing, and the history of their contacts.
+
+use serde::{Deserialize, Serialize};
+
+use crate::real::Real;
+
+/// What a contact remembers of the last step; zero while its discs do not touch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub(crate) struct History<R: Real> {
+    /// Tangential spring force (N): positive acts on `j` counter-clockwise around `i`.
+    pub tangential: R,
+    /// Normal force (N) less that of the spring.
+    pub viscous: R,
+}
+
+/// Two discs that can touch before the next listing, by their places in the assembly.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Pair<R: Real> {
+    /// A disc of the tile.
+    pub i: u32,
+    pub j: u32,
+    pub contact: History<R>,
+    /// Normal dashpot (kg/s).
+    pub dashpot: R,
+}
+
+/// A disc and a rigid box that can touch before the next listing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub(super) struct BodyPair<R: Real> {
+    pub disc: u32,
+    pub body: u16,
+    pub contact: History<R>,
+    /// Normal dashpot (kg/s).
+    pub dashpot: R,
+}
+
+/// Pairs that are treated together.
+pub(super) const BLOCK: usize = 64;
+
+/// Pairs of discs, with what every step reads of all of them apart from what it reads of contacts.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub(super) struct Pairs<R: Real> {
+    /// Places of the two discs. This and the next two go on to a whole number of blocks, with pairs that
+    /// never touch.
+    discs: Vec<[u32; 2]>,
+    /// Square of the sum of the radii (m²).
+    reach2: Vec<R>,
+    /// Whether the pair touched in the last step.
+    touched: Vec<bool>,
+    /// History of the pairs that touched; meaningless for others.
+    pub contact: Vec<History<R>>,
+    /// Normal dashpots (kg/s).
+    pub dashpot: Vec<R>,
+}
+
+/// A block of [`Pairs`].
+pub(super) struct Block<'a, R: Real> {
+    pub discs: &'a [[u32; 2]; BLOCK],
+    pub reach2: &'a [R; BLOCK],
+    pub touched: &'a mut [bool; BLOCK],
+}
+
+impl<R: Real> Pairs<R> {
+    /// Adds a pair that touches at a distance of `reach` (m).
+    pub fn push(&mut self, pair: Pair<R>, reach: R) {
+        let k = self.contact.len();
+        if k == self.discs.len() {
+            self.discs.resize(k + BLOCK, [pair.i; 2]);
+            self.reach2.resize(k + BLOCK, R::default());
+            self.touched.resize(k + BLOCK, false);
+        }
+        self.discs[k] = [pair.i, pair.j];
+        self.reach2[k] = reach * reach;
+        self.touched[k] = pair.contact != History::default();
+        self.contact.push(pair.contact);
+        self.dashpot.push(pair.dashpot);
+    }
+
+    pub fn clear(&mut self) {
+        self.discs.clear();
+        self.reach2.clear();
+        self.touched.clear();
+        self.contact.clear();
+        self.dashpot.clear();
+    }
+
+    /// Number of pairs in all blocks.
+    pub fn padded_len(&self) -> usize {
+        self.discs.len()
+    }
+
+    #[inline(always)]
+    pub fn blocks(&mut self) -> impl Iterator<Item = Block<'_, R>> {
+        let (discs, _) = self.discs.as_chunks();
+        let (reach2, _) = self.reach2.as_chunks();
+        let (touched, _) = self.touched.as_chunks_mut();
+        let blocks = discs.iter().zip(reach2).zip(touched);
+        blocks.map(|((discs, reach2), touched)| Block { discs, reach2, touched })
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = Pair<R>> {
+        let pairs = self.discs.iter().zip(&self.touched).zip(&self.contact).zip(&self.dashpot);
+        pairs.map(|(((&[i, j], &touched), &contact), &dashpot)| {
+            let contact = if touched { contact } else { History::default() };
+            Pair { i, j, contact, dashpot }
+        })
+    }
+}

@@ -1,0 +1,49 @@
+//! What acts on all tiles in one step, and what each reports.
+
+use super::boundary::Body;
+use super::pairs::History;
+use crate::contact::ContactLaw;
+use crate::real::Real;
+
+/// Pairs or discs treated side by side, one per SIMD lane.
+pub(super) const LANES: usize = 8;
+
+/// What acts on all tiles in one step.
+pub(super) struct Step<'a, R: Real> {
+    pub law: ContactLaw<R>,
+    /// Length of a unit of [`Real::Fraction`] (m).
+    pub unit: R,
+    pub gravity: [R; 2],
+    /// Rate at which velocities decay (1/s), which preparation uses.
+    pub drag: R,
+    pub bodies: &'a [Body<R>],
+}
+
+/// Sums over a tile in one step. Losses are per `dt`, so they are powers (W).
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct TileSums<R: Real> {
+    /// Largest speed (m/s); not finite if any velocity is not.
+    pub fastest: R,
+    /// Largest overlap over the smaller radius; infinite if a disc is inside a box.
+    pub overlap: R,
+    pub dashpots: R,
+    /// Work of friction, with what the tangential springs have stored.
+    pub friction: R,
+    pub damping: R,
+    pub boxes: R,
+}
+
+/// Power (W) of the dashpot and of sliding over a step, by the mean of the forces at its two ends, less what
+/// the tangential spring, of `compliance` $1 / (2 k_t \Delta t)$, stores. Both take energy where they are negative.
+#[inline(always)]
+pub(super) fn power<R: Real>(
+    [old, new]: [History<R>; 2],
+    [vn, vt]: [R; 2],
+    compliance: R,
+) -> [R; 2] {
+    let half = R::from_f64(0.5);
+    let dashpot = half * (new.viscous + old.viscous) * vn;
+    let sum = new.tangential + old.tangential;
+    let sliding = sum * (half * vt + (new.tangential - old.tangential) * compliance);
+    [dashpot, sliding]
+}
