@@ -1,5 +1,6 @@
-// One DEM step of all own discs, one thread each: twin of dem/src/assembly/tile.rs. Both discs of a pair
-// evaluate their contact, with the same bits, so that no thread writes what another one reads.
+// One DEM step of all own discs, one thread each: twin of contacts.rs, bodies.rs and
+// motion.rs in dem/src/assembly. Both discs of a pair evaluate their contact, with the same bits, so that no thread
+// writes what another one reads.
 
 // Sums over the contacts of a disc.
 struct Sums {
