@@ -3,7 +3,7 @@
 /// Share of the largest kinetic energy below which material counts as at rest.
 pub const AT_REST: f64 = 0.01;
 
-/// The first time (s) after which the kinetic energy stays below [`AT_REST`] of its largest value; `None`
+/// The first time (s) after which the kinetic energy stays below one per cent of its largest value; `None`
 /// if it does not until the end.
 pub fn arrest(time: &[f64], kinetic_energy: &[f64]) -> Option<f64> {
     let largest = kinetic_energy.iter().copied().fold(0.0, f64::max);
