@@ -209,7 +209,7 @@ fn a_failure_on_one_rank_ends_all() {
     }
     let directory = TempDir::new().unwrap();
     // Thrown against the lid, so that packings of the second rank fail.
-    let path = scene(directory.path(), 0.3, "overlap_limit = 0.1");
+    let path = scene(directory.path(), 0.3, "[grains]\n        overlap_limit = 0.1");
     let text = std::fs::read_to_string(&path).unwrap();
     let thrown = text.replace("[rve]", "velocity = [0.0, 20.0]\n        [rve]");
     std::fs::write(&path, thrown).unwrap();

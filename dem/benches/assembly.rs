@@ -13,6 +13,7 @@ const STEPS: usize = 100;
 fn collapse(side: f64) -> Assembly<f32> {
     let grains = Grains::default();
     let boundary = Boundary {
+        corner: [0.0; 2],
         size: [4.0 * side, 2.0 * side],
         walls: Faces::default(),
         floor: Floor::Rough,

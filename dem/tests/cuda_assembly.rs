@@ -29,6 +29,7 @@ fn violent<R: CudaReal>(count: usize, seed: u64) -> Assembly<R> {
         ..RigidBox::fixed([0.37, 0.05], [0.4, 0.3], faces(f64::INFINITY))
     };
     let boundary = Boundary {
+        corner: [0.0; 2],
         size: [0.5, 1.0],
         walls: faces(0.3),
         floor: Floor::Rough,
@@ -201,6 +202,7 @@ fn failures_name_the_grain_and_the_step() {
     let Some(device) = gpu::for_tests() else { return };
     let grains = Grains { overlap_limit: 0.2, ..Grains::default() };
     let boundary = Boundary {
+        corner: [0.0; 2],
         size: [0.5, 0.5],
         walls: faces(0.5),
         floor: Floor::Flat,

@@ -35,9 +35,11 @@ pub fn connected_front(parts: impl IntoIterator<Item = (f64, f64)>, depth: f64) 
     let mut parts: Vec<(f64, f64)> = parts.into_iter().filter(|(x, _)| x.is_finite()).collect();
     parts.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let connected = |a: &(f64, f64), b: &(f64, f64)| 0.5 * (a.1 + b.1) >= depth * (b.0 - a.0);
-    let area = |piece: &[(f64, f64)]| piece.iter().map(|(_, area)| area).sum::<f64>();
-    let pile = parts.chunk_by(connected).max_by(|a, b| area(a).total_cmp(&area(b)));
-    pile.and_then(<[_]>::last).map_or(f64::NAN, |(x, _)| *x)
+    let pieces = parts.chunk_by(connected).filter_map(|piece| {
+        let area: f64 = piece.iter().map(|(_, area)| area).sum();
+        Some((area, piece.last()?.0))
+    });
+    pieces.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(f64::NAN, |(_, front)| front)
 }
 
 #[cfg(test)]

@@ -16,6 +16,9 @@ use mpm::{Mat2, Vec2};
 use rstest::rstest;
 use tempfile::TempDir;
 
+/// Small packings that fail early.
+const RVE: &str = "[rve]\ndiscs = 60\n[grains]\noverlap_limit = 1";
+
 /// A small column that collapses over a barrier under a plate, 50 steps a frame.
 fn scene(material: &str, numerics: &str) -> Scene {
     let text = format!(
@@ -48,7 +51,7 @@ fn scene(material: &str, numerics: &str) -> Scene {
         fields = ["stress"]
         "#,
         precision = if material == "rve" { "precision = \"f64\"" } else { "" },
-        rve = if material == "rve" { "[rve]\ndiscs = 60" } else { "" },
+        rve = if material == "rve" { RVE } else { "" },
     );
     Scene::parse(&text, "test.toml").unwrap()
 }

@@ -74,7 +74,9 @@ pub enum Floor {
 /// The rigid surroundings of an assembly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Boundary {
-    /// Width and height of the domain (m), which begins at the origin.
+    /// Lower left corner of the domain (m).
+    pub corner: [f64; 2],
+    /// Width and height of the domain (m).
     pub size: [f64; 2],
     /// Friction of its four walls.
     pub walls: Faces,
@@ -87,29 +89,36 @@ pub struct Boundary {
 }
 
 impl Boundary {
+    /// Upper right corner of the domain (m).
+    pub(super) fn upper_corner(&self) -> [f64; 2] {
+        [0, 1].map(|k| self.corner[k] + self.size[k])
+    }
+
     /// Left, right, bottom and top wall as half planes, then the boxes. The wall below a rough floor lies
     /// one largest radius deep: whatever comes near it has leaked through the floor.
     pub(super) fn bodies(&self, grains: &Grains) -> Vec<RigidBox> {
-        let [width, height] = self.size;
+        let [left, bottom] = self.corner;
+        let [right, top] = self.upper_corner();
         let far = f64::INFINITY;
         let depth = match self.floor {
-            Floor::Rough => -grains.radius_max,
-            Floor::Flat => 0.0,
+            Floor::Rough => bottom - grains.radius_max,
+            Floor::Flat => bottom,
         };
         let faces = |f: f64| Faces { left: f, right: f, bottom: f, top: f };
         let wall = |min, max, friction| RigidBox::fixed(min, max, faces(friction));
         let mut bodies = vec![
-            wall([-far, -far], [0.0, far], self.walls.left),
-            wall([width, -far], [far, far], self.walls.right),
+            wall([-far, -far], [left, far], self.walls.left),
+            wall([right, -far], [far, far], self.walls.right),
             wall([-far, -far], [far, depth], self.walls.bottom),
-            wall([-far, height], [far, far], self.walls.top),
+            wall([-far, top], [far, far], self.walls.top),
         ];
         bodies.extend(&self.boxes);
         bodies
     }
 
-    /// Centres (m) and radii of the fixed grains of a rough floor: circles that touch each other and the
-    /// floor's height from below, $x_{k+1} = x_k + 2 \sqrt{r_k r_{k+1}}$ along it.
+    /// Centres (m) and radii of the fixed grains of a rough floor, as far as they reach into the domain: circles
+    /// that touch each other and the floor's height from below, $x_{k+1} = x_k + 2 \sqrt{r_k r_{k+1}}$ along it
+    /// from $x_0 = 0$.
     pub fn floor_grains(&self, grains: &Grains) -> Vec<([f64; 2], f64)> {
         if self.floor == Floor::Flat {
             return Vec::new();
@@ -118,8 +127,10 @@ impl Boundary {
         let mut radius = || rng.random_range(grains.radius_min..=grains.radius_max);
         let mut row = Vec::new();
         let (mut x, mut r) = (0.0, radius());
-        while x - r < self.size[0] {
-            row.push(([x, -r], r));
+        while x - r < self.upper_corner()[0] {
+            if x + r > self.corner[0] {
+                row.push(([x, self.corner[1] - r], r));
+            }
             let next = radius();
             // Tops are level and circles touch: dx² + (r - r')² = (r + r')².
             x += 2.0 * (r * next).sqrt();

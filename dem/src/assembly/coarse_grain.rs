@@ -55,8 +55,20 @@ struct Sample {
     area: f64,
 }
 
+impl Sample {
+    fn of(grain: &GrainState) -> Self {
+        Self {
+            x: grain.x.into(),
+            velocity: grain.v.into(),
+            mass: grain.mass,
+            area: std::f64::consts::PI * grain.r * grain.r,
+        }
+    }
+}
+
 /// Grains in bins, ready to be coarse grained.
-pub struct CoarseGraining {
+pub struct CoarseGraining<'a> {
+    states: &'a [GrainState],
     /// Width of the Gaussian (m).
     width: f64,
     thickness: f64,
@@ -66,15 +78,16 @@ pub struct CoarseGraining {
     bins: [usize; 2],
     /// Grains of bin `k`, row by row: `start[k]..start[k + 1]`.
     start: Vec<usize>,
+    /// Indices of the grains in this order, and the grains.
+    order: Vec<u32>,
     samples: Vec<Sample>,
-    virials: Vec<Matrix2<f64>>,
 }
 
-impl CoarseGraining {
+impl<'a> CoarseGraining<'a> {
     /// Prepares grains of `thickness` (m) for fields of a `width` (m).
-    pub fn new(states: &[GrainState], thickness: f64, width: f64) -> Self {
+    pub fn new(states: &'a [GrainState], thickness: f64, width: f64) -> Self {
         let bound = |k: usize, pick: fn(f64, f64) -> f64| {
-            states.iter().map(|grain| grain.x[k]).reduce(pick).unwrap_or_default()
+            states.par_iter().map(|grain| grain.x[k]).reduce_with(pick).unwrap_or_default()
         };
         let corner = [0, 1].map(|k| bound(k, f64::min));
         let extent = [0, 1].map(|k| bound(k, f64::max) - corner[k]);
@@ -84,28 +97,22 @@ impl CoarseGraining {
             let [i, j] = [0, 1].map(|k| ((grain.x[k] - corner[k]) / side) as usize);
             j.min(bins[1] - 1) * bins[0] + i.min(bins[0] - 1)
         };
+        let bin_of: Vec<usize> = states.par_iter().map(bin).collect();
         let mut start = vec![0; bins[0] * bins[1] + 1];
-        for grain in states {
-            start[bin(grain) + 1] += 1;
+        for bin in &bin_of {
+            start[bin + 1] += 1;
         }
         for k in 1..start.len() {
             start[k] += start[k - 1];
         }
         let mut next = start.clone();
-        let mut samples = vec![Sample::default(); states.len()];
-        let mut virials = vec![Matrix2::zeros(); states.len()];
-        for grain in states {
-            let place = &mut next[bin(grain)];
-            samples[*place] = Sample {
-                x: grain.x.into(),
-                velocity: grain.v.into(),
-                mass: grain.mass,
-                area: std::f64::consts::PI * grain.r * grain.r,
-            };
-            virials[*place] = grain.virial;
-            *place += 1;
+        let mut order = vec![0; states.len()];
+        for (index, &bin) in bin_of.iter().enumerate() {
+            order[next[bin]] = index as u32;
+            next[bin] += 1;
         }
-        Self { width, thickness, corner, side, bins, start, samples, virials }
+        let samples = order.par_iter().map(|&k| Sample::of(&states[k as usize])).collect();
+        Self { states, width, thickness, corner, side, bins, start, order, samples }
     }
 
     /// The fields at each of some places (m). The same bits for any number of threads.
@@ -135,7 +142,7 @@ impl CoarseGraining {
             let sample = &self.samples[k];
             sums.add(sample, weight, gradient);
             flux += weight * sample.mass * sample.velocity * sample.velocity.transpose();
-            virial += weight * self.virials[k];
+            virial += weight * self.states[self.order[k] as usize].virial;
         });
         if sums.mass == 0.0 {
             return Continuum::default();

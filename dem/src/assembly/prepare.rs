@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::boundary::{Boundary, Faces, RigidBox};
+use super::boundary::{Boundary, Faces, Floor};
 use super::error::AssemblyError;
 use super::packed::{Grain, Packed, Partner};
 use super::settling::{Settling, Start};
@@ -50,7 +50,7 @@ const CLEARANCE: f64 = 1.001;
 const SOLID_FRACTION: f64 = 0.85;
 /// Pressure at the base of a column that is not loaded (Pa).
 const UNLOADED: f64 = 100.0;
-/// The floor's index among bodies.
+/// The bottom's index among bodies.
 const FLOOR: u32 = 2;
 
 /// Fills a column with grains that are at rest within frictionless sides, on the floor of the domain if it
@@ -84,7 +84,7 @@ pub fn prepare_column<R: Real>(
     smooth.friction = grains.preparation_friction;
     let mut falling = start(Assembly::new(&smooth, &silo, [0.0, weight], coarse, &rain)?)?;
     falling.set_drag(FALLING_DRAG);
-    let drop = (silo.size[1] - place.corner[1] - height).max(0.0);
+    let drop = (silo.size[1] - height).max(0.0);
     falling.advance((FALL * (2.0 * drop / -weight).sqrt() / coarse).ceil() as usize)?;
     let settling = Settle { drag: settling_drag(grains, height), weight, place };
     settling.run(&mut *falling, coarse, HARDLY_MOVING)?;
@@ -110,10 +110,29 @@ pub fn prepare_column<R: Real>(
     for grain in &mut packed.grains {
         (grain.v, grain.w) = ([0.0; 2], 0.0);
     }
-    // The sides of the silo are no bodies of the scene.
-    let floor = Partner::Body(FLOOR);
-    packed.contacts.retain(|c| !matches!(c.partner, Partner::Body(_)) || c.partner == floor);
+    place_on_floor(&mut packed, grains, boundary, place);
     Ok(packed)
+}
+
+/// Turns the partners of contacts from those in the silo into those in the domain. The sides of the silo are no
+/// bodies of the domain, and its bottom is one if the column stands on the floor.
+fn place_on_floor(packed: &mut Packed, grains: &Grains, boundary: &Boundary, place: &ColumnBox) {
+    packed.contacts.retain(|contact| match contact.partner {
+        Partner::Body(body) => body == FLOOR && stands(place),
+        Partner::Grain(_) | Partner::Floor(_) => true,
+    });
+    let floor = boundary.floor_grains(grains);
+    let left = floor.iter().take_while(|(x, r)| x[0] + r <= place.corner[0]).count() as u32;
+    for contact in &mut packed.contacts {
+        if let Partner::Floor(index) = &mut contact.partner {
+            *index += left;
+        }
+    }
+}
+
+/// Whether a column stands on the floor of the domain.
+fn stands(place: &ColumnBox) -> bool {
+    place.corner[1] <= 0.0
 }
 
 /// DEM step (s) of preparations: always the default, so that a packing does not depend on the step of flow.
@@ -202,24 +221,17 @@ fn rain(grains: &Grains, place: &ColumnBox, seed: u64) -> Packed {
 }
 
 /// The box in which a column is prepared: frictionless sides, and the floor of the domain below a column that
-/// stands on it.
+/// stands on it. As small as can be: positions are resolved the better.
 fn silo(grains: &Grains, boundary: &Boundary, place: &ColumnBox, rain: &Packed) -> Boundary {
     let highest = rain.grains.iter().map(|grain| grain.x[1]).fold(0.0, f64::max);
-    let stands = place.corner[1] <= 0.0;
-    let [left, bottom] = place.corner;
-    let right = left + place.size[0];
-    let far = f64::INFINITY;
-    let side = |min, max| RigidBox::fixed(min, max, Faces::default());
-    let mut boxes = vec![side([-far, -far], [left, far]), side([right, -far], [far, far])];
-    if !stands {
-        boxes.push(side([-far, -far], [far, bottom]));
-    }
+    let stands = stands(place);
+    let bottom = if stands { boundary.walls.bottom } else { 0.0 };
     Boundary {
-        // As small as can be: positions are resolved the better.
-        size: [right, highest + 2.0 * grains.radius_max],
-        walls: Faces { bottom: boundary.walls.bottom, ..Faces::default() },
-        floor: boundary.floor,
-        boxes,
+        corner: place.corner,
+        size: [place.size[0], highest + 2.0 * grains.radius_max - place.corner[1]],
+        walls: Faces { bottom, ..Faces::default() },
+        floor: if stands { boundary.floor } else { Floor::Flat },
+        boxes: Vec::new(),
         seed: boundary.seed,
     }
 }

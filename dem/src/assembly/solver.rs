@@ -82,7 +82,7 @@ impl<R: Real> Assembly<R> {
         packed: &Packed,
     ) -> Result<Self, AssemblyError> {
         let margin = 2.0 * grains.radius_max;
-        let region = Region::around([0.0, 0.0], boundary.size, margin);
+        let region = Region::around(boundary.corner, boundary.upper_corner(), margin);
         let disc = |x: [f64; 2], v: [f64; 2], w: f64, r: f64, mobile: bool| {
             let mass = grains.mass_scale * grains.disc_mass(r);
             let inverse = |m: f64| R::from_f64(if mobile { 1.0 / m } else { 0.0 });

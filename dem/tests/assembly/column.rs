@@ -86,6 +86,26 @@ fn unloaded_column_does_not_expand() {
     assert!(mean < 0.5 * p.mean_diameter());
 }
 
+/// Positions are as well resolved far from the origin as near it: a column at 60 m comes to rest in f32. Its grains
+/// touch the grains of the floor that they name; overlaps are some 1e-6 m.
+#[test]
+fn a_column_far_from_the_origin_settles() {
+    let p = Grains::default();
+    let place = ColumnBox { corner: [60.0, 0.0], size: [0.2, 0.2], loaded: true };
+    let domain = Boundary { floor: Floor::Rough, ..flat([80.0, 0.4], 0.0) };
+    let packed = prepare(&p, &domain, &place, 1);
+    let floor = domain.floor_grains(&p);
+    let mut touching = 0;
+    for contact in &packed.contacts {
+        let Partner::Floor(index) = contact.partner else { continue };
+        let (grain, (x, r)) = (packed.grains[contact.grain as usize], floor[index as usize]);
+        let gap = (grain.x[0] - x[0]).hypot(grain.x[1] - x[1]) - grain.r - r;
+        assert!((-1e-4..1e-5).contains(&gap), "{gap:e} m");
+        touching += 1;
+    }
+    assert!(touching > 10, "{touching} contacts with the floor");
+}
+
 /// Columns of two grains across or two high, and of grains four times larger.
 #[rstest]
 #[case::narrow([0.02, 0.1], 1.0)]

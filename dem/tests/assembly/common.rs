@@ -23,7 +23,14 @@ pub fn faces(friction: f64) -> Faces {
 
 /// A flat domain whose walls have this friction.
 pub fn flat(size: [f64; 2], friction: f64) -> Boundary {
-    Boundary { size, walls: faces(friction), floor: Floor::Flat, boxes: vec![], seed: 1 }
+    Boundary {
+        corner: [0.0; 2],
+        size,
+        walls: faces(friction),
+        floor: Floor::Flat,
+        boxes: vec![],
+        seed: 1,
+    }
 }
 
 pub fn with_box(boundary: Boundary, obstacle: RigidBox) -> Boundary {

@@ -27,6 +27,7 @@ pub fn report(extent: Extent) -> miette::Result<String> {
     let side = if extent.full { LARGE } else { SMALL };
     let grains = Grains::default();
     let boundary = Boundary {
+        corner: [0.0; 2],
         size: [4.0 * side, 2.0 * side],
         walls: Faces::default(),
         floor: Floor::Rough,

@@ -73,7 +73,9 @@ pub(super) fn summary(simulation: &Simulation, stable_step: f64, output: &Path) 
     if let Model::Discs(discs) = &simulation.model {
         let steps = (simulation.step * discs.substeps()) as f64;
         let disc_steps = steps * discs.discs() as f64;
-        let rate = disc_steps / times.get("dem").copied().unwrap_or(f64::NAN);
+        // On a GPU, means are evaluated while it computes the next frame.
+        let time: f64 = ["dem", "means"].iter().filter_map(|phase| times.get(*phase)).sum();
+        let rate = disc_steps / time;
         line("discs", discs.discs().to_string());
         line("disc-steps", format!("{disc_steps:.2e}, {rate:.2e} per second"));
         let searches = 100.0 * discs.searches() as f64 / steps.max(1.0);

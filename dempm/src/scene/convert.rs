@@ -29,6 +29,7 @@ impl Scene {
             faces: faces(&o.faces),
         });
         Boundary {
+            corner: [0.0; 2],
             size: self.domain.size,
             walls: faces(&self.domain.walls),
             floor: discs.floor,

@@ -21,10 +21,11 @@ pub struct Material {
     cell: f64,
 }
 
-const MATERIALS: [Material; 3] = [
+const MATERIALS: [Material; 4] = [
+    Material { name: "discs", kind: "discs", cell: 0.125 },
     Material { name: "mu(I)", kind: "mu-i", cell: 0.125 },
     Material { name: "mu(I), cells of 0.0625 m", kind: "mu-i", cell: 0.0625 },
-    Material { name: "packings", kind: "rve", cell: 0.125 },
+    Material { name: "packings", kind: "rve", cell: 0.03125 },
 ];
 
 /// A column after its collapse.

@@ -4,6 +4,7 @@ pub mod cell_crossings;
 pub mod column_collapse;
 pub mod element_tests;
 pub mod fair_comparison;
+pub mod grain_size;
 pub mod pareto;
 pub mod ranking;
 pub mod recommendations;

@@ -320,7 +320,9 @@ impl<R: CudaReal> CudaAssembly<R> {
         let fetched = self.fetched.as_slice()?;
         let states: Vec<GrainState> = fetched.par_iter().map(|o| o.state(assembly)).collect();
         let mut energy = Energy { losses: self.losses, ..assembly.energy_of(&states) };
-        energy.elastic = fetched.iter().map(|o| o.elastic.to_f64()).sum();
+        let elastic = |part: &[Output<R>]| part.iter().map(|o| o.elastic.to_f64()).sum::<f64>();
+        let parts: Vec<f64> = fetched.par_chunks(SUM_THREADS as usize).map(elastic).collect();
+        energy.elastic = parts.iter().sum();
         Ok((states, energy))
     }
 

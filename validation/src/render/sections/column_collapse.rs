@@ -81,7 +81,7 @@ fn figure(collapses: &[Collapse]) -> miette::Result<Block> {
             Series::new(law.name, Mark::Line, points.collect())
         })
         .collect();
-    let marks = [Mark::Squares, Mark::Crosses, Mark::Circles];
+    let marks = [Mark::Circles, Mark::Squares, Mark::Crosses, Mark::Triangles];
     for (collapse, mark) in collapses.iter().zip(marks) {
         let points = collapse.deposits.iter().map(|d| (d.aspect, d.runout)).collect();
         series.push(Series::new(collapse.material, mark, points));

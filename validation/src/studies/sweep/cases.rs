@@ -1,5 +1,6 @@
 //! What runs on a scene: the truth, the models and their settings.
 
+use dem::Grains;
 use dempm::scene::Scene;
 
 use super::measured::{Family, Measured, Sweep};
@@ -47,6 +48,9 @@ const COARSER: [(&str, &str); 2] = [
          domain.cell = 0.25",
     ),
 ];
+
+/// Seeds of the discs where the size of grains is varied.
+const SEEDS_OF_GRAINS: u64 = 3;
 
 /// Settings of packings whose speed and accuracy the quick suite compares.
 const QUICK: [(&str, &str); 4] = [
@@ -142,6 +146,27 @@ impl Case {
         case
     }
 
+    /// A scene with grains of `size` times their size, as a few seeds of discs, as packings and under the
+    /// continuum law. The thickness remains: overlaps under the same weight are the same share of a radius.
+    pub fn of_grains(scene: &'static TruthScene, size: f64) -> Self {
+        let grains = Grains::default();
+        let [min, max] = [grains.radius_min, grains.radius_max].map(|radius| size * radius);
+        let keys = format!("grains.radius_min = {min:?}\ngrains.radius_max = {max:?}");
+        let text = merged(&merged(scene.text, COMMON), &keys);
+        let with = |keys: &str| merged(&text, keys);
+        let seed = |number: u64| with(&format!("seed = {number}\nmaterial.kind = \"discs\""));
+        let setting = |family, name: &str, text| Setting { family, name: name.to_owned(), text };
+        Self {
+            scene,
+            truth: (1..=SEEDS_OF_GRAINS).map(seed).collect(),
+            settings: vec![
+                setting(Family::Packings, DEFAULT.0, text.clone()),
+                setting(Family::Continuum, MU_I, with("material.kind = \"mu-i\"")),
+            ],
+            start_of_networks: String::new(),
+        }
+    }
+
     fn add(&mut self, family: Family, (name, changes): &(&str, &str)) {
         let text = merged(&merged(self.scene.text, COMMON), changes);
         self.settings.push(Setting { family, name: (*name).to_owned(), text });
@@ -179,6 +204,21 @@ mod tests {
                     case.settings.iter().map(|setting| setting.name.as_str()).collect();
                 assert_eq!(names.len(), case.settings.len());
             }
+        }
+    }
+
+    #[test]
+    fn smaller_grains_take_proportionally_smaller_steps() {
+        let scene = TruthScene::named("Column a = 1");
+        let step = |size: f64| {
+            let case = Case::of_grains(scene, size);
+            let texts = case.truth.iter().chain(case.settings.iter().map(|setting| &setting.text));
+            texts
+                .map(|text| Scene::parse(text, scene.name).unwrap().grains.step())
+                .collect::<Vec<_>>()
+        };
+        for (half, whole) in step(0.5).into_iter().zip(step(1.0)) {
+            assert!((half / whole - 0.5).abs() < 1e-12);
         }
     }
 }

@@ -69,6 +69,14 @@ impl Case {
         sweep(measured)
     }
 
+    /// As [`measure`](Self::measure), without networks.
+    ///
+    /// # Errors
+    /// As [`measure`](Self::measure).
+    pub fn measure_solvers(&self, context: &mut Context) -> miette::Result<Sweep> {
+        sweep(Measurement::of(self, context).solvers()?)
+    }
+
     /// The runs of the default packings and of one seed of the truth, to be drawn; `None` if the packings
     /// failed.
     ///

@@ -179,6 +179,15 @@ impl TruthScene {
     pub fn of(suite: Suite) -> &'static [Self] {
         suite.pick(&SCENES[..1], &SCENES)
     }
+
+    /// The scene of this name.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn named(name: &str) -> &'static Self {
+        let found = SCENES.iter().find(|scene| scene.name == name);
+        found.unwrap_or_else(|| panic!("no scene is named {name}"))
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Models against the truth: the same scenes with every grain as a disc.
 
 mod charts;
+mod grain_size;
 mod list;
 mod overview;
 mod scene;
