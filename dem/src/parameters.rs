@@ -22,6 +22,9 @@ pub struct RveParameters {
     /// Below this perpendicular width of the cell, in mean diameters, a loaded cell is not
     /// thinned further: only the volumetric part and the spin of the velocity gradient act on it.
     pub thin_width: f64,
+    /// Above this solid fraction a cell is not compressed further: it keeps the pressure it has. Grains overlap
+    /// by more than a tenth of their radii there; only points alone in a splash come so far.
+    pub max_solid_fraction: f64,
     /// How the initial packing is made, with the grains' friction of preparation.
     pub preparation: Preparation,
 }
@@ -52,6 +55,7 @@ impl Default for RveParameters {
             kinetic_stress: true,
             free_solid_fraction: 0.70,
             thin_width: 3.0,
+            max_solid_fraction: f64::INFINITY,
             preparation: Preparation::default(),
         }
     }

@@ -76,6 +76,8 @@ pub struct RveState {
     pub free: bool,
     /// Whether the cell was too thin to be sheared.
     pub thin: bool,
+    /// Whether it was too dense to be compressed.
+    pub dense: bool,
 }
 
 impl<R: Real> Rve<R> {
@@ -115,11 +117,15 @@ impl<R: Real> Rve<R> {
             return Ok(self.advance_free(area * (velocity_gradient.trace() * dt).exp(), p, fresh));
         }
 
-        let (drive, thin) = self.drive(velocity_gradient, p, dt);
+        let (mut drive, thin) = self.drive(velocity_gradient, p, dt);
+        let dense = drive.trace() < 0.0 && self.packing.solid_fraction() > p.max_solid_fraction;
+        if dense {
+            drive -= Matrix2::identity() * (0.5 * drive.trace());
+        }
         self.packing.set_spin(&drive);
         self.packing.remove_drift();
         let increment = cell::exp(&(drive * sub.dt));
-        let mut state = RveState { thin, ..RveState::default() };
+        let mut state = RveState { thin, dense, ..RveState::default() };
         self.update_neighbours(0.0, p, sub, &mut state);
         for n in 0..sub.substeps {
             let sums = self.substep(&drive, &increment, p, sub, forces, &mut state)?;

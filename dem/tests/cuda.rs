@@ -262,6 +262,22 @@ fn thin_cell_is_frozen() {
     }
 }
 
+/// A dense cell is not compressed further, and expands again.
+#[test]
+fn dense_cell_is_frozen() {
+    let (p, packing) = dense::<f64>();
+    let p = RveParameters { max_solid_fraction: 0.9, ..p };
+    let path = |step: usize| {
+        let rate = if step < 15 { -50.0 } else { 50.0 };
+        Matrix2::new(rate, 3.0, 0.0, rate)
+    };
+    if let Some(states) = compare_path(&p, &packing, path, 20, |_| 1.0e-7) {
+        assert!(states.iter().any(|s| s.dense) && !states.iter().all(|s| s.dense));
+        // One macro step compresses by a per cent.
+        assert!(states.iter().all(|s| s.solid_fraction < 0.91));
+    }
+}
+
 /// Expansion until stress-free, and back: both twins restart from the fresh packing.
 #[test]
 fn free_and_fresh_again() {

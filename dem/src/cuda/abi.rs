@@ -138,7 +138,7 @@ cuda_struct! {
         pub(super) searches: u32,
         pub(super) free: u32,
         pub(super) thin: u32,
-        pub(super) unused: u32,
+        pub(super) dense: u32,
     }
 
     /// The RVE of one block.
@@ -204,6 +204,8 @@ cuda_struct! {
         /// Width (m) below which a cell is not thinned further.
         pub thin_width: f64,
         /// As of [`RveParameters`].
+        pub max_solid_fraction: f64,
+        /// As of [`RveParameters`].
         pub overlap_limit: f64,
         /// Substep (s).
         pub step: R,
@@ -239,6 +241,7 @@ impl<R: CudaReal> Parameters<R> {
             skin,
             free_solid_fraction: p.free_solid_fraction,
             thin_width: p.thin_width * p.grains.mean_diameter(),
+            max_solid_fraction: p.max_solid_fraction,
             overlap_limit: p.grains.overlap_limit,
             step: sub.law.dt,
             normal_stiffness: sub.law.normal_stiffness,
@@ -278,6 +281,7 @@ impl From<State> for RveState {
             searches: s.searches,
             free: s.free != 0,
             thin: s.thin != 0,
+            dense: s.dense != 0,
         }
     }
 }

@@ -31,6 +31,7 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
     c.header = b.header[rve];
     c.searches = 0;
     c.thin = 0;
+    c.dense = 0;
     c.status = OK;
     Header& h = c.header;
     if (h.status != OK) return DONE;
@@ -70,6 +71,12 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
         drive = {volumetric, -spin, spin, volumetric};
         c.thin = 1;
     }
+    if (drive.xx + drive.yy < 0.0 && h.solid > p.max_solid_fraction * area) {
+        const double volumetric = 0.5 * (drive.xx + drive.yy);
+        drive.xx -= volumetric;
+        drive.yy -= volumetric;
+        c.dense = 1;
+    }
     c.gradient = drive;
     to_real(drive, c.drive);
     const double spin = 0.5 * (drive.yx - drive.xy);
@@ -93,7 +100,7 @@ __device__ void plan_substeps(const Parameters& p, int done, bool prepared, int 
     Shared& sh = shared();
     Control& c = sh.control;
     Substep& s = sh.substep[lane];
-    if (!prepared || c.thin) prepare_plan(p, c.gradient, lane);
+    if (!prepared || c.thin || c.dense) prepare_plan(p, c.gradient, lane);
     const Matrix h = product(s.exact, c.header.cell);
     const Matrix end = {__shfl_down_sync(ALL, h.xx, 1), __shfl_down_sync(ALL, h.xy, 1),
                         __shfl_down_sync(ALL, h.yx, 1), __shfl_down_sync(ALL, h.yy, 1)};

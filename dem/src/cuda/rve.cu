@@ -111,6 +111,7 @@ __device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bo
     state.min_width = min_width(h.cell);
     state.searches = c.searches;
     state.thin = c.thin;
+    state.dense = c.dense;
     if (c.status == OK && broken) c.status = NOT_FINITE;
     if (c.status == OK && state.relative_overlap > p.overlap_limit) c.status = OVERLAP;
     if (c.status != OK) {

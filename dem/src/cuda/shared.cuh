@@ -55,6 +55,7 @@ struct alignas(16) Control {
     unsigned old_imaged;
     unsigned searches;
     unsigned thin;
+    unsigned dense;
     Action action;
     Status status;
     unsigned rve;

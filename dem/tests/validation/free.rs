@@ -66,3 +66,24 @@ fn nan_is_an_error() {
     element.rve.packing.discs[17].u[1] = f64::NAN;
     assert!(element.advance(&Matrix2::zeros()).is_err());
 }
+
+/// Denser than `max_solid_fraction` a cell takes no compression, but still shear and expansion. One macro step at
+/// 100 1/s compresses by 2 %.
+#[test]
+fn a_dense_rve_is_not_compressed_further() {
+    let p = RveParameters { max_solid_fraction: 0.95, ..parameters(20.0e3, DENSE) };
+    let mut element = element(&p);
+    for _ in 0..20 {
+        element.advance(&Matrix2::new(-100.0, 0.0, 0.0, -100.0)).unwrap();
+    }
+    let held = element.state;
+    assert!(held.dense && (0.95..0.97).contains(&held.solid_fraction), "{held:?}");
+    assert!(held.relative_overlap < 0.5, "{held:?}");
+    let cell = element.rve.packing.cell;
+    element.advance(&Matrix2::new(-100.0, 50.0, 0.0, -100.0)).unwrap();
+    let sheared = element.rve.packing.cell.h * cell.h.try_inverse().unwrap();
+    // exp(0.005 [0 1; 0 0])
+    assert!((sheared - Matrix2::new(1.0, 5e-3, 0.0, 1.0)).norm() < 1e-9, "{sheared}");
+    element.advance(&Matrix2::new(100.0, 0.0, 0.0, 100.0)).unwrap();
+    assert!(!element.state.dense && element.state.solid_fraction < held.solid_fraction);
+}

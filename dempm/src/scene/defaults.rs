@@ -17,14 +17,22 @@ const DISCS: usize = 64;
 /// DEM step of packings over `sqrt(m_min / kn)`: 4 substeps of 2.5e-5 s for the default grains. Twice that of whole
 /// scenes, whose energy it would let drift by more than 1 %.
 const STEP_FACTOR: f64 = 0.401;
-/// Largest overlap (radii): splashes press packings of single points together, which recover.
+/// Largest overlap (radii) of discs in packings.
 const OVERLAP_LIMIT: f64 = 2.0;
+/// Solid fraction above which packings are not compressed further: splashes press those of single points together,
+/// which meet others on the grid before they touch them.
+const MAX_SOLID_FRACTION: f64 = 1.0;
 
 /// Parameters of packings and their grains.
 pub(super) fn packings() -> RveParameters {
     let grains =
         Grains { step_factor: STEP_FACTOR, overlap_limit: OVERLAP_LIMIT, ..Grains::default() };
-    RveParameters { grains, discs: DISCS, ..RveParameters::default() }
+    RveParameters {
+        grains,
+        discs: DISCS,
+        max_solid_fraction: MAX_SOLID_FRACTION,
+        ..RveParameters::default()
+    }
 }
 
 /// Transfer of packings. The continuum laws keep the default of the MPM: they are nearer to the grains with more

@@ -113,6 +113,10 @@ const LIMITS: &[(&str, Limits)] = &[
     ("rve.stress_window", positive(1.0, "").with_hint("1 averages over the whole macro step")),
     ("rve.free_solid_fraction", between(0.0, 0.78, "").with_hint("loose packings jam near 0.79")),
     ("rve.thin_width", between(0.0, 20.0, "mean diameters")),
+    (
+        "rve.max_solid_fraction",
+        between(0.9, 100.0, "").with_hint("falls reach 0.92; 100 compresses without limit"),
+    ),
     ("rve.preparation.pressure", between(1.0, 1.0e9, "Pa").with_hint("pascal: 2 kPa is 2.0e3")),
     (
         "rve.preparation.cloud_solid_fraction",

@@ -58,6 +58,8 @@ pub struct Tally {
     pub free_steps: u64,
     /// RVE steps in which a cell was too thin to be sheared further.
     pub thin_steps: u64,
+    /// RVE steps in which a cell was too dense to be compressed further.
+    pub dense_steps: u64,
     /// RVE steps with an overlap above the warning threshold.
     pub overlap_steps: u64,
     /// Neighbour searches.
@@ -74,6 +76,7 @@ impl Default for Tally {
             steps: 0,
             free_steps: 0,
             thin_steps: 0,
+            dense_steps: 0,
             overlap_steps: 0,
             searches: 0,
             max_overlap: 0.0,
@@ -202,6 +205,7 @@ impl Tally {
             return;
         }
         self.thin_steps += u64::from(state.thin);
+        self.dense_steps += u64::from(state.dense);
         self.overlap_steps += u64::from(state.relative_overlap > overlap_warning);
         self.max_overlap = self.max_overlap.max(state.relative_overlap);
         self.min_width = self.min_width.min(state.min_width);

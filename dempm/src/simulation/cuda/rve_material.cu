@@ -7,6 +7,7 @@ __device__ inline void count(DeviceTally& tally, const State& state, double over
         return;
     }
     tally.thin_steps += state.thin != 0;
+    tally.dense_steps += state.dense != 0;
     tally.overlap_steps += state.relative_overlap > overlap_warning;
     tally.max_overlap = fmax(tally.max_overlap, state.relative_overlap);
     tally.min_width = fmin(tally.min_width, state.min_width);

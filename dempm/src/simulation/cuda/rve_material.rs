@@ -23,6 +23,7 @@ cuda_struct! {
     struct DeviceTally {
         free_steps: u64,
         thin_steps: u64,
+        dense_steps: u64,
         overlap_steps: u64,
         searches: u64,
         /// Largest overlap over the smaller radius.
@@ -118,6 +119,7 @@ impl CudaRveMaterial {
         let none = DeviceTally {
             free_steps: 0,
             thin_steps: 0,
+            dense_steps: 0,
             overlap_steps: 0,
             searches: 0,
             max_overlap: 0.0,
@@ -156,6 +158,7 @@ impl CudaRveMaterial {
         for tally in self.frame_tally.as_slice()? {
             total.free_steps += tally.free_steps;
             total.thin_steps += tally.thin_steps;
+            total.dense_steps += tally.dense_steps;
             total.overlap_steps += tally.overlap_steps;
             total.searches += tally.searches;
             total.max_overlap = total.max_overlap.max(tally.max_overlap);
