@@ -1,11 +1,12 @@
 # make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
 # make learn   train a small network on direct runs, let it predict a column: out/learn
-# make test    the whole test suite
+# make test    the whole test suite; TORCH=1 includes dempm.torch, a download of some gigabytes
 # make lint    links, formatting, clippy, licences and crate documentation, as the continuous
 #              integration does
 # make doc     documentation of the crates: target/doc
 # make docs    the documentation as a book: target/book/index.html
 # make build   all programs
+# make wheel   the Python package, for Python 3.9 and later: target/wheels
 
 # Programs of the workspace, one crate each.
 PROGRAMS := dempm surrogate validation
@@ -14,7 +15,7 @@ PROGRAMS := dempm surrogate validation
 CARGO := scripts/with-cmake cargo
 RUN := $(CARGO) run --release --quiet --package
 
-.PHONY: demo learn test lint doc docs build
+.PHONY: demo learn test lint doc docs build wheel
 .DELETE_ON_ERROR:
 
 demo: build-dempm
@@ -37,10 +38,13 @@ $(LEARN)/data/%.h5: configs/tiny/%.toml | build-dempm
 
 test:
 	$(CARGO) test --workspace --release
+	$(MAKE) wheel
+	scripts/test-python
 
 lint:
 	python3 scripts/check_links.py
 	python3 scripts/check_reference.py
+	python3 scripts/python_reference.py --check
 	cargo fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --release -- -D warnings
 	scripts/deny
@@ -59,3 +63,14 @@ build: $(PROGRAMS:%=build-%)
 
 build-%:
 	$(CARGO) build --release --package $*
+
+# `maturin` is the only tool that this needs besides those of a build.
+MATURIN := target/python-build/bin/maturin
+
+wheel: $(MATURIN)
+	rm -rf target/wheels
+	scripts/with-cmake $(MATURIN) build --release --manifest-path python/Cargo.toml --compatibility linux
+
+$(MATURIN):
+	python3 -m venv target/python-build
+	target/python-build/bin/pip install --quiet 'maturin>=1.9,<2'

@@ -335,29 +335,13 @@ fn data_set() -> TempDir {
     directory
 }
 
-#[test]
-fn lagrangebench_reads_the_export() {
-    let directory = data_set();
-    succeeds(&mut dempm(directory.path(), &["export", "set", "--to", "lagrangebench"]));
-    let export = directory.path().join("set-lagrangebench");
-
-    let file = hdf5::File::open(export.join("test.h5")).unwrap();
-    // The shorter one first.
-    let shapes =
-        ["00000", "00001"].map(|name| file.dataset(&format!("{name}/position")).unwrap().shape());
-    assert_eq!(shapes, [[21, 96, 2], [31, 64, 2]]);
-    let written: Vec<f32> = file.dataset("00001/position").unwrap().read_raw().unwrap();
-    let source = positions(&directory.path().join("set/test/000.h5"));
-    let expected: Vec<f32> = source.iter().flatten().map(|&x| x as f32).collect();
-    assert_eq!(written, expected);
-
-    let script = r#"
+/// The rules by which `lagrangebench/data/data.py` and `runner.py` of LagrangeBench 0.2 read a data set.
+const LAGRANGEBENCH_RULES: &str = r#"
 import bisect, json, os, sys
 import h5py, numpy as np
 folder, window = sys.argv[1], 6
 metadata = json.load(open(os.path.join(folder, "metadata.json")))
 bounds = np.array(metadata["bounds"])
-assert (bounds[:, 1] - bounds[:, 0] == [2.0, 1.0]).all()
 assert not np.array(metadata["periodic_boundary_conditions"]).any()
 for key in ["default_connectivity_radius", "num_particles_max", "dim", "dt", "write_every", "dx",
             "acc_mean", "acc_std", "vel_mean", "vel_std"]:
@@ -374,12 +358,56 @@ for split in ["train", "valid", "test"]:
             part = trajectory["position"][start : start + window + 1].transpose((1, 0, 2))
             kind = trajectory["particle_type"][:]
             assert part.shape == (len(kind), window + 1, 2) and part.dtype == np.float32
-            assert kind.dtype == np.int64 and (kind == 0).all()
-            padding = metadata["num_particles_max"] - part.shape[0] + 1
-            assert padding >= 1
-            np.pad(part, ((0, padding), (0, 0), (0, 0)), constant_values=999)
+            assert kind.dtype == np.int64 and set(kind) <= {0, 1, 2}
+            # Cells of the search for neighbours: (0, 0) to the size of the box.
+            assert (part >= 0).all() and (part < bounds[:, 1] - bounds[:, 0]).all()
+            padding = metadata["num_particles_max"] - part.shape[0]
+            assert padding >= 0
+            np.pad(part, ((0, padding), (0, 0), (0, 0)))
 "#;
-    python::check("h5py, numpy", script, &[&export]);
+
+#[test]
+fn lagrangebench_reads_the_export() {
+    let directory = data_set();
+    let output =
+        succeeds(&mut dempm(directory.path(), &["export", "set", "--to", "lagrangebench"]));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("matscipy"), "{told}");
+    let export = directory.path().join("set-lagrangebench");
+
+    let file = hdf5::File::open(export.join("test.h5")).unwrap();
+    // The shorter one first; 96 points a row of 6 m / 62.5 mm on walls and 16 on the obstacle.
+    let shapes =
+        ["00000", "00001"].map(|name| file.dataset(&format!("{name}/position")).unwrap().shape());
+    assert_eq!(shapes, [[21, 96 + 96 + 16, 2], [31, 64 + 96 + 16, 2]]);
+    let written: Vec<f32> = file.dataset("00001/position").unwrap().read_raw().unwrap();
+    let source = positions(&directory.path().join("set/test/000.h5"));
+    for (written, expected) in written.chunks(2 * shapes[1][1]).zip(&source) {
+        let expected: Vec<f32> = expected.iter().map(|&x| x as f32).collect();
+        assert_eq!(written[..2 * 64], expected);
+    }
+    let kinds: Vec<i64> = file.dataset("00001/particle_type").unwrap().read_raw().unwrap();
+    assert_eq!(kinds, [vec![0; 64], vec![1; 96 + 16]].concat());
+
+    python::check("h5py, numpy", LAGRANGEBENCH_RULES, &[&export]);
+    python::check(
+        "lagrangebench",
+        r#"
+import sys
+from lagrangebench.data import H5Dataset
+from lagrangebench.utils import NodeType
+sizes = {"train": 6 * 15, "valid": 1, "test": 2 * 2}
+for split, size in sizes.items():
+    extra = 0 if split == "train" else 4
+    data = H5Dataset(split, sys.argv[1], extra_seq_length=extra, nl_backend="matscipy")
+    assert len(data) == size, (split, len(data))
+    for x, kind in (data[k] for k in range(size)):
+        assert x.shape == (data.metadata["num_particles_max"], 7 if extra == 0 else x.shape[1], 2)
+        assert set(kind.tolist()) <= {NodeType.PAD_VALUE, NodeType.FLUID, NodeType.SOLID_WALL}
+        assert (kind == NodeType.SOLID_WALL).sum() == 96 + (16 if split == "test" else 0)
+"#,
+        &[&export],
+    );
 }
 
 #[test]
@@ -388,52 +416,115 @@ fn gns_reads_the_export() {
     succeeds(&mut dempm(directory.path(), &["export", "set", "--to", "gns", "-o", "gns"]));
     let export = directory.path().join("gns");
 
-    // The positions are in the pickle as they are, after an opcode and the number of bytes.
-    let file = std::fs::File::open(export.join("train.npz")).unwrap();
+    // What is in the pickle, after an opcode and the number of bytes: positions of the points and then
+    // of the walls, types and tan phi of sin phi = 0.3.
+    let file = std::fs::File::open(export.join("valid.npz")).unwrap();
     let mut archive = zip::ZipArchive::new(file).unwrap();
     let mut pickle = Vec::new();
     archive.by_name("gns_data.npy").unwrap().read_to_end(&mut pickle).unwrap();
-    let mut found = Vec::new();
-    for file in &trajectories(&directory.path().join("set"))[..6] {
-        let values = positions(file).into_iter().flatten();
-        let bytes: Vec<u8> = values.flat_map(|x| (x as f32).to_le_bytes()).collect();
-        let announced = [&[0x8e][..], &(bytes.len() as u64).to_le_bytes(), &bytes].concat();
-        found.push(pickle.windows(announced.len()).position(|part| part == announced).unwrap());
-    }
-    assert!(found.is_sorted(), "{found:?}");
+    let source = positions(&directory.path().join("set/valid/000.h5"));
+    let first: Vec<u8> = source[0].iter().flat_map(|&x| (x as f32).to_le_bytes()).collect();
+    let count = first.len() / 8 + 96;
+    let announced = |bytes: usize| [&[0x8e][..], &(bytes as u64).to_le_bytes()].concat();
+    let kinds = [[6_i64].repeat(first.len() / 8), [3].repeat(96)].concat();
+    let kinds: Vec<u8> = kinds.iter().flat_map(|kind| kind.to_le_bytes()).collect();
+    let friction = (0.3_f64 / (1.0 - 0.09_f64).sqrt()) as f32;
+    let parts = [
+        [announced(8 * count * source.len()), first].concat(),
+        [announced(8 * count), kinds].concat(),
+        [announced(4 * count), friction.to_le_bytes().repeat(count)].concat(),
+    ];
+    let places = parts.map(|part| pickle.windows(part.len()).position(|bytes| bytes == part));
+    assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{places:?}");
 
+    // The rules of `gns/data_loader.py`, `reading_utils.py` and `train.py` of geoelements/gns.
     let script = r#"
 import json, os, sys
 import h5py, numpy as np
 folder, source, window = sys.argv[1], sys.argv[2], 6
 metadata = json.load(open(os.path.join(folder, "metadata.json")))
-for key in ["bounds", "default_connectivity_radius", "dim", "sequence_length",
-            "vel_mean", "vel_std", "acc_mean", "acc_std"]:
-    metadata[key]
+rollout = metadata["rollout"]
+for key in ["bounds", "default_connectivity_radius", "dim", "vel_mean", "vel_std", "acc_mean", "acc_std"]:
+    assert metadata[key] == rollout[key]
+assert metadata["nnode_in"] == rollout["nnode_in"] == 31 and metadata["nedge_in"] == 3
+assert rollout["sequence_length"] is None
 sizes = {"train": 6, "valid": 1, "test": 2}
 for split, size in sizes.items():
     with np.load(os.path.join(folder, split + ".npz"), allow_pickle=True) as archive:
         assert "gns_data" in archive
         data = archive["gns_data"]
-    assert len(data) == size and len(data[0]) == 2 and data[0][0].shape[-1] == 2
-    lengths = [x.shape[0] - window for x, _, in data]
+    assert len(data) == size and len(data[0]) == 3 and data[0][0].shape[-1] == 2
+    lengths = [x.shape[0] - window for x, _, _ in data]
     ends = np.array([sum(lengths[:k]) for k in range(1, len(lengths) + 1)], dtype=int)
     for index in range(sum(lengths)):
         which = np.searchsorted(ends - 1, index, side="left")
         time = window + index - (ends[which - 1] if which else 0)
         part = np.transpose(data[which][0][time - window : time], (1, 0, 2))
         kind = np.full(part.shape[0], data[which][1], dtype=int)
+        friction = np.full(part.shape[0], data[which][2], dtype=float)
         label = data[which][0][time]
         assert part.shape == (len(kind), window, 2) and label.shape == (len(kind), 2)
-        assert (kind == 6).all() and part.dtype == np.float32
+        assert set(kind) == {3, 6} and part.dtype == np.float32
+        assert np.allclose(friction, np.tan(np.arcsin(0.3)), rtol=1e-6)
+        rigid = part[kind == 3]
+        assert len(rigid) == 96 + (16 if split == "test" else 0) and (rigid == rigid[:, :1]).all()
     names = sorted(os.listdir(os.path.join(source, split)))
     sources = [h5py.File(os.path.join(source, split, n))["position"][:] for n in names if n.endswith(".h5")]
     sources.sort(key=len)
-    for x, (written, _) in zip(sources, data):
-        assert (x.astype(np.float32) == written).all()
+    for x, (written, kind, _) in zip(sources, data):
+        assert (x.astype(np.float32) == written[:, kind == 6]).all()
 assert data[0][0].shape[0] == metadata["sequence_length"]
 "#;
     python::check("h5py, numpy", script, &[&export, &directory.path().join("set")]);
+    // Their own loader, where PYTHONPATH names a clone of github.com/geoelements/gns.
+    python::check(
+        "gns.data_loader",
+        r#"
+import sys
+from gns import data_loader, reading_utils
+for split, windows in {"train": 6 * 15, "valid": 5, "test": 15 + 25}.items():
+    path = f"{sys.argv[1]}/{split}.npz"
+    samples = data_loader.SamplesDataset(path, 6)
+    assert len(samples) == windows, (split, len(samples))
+    (x, kind, friction, counts), label = data_loader.collate_fn([samples[0], samples[windows - 1]])
+    assert x.shape == (counts.sum(), 6, 2) and len(kind) == len(friction) == len(label) == len(x)
+    for x, kind, friction, count in data_loader.TrajectoriesDataset(path):
+        assert len(x) == len(kind) == len(friction) == count and set(kind.tolist()) == {3, 6}
+        break
+assert reading_utils.read_metadata(sys.argv[1], "rollout")["sequence_length"] is None
+assert reading_utils.read_metadata(sys.argv[1], "train")["sequence_length"] == 21
+"#,
+        &[&export],
+    );
+}
+
+/// A plate that goes down from 0.05 s on.
+#[test]
+fn a_plate_moves_as_particles() {
+    let scene = format!(
+        "{BASE}[plate]\ncorner = [0.0, 0.6]\nsize = [0.5, 0.25]\nvelocity = [0.0, -0.5]\nstart = 0.05\n"
+    );
+    let directory = folder(&scene, LIST);
+    succeeds(&mut dempm(directory.path(), &["run", "base.toml", "-o", "plate.h5"]));
+    let words = ["export", "plate.h5", "--to", "lagrangebench", "--no-walls", "-o", "out"];
+    succeeds(&mut dempm(directory.path(), &words));
+    let file = hdf5::File::open(directory.path().join("out/train.h5")).unwrap();
+    let x: ndarray::Array3<f32> = file.dataset("00000/position").unwrap().read().unwrap();
+    let kinds: Vec<i64> = file.dataset("00000/particle_type").unwrap().read_raw().unwrap();
+    // 64 points, and on the outline of the plate 24.
+    assert_eq!(kinds, [vec![0; 64], vec![2; 24]].concat());
+    for (frame, time) in [(0, 0.0), (5, 0.05), (6, 0.06), (20, 0.2)] {
+        let bottom = 0.6 - 0.5 * (time - 0.05_f32).max(0.0);
+        let first = [x[[frame, 64, 0]], x[[frame, 64, 1]]];
+        assert!((first[0] - 0.03125).abs() < 1e-6 && (first[1] - bottom).abs() < 1e-6, "{first:?}");
+    }
+    let text = std::fs::read_to_string(directory.path().join("out/metadata.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(json["bounds"], serde_json::json!([[0.0, 2.0], [0.0, 1.0]]));
+    assert_eq!(json["num_particles_max"], 88);
+    let error =
+        fails(&mut dempm(directory.path(), &["export", "plate.h5", "--to", "npz", "--no-walls"]));
+    assert!(error.contains("--no-walls"), "{error}");
 }
 
 #[test]

@@ -49,6 +49,7 @@ pub mod figures;
 pub mod fronts;
 mod memory;
 pub mod packings;
+pub mod program;
 pub mod run;
 pub mod scene;
 pub mod simulation;

@@ -1,5 +1,6 @@
 //! Ctrl-C and requests to terminate.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::sleep;
@@ -9,6 +10,11 @@ use crate::terminal::print_note;
 
 /// Exit code of an interrupted command: 128 + SIGINT, as shells report it.
 pub const INTERRUPTED: u8 = 130;
+
+thread_local! {
+    /// The interrupt of the program that embeds the commands of this thread.
+    static HOST: RefCell<Option<Interrupt>> = const { RefCell::new(None) };
+}
 
 /// The handler for Ctrl-C could not be installed.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -28,11 +34,14 @@ pub struct Interrupt {
 }
 
 impl Interrupt {
-    /// Handles the signals from now on.
+    /// Handles the signals from now on; on a thread of a [host](Self::host), gives its interrupt.
     ///
     /// # Errors
     /// If the process already has a handler.
     pub fn install() -> Result<Self, InterruptError> {
+        if let Some(host) = HOST.with_borrow(Clone::clone) {
+            return Ok(host);
+        }
         let interrupt = Self::default();
         let handled = interrupt.clone();
         let ignores_hangup = ignores_hangup();
@@ -41,6 +50,22 @@ impl Interrupt {
             ignore_hangup();
         }
         Ok(interrupt)
+    }
+
+    /// Leaves the signals to a program that embeds the commands of the calling thread: it makes its
+    /// [requests](Self::request) itself, and they never end the process.
+    pub fn host(&self) {
+        HOST.set(Some(self.clone()));
+    }
+
+    /// Requests an end.
+    pub fn request(&self) {
+        self.requested.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether there is work that ends in order after a request.
+    pub fn is_guarded(&self) -> bool {
+        self.guards.load(Ordering::SeqCst) > 0
     }
 
     /// Whether a guarded computation should save its state and end.
@@ -61,14 +86,13 @@ impl Interrupt {
 
     /// Runs on the handler's own thread.
     fn stop(&self) {
-        let guarded = || self.guards.load(Ordering::SeqCst) > 0;
-        self.requested.store(true, Ordering::SeqCst);
-        if !guarded() {
+        self.request();
+        if !self.is_guarded() {
             print_note("interrupted");
             end_process();
         }
-        while guarded() {
-            while guarded() {
+        while self.is_guarded() {
+            while self.is_guarded() {
                 sleep(Duration::from_millis(20));
             }
             // What was guarded has ended and says so itself, unless other threads are at work.
@@ -114,4 +138,28 @@ fn ignore_hangup() {
 pub fn report_size_limits_as_errors() {
     // SAFETY: replaces the disposition of a signal by "ignored".
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_on_a_thread_of_a_host_gets_its_interrupt() {
+        let host = Interrupt::default();
+        let theirs = host.clone();
+        let command = std::thread::spawn(move || {
+            theirs.host();
+            // Twice: a process can handle signals once only, but a host runs many commands.
+            let interrupts = [Interrupt::install().unwrap(), Interrupt::install().unwrap()];
+            let _guard = interrupts[0].guard();
+            while !interrupts.iter().all(Interrupt::requested) {
+                std::thread::yield_now();
+            }
+            interrupts[1].is_guarded()
+        });
+        host.request();
+        assert!(command.join().unwrap());
+        assert!(!host.is_guarded());
+    }
 }

@@ -6,7 +6,7 @@
 //!   and on a GPU.
 //! - [`train`] trains, [`simulator`] is a trained network, [`rollout`] advances it.
 //! - [`diagnostics`] tells how far a prediction can be trusted, [`evaluation`] measures its errors.
-//! - [`commands`] are the commands of `surrogate`. Nothing else prints.
+//! - [`commands`] are the commands of `surrogate`, [`program`] its command line. Nothing else prints.
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -36,6 +36,7 @@ pub mod evaluation;
 pub mod features;
 pub mod inference;
 pub mod network;
+pub mod program;
 pub mod rollout;
 pub mod simulator;
 pub mod train;

@@ -15,6 +15,7 @@ pub mod folder;
 pub mod literature;
 pub mod machine;
 pub mod models;
+pub mod program;
 pub mod progress;
 pub mod render;
 pub mod run_cache;

@@ -19,6 +19,9 @@ pub struct ExportArgs {
     /// the format, or with its name after a dash]
     #[arg(short, long)]
     pub output: Option<PathBuf>,
+    /// Leave the walls of the domain to the bounds in metadata.json (gns and lagrangebench)
+    #[arg(long)]
+    pub no_walls: bool,
 }
 
 /// Formats of other programs.
@@ -49,25 +52,31 @@ pub fn export(args: &ExportArgs) -> miette::Result<()> {
         Format::Gns => folder_beside(&args.file, "gns"),
         Format::Lagrangebench => folder_beside(&args.file, "lagrangebench"),
     });
+    let data_set_format = matches!(args.to, Format::Gns | Format::Lagrangebench);
+    if args.no_walls && !data_set_format {
+        miette::bail!("--no-walls is an option of `--to gns` and `--to lagrangebench`");
+    }
     match args.to {
         Format::Vtk => write_vtk(&Trajectory::open(&args.file)?, &output)?,
         Format::Vtkhdf => write_vtkhdf(&Trajectory::open(&args.file)?, &output)?,
         Format::Npz => write_npz(&Trajectory::open(&args.file)?, &output)?,
-        Format::Gns => data_set(&args.file, &output, export::Format::Gns)?,
-        Format::Lagrangebench => data_set(&args.file, &output, export::Format::Lagrangebench)?,
+        Format::Gns => write_splits(args, &output, export::Format::Gns)?,
+        Format::Lagrangebench => write_splits(args, &output, export::Format::Lagrangebench)?,
     }
     announce!("{}", output.display());
     Ok(())
 }
 
-/// Writes a data set and reports what the format cannot hold.
-fn data_set(source: &Path, folder: &Path, format: export::Format) -> miette::Result<()> {
-    for (split, boxes) in write_data_set(source, folder, format)? {
-        let have = if boxes == 1 { "trajectory has" } else { "trajectories have" };
-        note!(
-            "{}: {boxes} {have} obstacles or a plate, which this format cannot hold",
-            split.name()
-        );
+/// Writes a data set and reports what its reader has to know.
+fn write_splits(args: &ExportArgs, folder: &Path, format: export::Format) -> miette::Result<()> {
+    let written = write_data_set(&args.file, folder, format, !args.no_walls)?;
+    let counts = || written.particles.iter().flat_map(|(_, counts)| counts);
+    let mixed = counts().min() != counts().max();
+    if mixed && format == export::Format::Lagrangebench {
+        note!("numbers of particles differ: LagrangeBench needs `neighbors.backend: matscipy`");
+    }
+    if !written.friction && format == export::Format::Gns {
+        note!("no material property: not every trajectory has a friction angle");
     }
     Ok(())
 }

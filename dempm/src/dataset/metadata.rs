@@ -23,8 +23,8 @@ pub struct Metadata {
     pub dt: f64,
     /// Steps of length `dt` between frames: 1.
     pub write_every: usize,
-    /// Frames of the shortest training trajectory.
-    pub sequence_length: usize,
+    /// Frames of the shortest training trajectory; `None` (null) for those of each.
+    pub sequence_length: Option<usize>,
     /// Two cells of the background grid, as in the paper.
     pub default_connectivity_radius: f64,
     /// Initial distance of neighbouring points.
@@ -47,7 +47,7 @@ pub struct Metadata {
     pub num_trajs_valid: usize,
     /// Test trajectories.
     pub num_trajs_test: usize,
-    /// As `sequence_length`.
+    /// Frames of the shortest training trajectory.
     pub sequence_length_train: usize,
     /// Frames of the shortest test trajectory; 0 without any.
     pub sequence_length_test: usize,
@@ -98,7 +98,7 @@ impl Metadata {
             dim: 2,
             dt: header.frame_interval,
             write_every: 1,
-            sequence_length,
+            sequence_length: Some(sequence_length),
             default_connectivity_radius: 2.0 * header.grid_cell,
             dx: header.point_spacing,
             vel_mean: statistics.velocity.map(|w| w.mean()),
@@ -121,12 +121,20 @@ impl Metadata {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
-        let path = folder.join("metadata.json");
-        write_atomically(&path, |temporary| {
-            serde_json::to_string_pretty(self)
-                .map_err(std::io::Error::other)
-                .and_then(|text| std::fs::write(temporary, text + "\n"))
-                .map_err(WriteError::at(&path, "write it"))
-        })
+        write_metadata(self, folder)
     }
+}
+
+/// Writes `metadata.json` into a folder.
+///
+/// # Errors
+/// If it cannot be written.
+pub(crate) fn write_metadata(metadata: &impl Serialize, folder: &Path) -> Result<(), WriteError> {
+    let path = folder.join("metadata.json");
+    write_atomically(&path, |temporary| {
+        serde_json::to_string_pretty(metadata)
+            .map_err(std::io::Error::other)
+            .and_then(|text| std::fs::write(temporary, text + "\n"))
+            .map_err(WriteError::at(&path, "write it"))
+    })
 }

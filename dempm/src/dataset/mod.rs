@@ -19,6 +19,7 @@ pub use case::Case;
 pub use catalogue::{cases, check_intervals, finished, select};
 pub use error::DatasetError;
 pub use metadata::Metadata;
+pub(crate) use metadata::write_metadata;
 pub use paper::paper_scene;
 pub use selection::Selection;
 pub use split::{DataSet, Split, open_finished};

@@ -41,6 +41,23 @@ pub enum ExportError {
         /// The first such point in it.
         point: usize,
     },
+    /// A box is not there at all times.
+    #[error("{}: box {index} is absent at frame {frame}", path.display())]
+    #[diagnostic(help("gns and LagrangeBench know only particles that are always there"))]
+    AbsentBox {
+        /// The trajectory file.
+        path: PathBuf,
+        /// The first such frame.
+        frame: usize,
+        /// The box.
+        index: usize,
+    },
+    /// A trajectory without frames.
+    #[error("{}: the file has no frames", path.display())]
+    NoFrames {
+        /// The trajectory file.
+        path: PathBuf,
+    },
     /// The trajectory has no grains.
     #[error("{}: the file has no grains", path.display())]
     #[diagnostic(help(

@@ -1,5 +1,5 @@
 //! `.npz` files for geoelements/gns: one array `gns_data` of Python objects, a tuple (positions,
-//! particle type) a trajectory, as `gns/data_loader.py` reads it.
+//! particle types, material property) a trajectory, as `gns/data_loader.py` reads it.
 //!
 //! Trajectories of a set differ in their numbers of points and frames, which only an array of
 //! objects can hold, and numpy stores that as a pickle: <https://docs.python.org/3/library/pickle>,
@@ -14,14 +14,20 @@ use zip::{CompressionMethod, ZipWriter};
 
 use super::error::ExportError;
 use super::npy::npy_header;
-use super::positions::frames_f32;
-use crate::trajectory::Trajectory;
+use super::particles::{Kind, Particles};
 
 /// Sand among the particle types of the GNS data sets.
-const SAND: i32 = 6;
+const SAND: i64 = 6;
+/// `KINEMATIC_PARTICLE_ID` of `gns/train.py`: rollouts take the positions of these particles from the data.
+const KINEMATIC: i64 = 3;
 
-/// Writes the trajectories of a split to `path` with the suffix `.npz`.
-pub(super) fn write(trajectories: &[Trajectory], path: &Path) -> Result<(), ExportError> {
+/// Writes the trajectories of a split to `path` with the suffix `.npz`, each with its friction if
+/// `with_friction`.
+pub(super) fn write(
+    trajectories: &[Particles],
+    path: &Path,
+    with_friction: bool,
+) -> Result<(), ExportError> {
     let path = path.with_extension("npz");
     let at = ExportError::at(&path);
     write_atomically(&path, |temporary| {
@@ -34,11 +40,11 @@ pub(super) fn write(trajectories: &[Trajectory], path: &Path) -> Result<(), Expo
         archive.write_all(&npy_header("|O", &[trajectories.len()])).map_err(&at)?;
         let mut pickle = Pickle(archive);
         pickle.begin().map_err(&at)?;
-        pickle.begin_array(&[trajectories.len()], Kind::Object).map_err(&at)?;
+        pickle.begin_array(&[trajectories.len()], Element::Object).map_err(&at)?;
         pickle.raw(EMPTY_LIST).map_err(&at)?;
         pickle.raw(MARK).map_err(&at)?;
         for trajectory in trajectories {
-            write_pair(trajectory, &mut pickle, &at)?;
+            write_tuple(trajectory, with_friction, &mut pickle, &at)?;
         }
         pickle.raw(APPENDS).map_err(&at)?;
         pickle.end_array().map_err(&at)?;
@@ -48,22 +54,29 @@ pub(super) fn write(trajectories: &[Trajectory], path: &Path) -> Result<(), Expo
     })
 }
 
-/// (positions, particle type)
-fn write_pair<W: Write>(
-    trajectory: &Trajectory,
+/// (positions, particle types) or (positions, particle types, material property)
+fn write_tuple<W: Write>(
+    particles: &Particles,
+    with_friction: bool,
     pickle: &mut Pickle<W>,
     at: &impl Fn(io::Error) -> ExportError,
 ) -> Result<(), ExportError> {
-    let shape = [trajectory.frames(), trajectory.points().mass.len(), 2];
+    let (frames, count) = (particles.trajectory.frames(), particles.count());
     pickle.raw(MARK).map_err(at)?;
-    pickle.begin_array(&shape, Kind::F32).map_err(at)?;
-    pickle.begin_bytes(4 * shape.iter().product::<usize>()).map_err(at)?;
-    for frame in frames_f32(trajectory) {
-        let bytes: Vec<u8> = frame?.iter().flat_map(|x| x.to_le_bytes()).collect();
+    pickle.begin_array(&[frames, count, 2], Element::F32).map_err(at)?;
+    for frame in 0..frames {
+        let positions = particles.positions(frame)?;
+        let bytes: Vec<u8> = positions.iter().flat_map(|x| x.to_le_bytes()).collect();
         pickle.raw(&bytes).map_err(at)?;
     }
     pickle.end_array().map_err(at)?;
-    pickle.integer(SAND).map_err(at)?;
+    let kind = |kind: &Kind| if *kind == Kind::Material { SAND } else { KINEMATIC };
+    let kinds: Vec<u8> = particles.kinds.iter().flat_map(|k| kind(k).to_le_bytes()).collect();
+    pickle.array(&[count], Element::I64, &kinds).map_err(at)?;
+    if with_friction && let Some(friction) = particles.friction() {
+        let values = (friction as f32).to_le_bytes().repeat(count);
+        pickle.array(&[count], Element::F32, &values).map_err(at)?;
+    }
     pickle.raw(TUPLE).map_err(at)
 }
 
@@ -77,9 +90,22 @@ const NONE: &[u8] = b"N";
 const STOP: &[u8] = b".";
 
 /// Type of an array's elements.
-enum Kind {
+#[derive(Clone, Copy)]
+enum Element {
     F32,
+    I64,
     Object,
+}
+
+impl Element {
+    /// Bytes of a number; 0 for an object.
+    fn size(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::I64 => 8,
+            Self::Object => 0,
+        }
+    }
 }
 
 /// A pickle of protocol 4, written as `ndarray.__reduce__` describes arrays.
@@ -114,15 +140,22 @@ impl<W: Write> Pickle<W> {
         self.raw(format!("c{module}\n{name}\n").as_bytes())
     }
 
+    /// An array of `bytes` in C order.
+    fn array(&mut self, shape: &[usize], element: Element, bytes: &[u8]) -> io::Result<()> {
+        self.begin_array(shape, element)?;
+        self.raw(bytes)?;
+        self.end_array()
+    }
+
     /// Announces `length` bytes, which follow.
     fn begin_bytes(&mut self, length: usize) -> io::Result<()> {
         self.raw(&[0x8e])?;
         self.raw(&(length as u64).to_le_bytes())
     }
 
-    /// `_reconstruct(ndarray, (0,), b'b')` and the state that begins with `(1, shape, dtype,
-    /// False`; the elements follow.
-    fn begin_array(&mut self, shape: &[usize], kind: Kind) -> io::Result<()> {
+    /// `_reconstruct(ndarray, (0,), b'b')` and the state that begins with `(1, shape, dtype, False`. The
+    /// elements follow, of numbers as that many bytes.
+    fn begin_array(&mut self, shape: &[usize], element: Element) -> io::Result<()> {
         // This name is kept by all versions of numpy for the sake of old pickles.
         self.global("numpy.core.multiarray", "_reconstruct")?;
         self.raw(MARK)?;
@@ -142,9 +175,13 @@ impl<W: Write> Pickle<W> {
             self.integer(size)?;
         }
         self.raw(TUPLE)?;
-        self.element_type(kind)?;
+        self.element_type(element)?;
         // C order.
-        self.boolean(false)
+        self.boolean(false)?;
+        match element.size() {
+            0 => Ok(()),
+            size => self.begin_bytes(size * shape.iter().product::<usize>()),
+        }
     }
 
     fn end_array(&mut self) -> io::Result<()> {
@@ -154,10 +191,11 @@ impl<W: Write> Pickle<W> {
 
     /// `dtype(name, False, True)` with its state: version, byte order, no subtype, no fields,
     /// default size and alignment, flags.
-    fn element_type(&mut self, kind: Kind) -> io::Result<()> {
-        let (name, order, flags) = match kind {
-            Kind::F32 => ("f4", "<", 0),
-            Kind::Object => ("O8", "|", 63),
+    fn element_type(&mut self, element: Element) -> io::Result<()> {
+        let (name, order, flags) = match element {
+            Element::F32 => ("f4", "<", 0),
+            Element::I64 => ("i8", "<", 0),
+            Element::Object => ("O8", "|", 63),
         };
         self.global("numpy", "dtype")?;
         self.raw(MARK)?;

@@ -6,6 +6,8 @@ use files::{ReplacesInput, refuse_input};
 
 use super::error::ExportError;
 use super::finite::check_finite;
+use super::metadata::{GnsMetadata, lagrangebench_metadata};
+use super::particles::Particles;
 use super::{gns, lagrangebench};
 use crate::dataset::{DataSet, Metadata, Split};
 use crate::trajectory::Trajectory;
@@ -42,42 +44,57 @@ fn refuse_inputs(
     Ok(())
 }
 
+/// What a data set became.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// Particles of each trajectory, walls and boxes included, split by split.
+    pub particles: Vec<(Split, Vec<usize>)>,
+    /// Whether material properties were written: every trajectory has a friction angle.
+    pub friction: bool,
+}
+
 /// Writes each split of a data set, or one trajectory as a training set, and `metadata.json` to
-/// `folder`. Returns the number of trajectories with obstacles or a plate, which these formats cannot
-/// hold, for each split that has any.
+/// `folder`. Boxes become particles, and so do walls if `walls`.
 ///
 /// # Errors
-/// If a trajectory cannot be read, is not finished or has positions or velocities that are no numbers,
-/// `folder` is that of the data set, or a file cannot be written.
+/// If a trajectory cannot be read, is not finished, has no frames, a box that is absent at times, or
+/// positions or velocities that are no numbers, `folder` is that of the data set, or a file cannot be
+/// written.
 pub fn write(
     source: &Path,
     folder: &Path,
     format: Format,
-) -> Result<Vec<(Split, usize)>, ExportError> {
+    walls: bool,
+) -> Result<Written, ExportError> {
     let set = DataSet::open(source)?;
     refuse_inputs(source, &set, folder, format)?;
     let metadata = Metadata::of(&set)?;
-    let mut lost = Vec::new();
+    let mut splits = Vec::new();
     for (split, files) in &set.splits {
         let mut trajectories =
             files.iter().map(|file| Trajectory::open(file)).collect::<Result<Vec<_>, _>>()?;
-        // The shortest first: some readers take its length for that of all.
-        trajectories.sort_by_key(Trajectory::frames);
         trajectories.iter().try_for_each(check_finite)?;
-        let mut boxes = 0;
-        for trajectory in &trajectories {
-            let first = 0..trajectory.frames().min(1);
-            boxes += usize::from(trajectory.boxes(first)?.shape()[1] > 0);
-        }
-        if boxes > 0 {
-            lost.push((*split, boxes));
-        }
+        // The shortest first: LagrangeBench takes its length for that of all.
+        trajectories.sort_by_key(Trajectory::frames);
+        let particles = trajectories.into_iter().map(|t| Particles::of(t, walls));
+        splits.push((*split, particles.collect::<Result<Vec<_>, _>>()?));
+    }
+    let all = || splits.iter().flat_map(|(_, particles)| particles);
+    let friction = format == Format::Gns && all().all(|particles| particles.friction().is_some());
+    for (split, particles) in &splits {
         let path = folder.join(split.name());
         match format {
-            Format::Gns => gns::write(&trajectories, &path)?,
-            Format::Lagrangebench => lagrangebench::write(&trajectories, &path)?,
+            Format::Gns => gns::write(particles, &path, friction)?,
+            Format::Lagrangebench => lagrangebench::write(particles, &path)?,
         }
     }
-    metadata.write(folder)?;
-    Ok(lost)
+    let num_particles_max = all().map(Particles::count).max().unwrap_or(0);
+    let metadata = Metadata { num_particles_max, ..metadata };
+    match format {
+        Format::Gns => GnsMetadata::new(&metadata, friction).write(folder)?,
+        Format::Lagrangebench => lagrangebench_metadata(metadata, walls).write(folder)?,
+    }
+    let counts = |particles: &[Particles]| particles.iter().map(Particles::count).collect();
+    let particles = splits.iter().map(|(split, particles)| (*split, counts(particles)));
+    Ok(Written { particles: particles.collect(), friction })
 }

@@ -1,0 +1,31 @@
+"""Granular flow by MPM x DEM: scenes are run, trajectories read, and learned simulators rolled out.
+
+    import dempm
+
+    run = dempm.run("scenes/column.toml")
+    run.position[-1]        # (points, 2), m
+    dempm.plot(run)
+
+Quantities are SI, per metre out of plane. Whatever a command reports as its error is raised as `dempm.Error` with
+the same text.
+"""
+
+from . import surrogate
+from ._commands import Check, Picture, check, dataset, element, plot, run
+from ._dempm import Error, __version__
+from ._run import Run, open
+
+__all__ = [
+    "Check",
+    "Error",
+    "Picture",
+    "Run",
+    "__version__",
+    "check",
+    "dataset",
+    "element",
+    "open",
+    "plot",
+    "run",
+    "surrogate",
+]

@@ -1,0 +1,180 @@
+"""The commands of `dempm`."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any, Mapping, NamedTuple, Sequence
+
+import numpy as np
+
+from . import _dempm, _scene
+from ._progress import Watcher
+from ._run import Run, keep, temporary
+from ._scene import FilePath, Values
+
+#: Tables of a list of scenes.
+_SPLITS = ("train", "valid", "test")
+
+
+def run(
+    scene: Values,
+    output: FilePath | None = None,
+    *,
+    device: str = "auto",
+    progress: bool = True,
+    resume: bool = False,
+    overwrite: bool = False,
+    checkpoint_interval: float = 20.0,
+) -> Run:
+    """Simulates a scene.
+
+    `scene` is a file or a dictionary with the [keys of one](scenes.md). Without `output` the trajectory lies in a
+    temporary file that is gone with the `Run`; `Run.save` keeps it. `device` is `auto` (a GPU if there is one), `cpu`,
+    `cuda` or `cuda:N`.
+
+    Ctrl-C, or *Interrupt* in a notebook, saves a checkpoint beside `output` and raises `KeyboardInterrupt`; the same
+    call with `resume=True` continues with the same bits. Other Python threads run meanwhile.
+
+    Raises `dempm.Error` if the scene is invalid, the output exists or a step fails. Warnings about the scene and the
+    run are Python warnings.
+    """
+    text, name = _scene.text_and_name(scene)
+    folder = None
+    if output is None:
+        folder, output = temporary(Path(name).stem)
+    with Watcher(progress) as watcher:
+        _dempm.run(text, name, output, device, resume, overwrite, checkpoint_interval, watcher)
+    return keep(Run(output), folder)
+
+
+class Check(Mapping[str, Any]):
+    """What a scene costs, as a dictionary that prints as the report of `dempm check`.
+
+    | key | meaning |
+    |---|---|
+    | `points`, `frames`, `steps` | material points, frames after the first, macro steps |
+    | `step`, `step_limit` | macro step, and the largest stable one, s |
+    | `discs` | in all packings, or in the scene; `None` under a continuum law |
+    | `seconds` | estimated wall time on this machine's CPU, s |
+    | `memory`, `output` | bytes in memory, and in the trajectory before compression |
+    | `warnings` | texts |
+    """
+
+    def __init__(self, numbers: dict[str, Any], text: str):
+        self._numbers = numbers
+        self._text = text
+
+    def __getitem__(self, key: str) -> Any:
+        return self._numbers[key]
+
+    def __iter__(self) -> Any:
+        return iter(self._numbers)
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __repr__(self) -> str:
+        return self._text
+
+
+def check(scene: Values) -> Check:
+    """Validates a scene, a file or a dictionary, and estimates its cost. Raises `dempm.Error` if it is invalid."""
+    numbers, text = _dempm.check(*_scene.text_and_name(scene))
+    return Check(json.loads(numbers), text)
+
+
+def element(test: Values, grains: Mapping[str, Any] | None = None) -> dict[str, np.ndarray]:
+    """Drives a packing along a path, as an [element test](element-tests.md).
+
+    `test` is a file or a dictionary; `grains` replaces keys of its table `[grains]`, such as `{"friction": 0.3}`.
+    Returns the columns of the path, each (rows): `t` (s), the strains `exx` ..., the stresses `sxx` ... (Pa, tension
+    positive), `solid_fraction`, `coordination`, `inertial_number`. Raises `dempm.Error` if the test is wrong or a stage fails.
+    """
+    values = _scene.values(test)
+    values["grains"] = {**values.get("grains", {}), **(grains or {})}
+    if not isinstance(test, Mapping) and "packing" in values:
+        values["packing"] = str(Path(test).resolve().parent / values["packing"])
+    with _scene.as_file(values) as file:
+        table = _dempm.element(file)
+    path = np.genfromtxt(io.StringIO(table), delimiter=",", names=True)
+    return {name: np.atleast_1d(path[name]) for name in path.dtype.names or ()}
+
+
+def dataset(
+    scenes: Values,
+    output: FilePath,
+    *,
+    only: Sequence[str] = (),
+    device: str = "auto",
+    jobs: int | None = None,
+    overwrite: bool = False,
+) -> list[Run]:
+    """Simulates many scenes into the folder `output`: `paper`, or a [list](datasets.md), a file or a dictionary.
+
+    What is there stays, what was interrupted continues. `only` picks splits or scenes, such as `test/col2x2`. Returns
+    the runs, in the order of their files. Raises `dempm.Error` if the list is wrong or scenes failed.
+    """
+    options: list[str] = [f"--device={device}", *(f"--only={name}" for name in only)]
+    if jobs is not None:
+        options.append(f"--jobs={jobs}")
+    if overwrite:
+        options.append("--overwrite")
+    with _scene.as_file(_with_absolute_scenes(scenes)) as file:
+        _dempm.command("dempm", ["dataset", os.fspath(file), f"--output={os.fspath(output)}", *options])
+    return [Run(path) for path in sorted(Path(output).rglob("*.h5"))]
+
+
+def _with_absolute_scenes(scenes: Values) -> Values:
+    """A list whose file can lie anywhere: scenes of a dictionary are relative to the current folder."""
+    if not isinstance(scenes, Mapping):
+        return scenes
+
+    def absolute(table: Mapping[str, Any]) -> dict[str, Any]:
+        named = {"scene": os.path.abspath(table["scene"])} if "scene" in table else {}
+        return {**table, **named}
+
+    blocks = {split: [absolute(block) for block in scenes[split]] for split in _SPLITS if split in scenes}
+    return {**absolute(scenes), **blocks}
+
+
+class Picture(NamedTuple):
+    """A picture, which a notebook shows; `save` writes it to a file."""
+
+    #: The bytes of a PNG file.
+    png: bytes
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def __repr__(self) -> str:
+        return f"<Picture of {len(self.png)} bytes>"
+
+    def save(self, path: FilePath) -> None:
+        """Writes the picture (PNG)."""
+        Path(path).write_bytes(self.png)
+
+
+def plot(run: Run | FilePath, other: Run | FilePath | None = None, **options: Any) -> Picture:
+    """Draws frames of a run; with `other` those of two runs of one scene.
+
+    Options are those of [`dempm plot`](commands.md#dempm) with `_` for `-`: `plot(run, field="pressure",
+    times=[0.5, 1.0], width=1200)`. Raises `dempm.Error` if a frame or field is missing.
+    """
+    files = [one.path if isinstance(one, Run) else Path(one) for one in (run, other) if one is not None]
+    arguments = [os.fspath(file) for file in files]
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            arguments.append(flag)
+        elif isinstance(value, (list, tuple, np.ndarray)):
+            arguments.append(f"{flag}={','.join(map(str, value))}")
+        elif value is not False and value is not None:
+            arguments.append(f"{flag}={value}")
+    with tempfile.TemporaryDirectory() as folder:
+        png = Path(folder, "plot.png")
+        _dempm.command("dempm", ["plot", *arguments, f"--output={png}"])
+        return Picture(png.read_bytes())

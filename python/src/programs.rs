@@ -1,0 +1,72 @@
+//! The three programs and their commands.
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::Parser;
+use miette::miette;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::supervisor::supervise;
+
+/// A program of DEMPM.
+#[derive(Clone, Copy)]
+enum Program {
+    Dempm,
+    Surrogate,
+    Validation,
+}
+
+impl Program {
+    fn named(name: &str) -> PyResult<Self> {
+        match name {
+            "dempm" => Ok(Self::Dempm),
+            "surrogate" => Ok(Self::Surrogate),
+            "validation" => Ok(Self::Validation),
+            other => Err(PyValueError::new_err(format!("there is no program {other}"))),
+        }
+    }
+
+    /// The program itself, which prints its error.
+    fn main(self, arguments: Vec<OsString>) -> ExitCode {
+        match self {
+            Self::Dempm => dempm::program::main(arguments),
+            Self::Surrogate => surrogate::program::main(arguments),
+            Self::Validation => validation::program::main(arguments),
+        }
+    }
+
+    /// One command of it, which returns its error.
+    fn run(self, arguments: Vec<OsString>) -> miette::Result<ExitCode> {
+        let wrong = |error: clap::Error| miette!("{error}");
+        match self {
+            Self::Dempm => {
+                dempm::program::Arguments::try_parse_from(arguments).map_err(wrong)?.run()
+            }
+            Self::Surrogate => {
+                surrogate::program::Arguments::try_parse_from(arguments).map_err(wrong)?.run()
+            }
+            Self::Validation => {
+                validation::program::Arguments::try_parse_from(arguments).map_err(wrong)?.run()
+            }
+        }
+    }
+}
+
+/// Runs a program as the process: it prints, handles signals and may end the process. Returns its exit code.
+#[pyfunction]
+pub fn main(py: Python<'_>, program: &str, arguments: Vec<OsString>) -> PyResult<u8> {
+    let program = Program::named(program)?;
+    let code = py.detach(|| program.main(arguments));
+    // An exit code can only be compared.
+    Ok((0..=u8::MAX).find(|&number| ExitCode::from(number) == code).unwrap_or(1))
+}
+
+/// Runs a command of a program; `arguments` do not include the program's name.
+#[pyfunction]
+pub fn command(py: Python<'_>, program: &str, arguments: Vec<OsString>) -> PyResult<()> {
+    let program = Program::named(program)?;
+    let arguments = std::iter::once(OsString::new()).chain(arguments).collect();
+    supervise(py, None, move |_, _| program.run(arguments).map(drop))
+}

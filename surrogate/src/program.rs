@@ -1,0 +1,55 @@
+//! The command line of `surrogate`, for its program and for programs that embed it.
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use files::{note, report_size_limits_as_errors};
+
+use crate::commands::{EvalArgs, RolloutArgs, StatsArgs, TrainArgs, eval, rollout, stats, train};
+
+/// Learned simulator of granular flow, trained on trajectories of `dempm`.
+#[derive(Parser)]
+#[command(version, propagate_version = true)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Print statistics of a folder of trajectories.
+    Stats(StatsArgs),
+    /// Train a network.
+    Train(TrainArgs),
+    /// Predict a trajectory.
+    Rollout(RolloutArgs),
+    /// Compare predictions with trajectories.
+    Eval(EvalArgs),
+}
+
+impl Arguments {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Those of the command.
+    pub fn run(self) -> miette::Result<ExitCode> {
+        let done = |()| ExitCode::SUCCESS;
+        match self.command {
+            Command::Stats(args) => stats(&args).map(done),
+            Command::Train(args) => train(&args),
+            Command::Rollout(args) => rollout(&args),
+            Command::Eval(args) => eval(&args).map(done),
+        }
+    }
+}
+
+/// The program: runs the command of `arguments`, the first of which is the program's name, and prints
+/// its error. `--help` and wrong options end the process.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    report_size_limits_as_errors();
+    Arguments::parse_from(arguments).run().unwrap_or_else(|report| {
+        note!("{report:?}");
+        ExitCode::FAILURE
+    })
+}

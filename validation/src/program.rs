@@ -1,0 +1,57 @@
+//! The command line of `validation`, for its program and for programs that embed it.
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use files::{note, report_size_limits_as_errors};
+
+use crate::commands::compare::{CompareArgs, compare};
+use crate::commands::page::{PageArgs, page};
+use crate::commands::report::{ReportArgs, report};
+use crate::commands::suite::SuiteCommand;
+
+/// Measures the solver and the learned simulators, and writes a report.
+#[derive(Parser)]
+#[command(version, propagate_version = true)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run what is missing and write the report
+    Report(ReportArgs),
+    /// Compare runs with a reference run of the same scene
+    Compare(CompareArgs),
+    /// Write the page of a report again from its numbers and figures
+    Page(PageArgs),
+    #[command(flatten)]
+    Suite(SuiteCommand),
+}
+
+impl Arguments {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// Those of the command.
+    pub fn run(self) -> miette::Result<ExitCode> {
+        match self.command {
+            Command::Report(args) => report(&args),
+            Command::Compare(args) => compare(&args),
+            Command::Page(args) => page(&args),
+            Command::Suite(command) => command.run(),
+        }
+    }
+}
+
+/// The program: runs the command of `arguments`, the first of which is the program's name, and prints
+/// its error. `--help` and wrong options end the process.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    report_size_limits_as_errors();
+    Arguments::parse_from(arguments).run().unwrap_or_else(|report| {
+        note!("{report:?}");
+        ExitCode::FAILURE
+    })
+}
