@@ -180,6 +180,8 @@ fn cell(scene: &TruthScene) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use dempm::scene::Material;
+
     use super::*;
 
     #[test]
@@ -210,15 +212,19 @@ mod tests {
     #[test]
     fn smaller_grains_take_proportionally_smaller_steps() {
         let scene = TruthScene::named("Column a = 1");
-        let step = |size: f64| {
+        let steps = |size: f64| -> Vec<f64> {
             let case = Case::of_grains(scene, size);
             let texts = case.truth.iter().chain(case.settings.iter().map(|setting| &setting.text));
             texts
-                .map(|text| Scene::parse(text, scene.name).unwrap().grains.step())
-                .collect::<Vec<_>>()
+                .filter_map(|text| match Scene::parse(text, scene.name).unwrap().material {
+                    Material::Discs(discs) => Some(discs.grains.step()),
+                    Material::Rve(rve) => Some(rve.parameters.grains.step()),
+                    Material::MuI(_) | Material::Elastic(_) => None,
+                })
+                .collect()
         };
-        for (half, whole) in step(0.5).into_iter().zip(step(1.0)) {
-            assert!((half / whole - 0.5).abs() < 1e-12);
-        }
+        let (half, whole) = (steps(0.5), steps(1.0));
+        assert_eq!(half.len(), 4);
+        assert!(half.iter().zip(&whole).all(|(half, whole)| (half / whole - 0.5).abs() < 1e-12));
     }
 }
