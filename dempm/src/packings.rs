@@ -16,7 +16,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// Changes whenever packings made by an older version must not be used any more.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// A consolidated packing and one packing per overburden.
 #[derive(Clone, Debug)]
