@@ -1,4 +1,4 @@
-//! Contact forces: linear springs, dashpot and Coulomb friction.
+//! Contact forces: linear springs, dashpot, Coulomb friction and rolling resistance.
 //!
 //! The law of Cundall & Strack (1979), Géotechnique 29, 47: with overlap $\delta$, normal velocity $v_n$
 //! and tangential velocity $v_t$ of the contact,
@@ -7,12 +7,21 @@
 //! \Delta f_t = -k_t v_t \Delta t, \qquad |f_t| \le \mu f_n, $$
 //!
 //! with the dashpot $c = 2 \zeta \sqrt{m_\text{eff} k_n}$.
+//!
+//! Rolling is resisted by a spring, a dashpot and a slider (Luding 2008, Granular Matter 10, 235; model C of Ai,
+//! Chen, Rotter & Ooi 2011, Powder Technology 206, 269). With the reduced radius $R = r_i r_j / (r_i + r_j)$ and
+//! the rolling velocity $v_r = R (\omega_j - \omega_i)$, discs resist with the torques $\mp R f_r$ on $i$ and $j$,
+//!
+//! $$ \Delta s = -k_r v_r \Delta t, \qquad f_r = s - c_r v_r, \qquad |s|, |f_r| \le \mu_r f_n, $$
+//!
+//! with the dashpot $c_r = 2 \zeta \sqrt{m_\text{eff} k_r} = c \sqrt{k_r / k_n}$. A rigid rotation of both discs
+//! is no rolling. Without rolling friction, $\mu_r = 0$, none of this is computed or stored.
 
 use nalgebra::Matrix2;
 
 use crate::disc::Disc;
 use crate::grains::Grains;
-use crate::neighbours::{Image2, Pair};
+use crate::neighbours::{Image2, Neighbours, Pair};
 use crate::packing::Packing;
 use crate::real::Real;
 
@@ -25,6 +34,10 @@ pub struct ContactLaw<R: Real> {
     pub tangential_stiffness: R,
     /// Coefficient of friction $\mu$.
     pub friction: R,
+    /// Coefficient of rolling friction $\mu_r$; 0: there is no rolling resistance.
+    pub rolling_friction: R,
+    /// $k_r$ (N/m).
+    pub rolling_stiffness: R,
     /// $\zeta$, as a fraction of critical damping.
     pub damping_ratio: R,
     /// Cundall's local damping $\alpha$, applied in the integration.
@@ -40,6 +53,8 @@ impl<R: Real> ContactLaw<R> {
             normal_stiffness: R::from_f64(grains.normal_stiffness),
             tangential_stiffness: R::from_f64(grains.tangential_stiffness),
             friction: R::from_f64(grains.friction),
+            rolling_friction: R::from_f64(grains.rolling_friction),
+            rolling_stiffness: R::from_f64(grains.rolling_stiffness),
             damping_ratio: R::from_f64(grains.damping_ratio),
             local_damping: R::from_f64(grains.local_damping),
             dt: R::from_f64(dt),
@@ -62,6 +77,26 @@ impl<R: Real> ContactLaw<R> {
         let limit = friction * normal;
         let trial = tangential - self.tangential_stiffness * self.dt * vt;
         [normal, trial.max(-limit).min(limit)]
+    }
+
+    /// Whether contacts resist rolling.
+    pub(crate) fn resists_rolling(&self) -> bool {
+        self.rolling_friction != R::default()
+    }
+
+    /// The dashpot of a rolling spring over that of the normal one: $\sqrt{k_r / k_n}$.
+    pub(crate) fn rolling_dashpot(&self) -> R {
+        (self.rolling_stiffness / self.normal_stiffness).sqrt()
+    }
+
+    /// Force of the rolling spring after one step (N), and that of spring and dashpot $f_r$ (N), from the rolling
+    /// velocity (m/s), the dashpot (kg/s), the force of the spring before and that of the normal contact.
+    #[inline(always)]
+    pub(crate) fn rolling_forces(&self, vr: R, dashpot: R, spring: R, normal: R) -> [R; 2] {
+        let limit = self.rolling_friction * normal;
+        let spring = spring - self.rolling_stiffness * self.dt * vr;
+        let spring = spring.max(-limit).min(limit);
+        [spring, (spring - dashpot * vr).max(-limit).min(limit)]
     }
 
     /// Normal dashpot of a pair (kg/s): $2 \zeta \sqrt{m_\text{eff} k_n}$ with
@@ -101,42 +136,65 @@ pub struct Forces<R: Real> {
     touching: Vec<u32>,
     /// Branch vectors of the touching pairs (m), then unused entries.
     branch: Vec<[R; 2]>,
+    /// Forces of the rolling springs before the step (N), by pair.
+    rolling: Vec<R>,
 }
 
 /// Contacts evaluated side by side, one per SIMD lane.
 const LANES: usize = 8;
 
-/// Evaluates all contacts: writes forces and torques to `forces` and advances the tangential springs
-/// by one step. `velocity_gradient` is that of the cell (1/s).
+/// Evaluates all contacts: writes forces and torques to `forces` and advances the springs by one step.
+/// `velocity_gradient` is that of the cell (1/s).
 pub fn contact_forces<R: Real>(
     packing: &mut Packing<R>,
     law: &ContactLaw<R>,
     velocity_gradient: &Matrix2<f64>,
     forces: &mut Forces<R>,
 ) -> ContactSums {
-    // The same arithmetic without fused operations: the same bits on every processor.
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { contact_forces_avx2(packing, law, velocity_gradient, forces) };
+    let Neighbours { pairs, rolling, .. } = &mut packing.neighbours;
+    if law.resists_rolling() {
+        std::mem::swap(rolling, &mut forces.rolling);
+        forces.rolling.resize(pairs.len(), R::default());
+        // Of pairs that do not touch the springs end.
+        rolling.clear();
+        rolling.resize(pairs.len(), R::default());
+        vectorised::<R, true>(packing, law, velocity_gradient, forces)
+    } else {
+        rolling.clear();
+        vectorised::<R, false>(packing, law, velocity_gradient, forces)
     }
-    contact_forces_portable(packing, law, velocity_gradient, forces)
 }
 
-/// [`contact_forces_portable`], compiled with 32-byte vectors.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn contact_forces_avx2<R: Real>(
+/// [`portable`], with the widest vectors that the processor has. The same arithmetic without fused operations:
+/// the same bits on every processor.
+fn vectorised<R: Real, const ROLLING: bool>(
     packing: &mut Packing<R>,
     law: &ContactLaw<R>,
     velocity_gradient: &Matrix2<f64>,
     forces: &mut Forces<R>,
 ) -> ContactSums {
-    contact_forces_portable(packing, law, velocity_gradient, forces)
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { with_avx2::<R, ROLLING>(packing, law, velocity_gradient, forces) };
+    }
+    portable::<R, ROLLING>(packing, law, velocity_gradient, forces)
+}
+
+/// [`portable`], compiled with 32-byte vectors.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn with_avx2<R: Real, const ROLLING: bool>(
+    packing: &mut Packing<R>,
+    law: &ContactLaw<R>,
+    velocity_gradient: &Matrix2<f64>,
+    forces: &mut Forces<R>,
+) -> ContactSums {
+    portable::<R, ROLLING>(packing, law, velocity_gradient, forces)
 }
 
 #[inline(always)]
-fn contact_forces_portable<R: Real>(
+fn portable<R: Real, const ROLLING: bool>(
     packing: &mut Packing<R>,
     law: &ContactLaw<R>,
     velocity_gradient: &Matrix2<f64>,
@@ -157,7 +215,9 @@ fn contact_forces_portable<R: Real>(
         };
         find_touching(discs, &mut list.pairs, &h, forces, imaged)
     };
-    evaluate(discs, &mut list.pairs, contacts, law, &rows(velocity_gradient), forces)
+    let Neighbours { pairs, rolling, .. } = list;
+    let gradient = rows(velocity_gradient);
+    evaluate::<R, ROLLING>(discs, pairs, rolling, contacts, law, &gradient, forces)
 }
 
 /// A matrix in working precision, row-major.
@@ -195,11 +255,13 @@ fn find_touching<R: Real>(
     contacts
 }
 
-/// Contact law of the touching pairs, [`LANES`] at a time: gather, compute, scatter.
+/// Contact law of the touching pairs, [`LANES`] at a time: gather, compute, scatter. `rolling` takes the springs
+/// of pairs that resist `ROLLING`, and is empty otherwise.
 #[inline(always)]
-fn evaluate<R: Real>(
+fn evaluate<R: Real, const ROLLING: bool>(
     discs: &[Disc<R>],
     pairs: &mut [Pair<R>],
+    rolling: &mut [R],
     contacts: usize,
     law: &ContactLaw<R>,
     l: &[R; 4],
@@ -208,7 +270,8 @@ fn evaluate<R: Real>(
     let zero = R::default();
     let half = R::from_f64(0.5);
     let one = R::from_f64(1.0);
-    let Forces { on_disc, touching, branch } = forces;
+    let Forces { on_disc, touching, branch, rolling: rolling_before } = forces;
+    let rolling_dashpot = if ROLLING { law.rolling_dashpot() } else { zero };
     on_disc.clear();
     on_disc.resize(discs.len(), [zero; 4]);
     let mut sum = [[zero; LANES]; 4];
@@ -222,6 +285,7 @@ fn evaluate<R: Real>(
         let (mut ri, mut rj) = ([half; LANES], [half; LANES]);
         let (mut wi, mut wj) = ([zero; LANES], [zero; LANES]);
         let (mut tangential, mut dashpot) = ([zero; LANES], [zero; LANES]);
+        let mut spring = [zero; LANES];
         for (k, &index) in chunk.iter().enumerate() {
             let pair = &pairs[index as usize];
             let (a, b) = (&discs[pair.i as usize], &discs[pair.j as usize]);
@@ -232,6 +296,9 @@ fn evaluate<R: Real>(
             (wi[k], wj[k]) = (a.w, b.w);
             tangential[k] = pair.tangential;
             dashpot[k] = pair.dashpot;
+            if ROLLING {
+                spring[k] = rolling_before[index as usize];
+            }
         }
 
         let (mut fx, mut fy) = ([zero; LANES], [zero; LANES]);
@@ -257,6 +324,15 @@ fn evaluate<R: Real>(
             fy[k] = normal * ny + ft * nx;
             torque_i[k] = ft * arm_i;
             torque_j[k] = ft * arm_j;
+            if ROLLING {
+                let radius = ri[k] * rj[k] / (ri[k] + rj[k]);
+                let vr = radius * (wj[k] - wi[k]);
+                let dashpot = rolling_dashpot * dashpot[k];
+                let [new, force] = law.rolling_forces(vr, dashpot, spring[k], normal);
+                spring[k] = new;
+                torque_i[k] += radius * force;
+                torque_j[k] += -(radius * force);
+            }
             sum[0][k] += fx[k] * lx[k];
             sum[1][k] += fx[k] * ly[k];
             sum[2][k] += fy[k] * lx[k];
@@ -267,6 +343,9 @@ fn evaluate<R: Real>(
         for (k, &index) in chunk.iter().enumerate() {
             let pair = &mut pairs[index as usize];
             pair.tangential = tangential[k];
+            if ROLLING {
+                rolling[index as usize] = spring[k];
+            }
             let fi = &mut on_disc[pair.i as usize];
             fi[0] -= fx[k];
             fi[1] -= fy[k];

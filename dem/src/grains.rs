@@ -24,7 +24,12 @@ pub struct Grains {
     pub tangential_stiffness: f64,
     /// Coulomb friction coefficient between grains.
     pub friction: f64,
-    /// Contact dashpot `zeta`, as a fraction of critical damping of a pair.
+    /// Coefficient of rolling friction: contacts resist rolling with a torque up to this times the normal force
+    /// and the reduced radius. 0: discs roll freely.
+    pub rolling_friction: f64,
+    /// Stiffness of contacts against rolling `kr` (N/m).
+    pub rolling_stiffness: f64,
+    /// Dashpots `zeta` of the normal and the rolling spring, as a fraction of critical damping of a pair.
     pub damping_ratio: f64,
     /// Cundall local damping `alpha` in flow. Not neutral in flow (it raises the shear strength at
     /// high inertial number), hence 0 by default.
@@ -32,7 +37,8 @@ pub struct Grains {
     /// Grain mass is multiplied by this in the equations of motion (not in the bulk density): a
     /// larger step at the price of a larger inertial number. 1 is physical.
     pub mass_scale: f64,
-    /// DEM step as a fraction of `sqrt(m_min / max(kn, kt))`. A packing becomes unstable near 0.55.
+    /// DEM step as a fraction of `sqrt(m_min / max(kn, kt))`, with `kr` where contacts resist rolling. A packing
+    /// becomes unstable near 0.55.
     pub step_factor: f64,
     /// Verlet skin as a fraction of the largest radius.
     pub skin: f64,
@@ -55,6 +61,8 @@ impl Default for Grains {
             normal_stiffness: 1.0e5,
             tangential_stiffness: 1.0e5,
             friction: 0.5,
+            rolling_friction: 0.0,
+            rolling_stiffness: 1.0e5,
             damping_ratio: 0.2,
             local_damping: 0.0,
             mass_scale: 1.0,
@@ -74,13 +82,21 @@ impl Grains {
         self.grain_density * std::f64::consts::PI * r * r * self.thickness
     }
 
-    /// Largest DEM step used (s): `step_factor * sqrt(mass_scale m_min / max(kn, kt))`.
+    /// Whether contacts resist rolling.
+    pub fn resist_rolling(&self) -> bool {
+        self.rolling_friction != 0.0
+    }
+
+    /// Largest DEM step used (s): `step_factor * sqrt(mass_scale m_min / max(kn, kt, kr))`; `kr` only where
+    /// contacts resist rolling.
     ///
     /// The rotation of the lightest grain governs; packings were found unstable above
     /// `0.55 sqrt(m_min / kn)`.
     pub fn step(&self) -> f64 {
         let m_min = self.mass_scale * self.disc_mass(self.radius_min);
-        self.step_factor * (m_min / self.normal_stiffness.max(self.tangential_stiffness)).sqrt()
+        let rolling = if self.resist_rolling() { self.rolling_stiffness } else { 0.0 };
+        let stiffest = self.normal_stiffness.max(self.tangential_stiffness).max(rolling);
+        self.step_factor * (m_min / stiffest).sqrt()
     }
 
     /// Substeps in a macro step of `dt`: `ceil(dt / step())`, at least 1.

@@ -34,6 +34,9 @@ pub struct Neighbours<R: Real> {
     pub pairs: Vec<Pair<R>>,
     /// One image per pair in a thin cell; empty when every pair is its nearest image.
     pub images: Vec<Image2>,
+    /// Force of each pair's rolling spring (N), whose torque on `j` is this times the reduced radius; empty without
+    /// rolling resistance.
+    pub rolling: Vec<R>,
     /// Cell vectors at the last search.
     pub(crate) reference_cell: Matrix2<f64>,
     /// Reduced positions at the last search.
@@ -64,13 +67,14 @@ impl PartialEq for Scratch {
     }
 }
 
-/// Tangential force of a touching pair before the search.
+/// Springs of a touching pair before the search.
 #[derive(Clone, Copy, Debug)]
 struct History {
     i: u16,
     j: u16,
     branch: Vector2<f64>,
     tangential: f64,
+    rolling: f64,
 }
 
 impl<R: Real> Default for Neighbours<R> {
@@ -78,6 +82,7 @@ impl<R: Real> Default for Neighbours<R> {
         Self {
             pairs: Vec::new(),
             images: Vec::new(),
+            rolling: Vec::new(),
             reference_cell: Matrix2::identity(),
             reference: Vec::new(),
             travel: 0.0,
@@ -109,6 +114,7 @@ impl<R: Real> Neighbours<R> {
                 })
                 .collect(),
             images: self.images.clone(),
+            rolling: self.rolling.iter().map(|&x| real(x)).collect(),
             ..Neighbours::default()
         }
     }
@@ -212,20 +218,26 @@ impl<R: Real> Neighbours<R> {
         history.clear();
         history.extend(self.pairs.iter().enumerate().filter_map(|(index, pair)| {
             let tangential = pair.tangential.to_f64();
-            (tangential != 0.0).then(|| History {
+            let rolling = self.rolling.get(index).map_or(0.0, |x| x.to_f64());
+            (tangential != 0.0 || rolling != 0.0).then(|| History {
                 i: pair.i,
                 j: pair.j,
                 branch: branch(cell, discs, pair, self.image(index)),
                 tangential,
+                rolling,
             })
         }));
         self.scratch.history = history;
     }
 
-    /// Gives each listed pair the tangential force it had. Several images of one pair are told
+    /// Gives each listed pair the springs it had. Several images of one pair are told
     /// apart by their branch vectors, which a search does not change.
     fn restore_history(&mut self, cell: &Cell, discs: &[Disc<R>]) {
         let history = std::mem::take(&mut self.scratch.history);
+        if !self.rolling.is_empty() {
+            self.rolling.clear();
+            self.rolling.resize(self.pairs.len(), R::default());
+        }
         let mut rest = history.as_slice();
         for index in 0..self.pairs.len() {
             let pair = self.pairs[index];
@@ -242,6 +254,9 @@ impl<R: Real> Neighbours<R> {
                 };
                 if same {
                     self.pairs[index].tangential = R::from_f64(h.tangential);
+                    if let Some(rolling) = self.rolling.get_mut(index) {
+                        *rolling = R::from_f64(h.rolling);
+                    }
                 }
             }
         }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cell::Cell;
 use crate::disc::{Disc, PlainDisc};
+use crate::grains::Grains;
 use crate::neighbours::{Neighbours, branch};
 use crate::real::Real;
 
@@ -103,12 +104,13 @@ impl<R: Real> Packing<R> {
             .sum()
     }
 
-    /// Elastic energy of all contacts (J): $k_n \delta^2 / 2 + f_t^2 / (2 k_t)$ each.
-    pub fn elastic_energy(&self, normal_stiffness: f64, tangential_stiffness: f64) -> f64 {
+    /// Elastic energy of all contacts (J): $k_n \delta^2 / 2 + f_t^2 / (2 k_t) + s^2 / (2 k_r)$ each.
+    pub fn elastic_energy(&self, grains: &Grains) -> f64 {
         self.contacts()
             .map(|c| {
-                0.5 * normal_stiffness * c.overlap.powi(2)
-                    + 0.5 * c.tangential.powi(2) / tangential_stiffness
+                0.5 * grains.normal_stiffness * c.overlap.powi(2)
+                    + 0.5 * c.tangential.powi(2) / grains.tangential_stiffness
+                    + 0.5 * c.rolling.powi(2) / grains.rolling_stiffness
             })
             .sum()
     }
@@ -121,7 +123,8 @@ impl<R: Real> Packing<R> {
             let (i, j) = (pair.i as usize, pair.j as usize);
             let overlap = self.discs[i].r.to_f64() + self.discs[j].r.to_f64() - branch.norm();
             let tangential = pair.tangential.to_f64();
-            (overlap > 0.0).then_some(Contact { i, j, branch, overlap, tangential })
+            let rolling = self.neighbours.rolling.get(index).map_or(0.0, |x| x.to_f64());
+            (overlap > 0.0).then_some(Contact { i, j, branch, overlap, tangential, rolling })
         })
     }
 
@@ -180,4 +183,6 @@ pub struct Contact {
     pub overlap: f64,
     /// Tangential spring force on `j` (N).
     pub tangential: f64,
+    /// Rolling spring force (N): its torque on `j` over the reduced radius.
+    pub rolling: f64,
 }

@@ -52,6 +52,13 @@ fn dense<R: Real>() -> (RveParameters, Packing<R>) {
     (p.clone(), packing.convert())
 }
 
+/// The same, of grains that resist rolling.
+fn rolling<R: Real>() -> (RveParameters, Packing<R>) {
+    let (mut p, packing) = dense();
+    p.grains.rolling_friction = 0.2;
+    (p, packing)
+}
+
 fn batch<R: Real>(p: &RveParameters, packings: &[Packing<R>]) -> RveBatch<R> {
     RveBatch {
         parameters: p.clone(),
@@ -77,12 +84,12 @@ fn difference<R: Real>(a: &Packing<R>, b: &Packing<R>) -> [f64; 3] {
     most
 }
 
-/// Tangential forces of all contacts, by pair.
-fn tangential<R: Real>(packing: &Packing<R>) -> Vec<(usize, usize, f64)> {
+/// Tangential and rolling forces of all contacts, by pair.
+fn springs<R: Real>(packing: &Packing<R>) -> Vec<(usize, usize, f64, f64)> {
     let mut forces: Vec<_> = packing
         .contacts()
-        .filter(|c| c.tangential != 0.0)
-        .map(|c| (c.i, c.j, c.tangential))
+        .filter(|c| c.tangential != 0.0 || c.rolling != 0.0)
+        .map(|c| (c.i, c.j, c.tangential, c.rolling))
         .collect();
     forces.sort_by(|a, b| a.partial_cmp(b).unwrap());
     forces
@@ -111,9 +118,10 @@ fn assert_states_close(gpu: &RveState, cpu: &RveState, tolerance: f64) {
 }
 
 /// One DEM step of random packings: forces, stress and motion agree to round-off.
-fn one_substep<R: CudaReal>(discs: usize, epsilon: f64) {
+fn one_substep<R: CudaReal>(discs: usize, rolling_friction: f64, epsilon: f64) {
     let Some(device) = gpu::for_tests() else { return };
-    let p = RveParameters { discs, free_solid_fraction: 0.0, ..RveParameters::default() };
+    let mut p = RveParameters { discs, free_solid_fraction: 0.0, ..RveParameters::default() };
+    p.grains.rolling_friction = rolling_friction;
     let dt = p.grains.step();
     let packings: Vec<Packing<R>> = (0..3).map(|seed| random_packing(discs, seed, &p)).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(discs as u64);
@@ -146,8 +154,14 @@ fn one_substep_matches(
     #[values(1, 2, 3, 5, 31, 32, 33, 100, 257, 400, 512, 1000, 1024)] discs: usize,
 ) {
     // A contact's overlap is a difference of lengths a hundred times larger.
-    one_substep::<f64>(discs, 1.0e-13);
-    one_substep::<f32>(discs, 3.0e-5);
+    one_substep::<f64>(discs, 0.0, 1.0e-13);
+    one_substep::<f32>(discs, 0.0, 3.0e-5);
+}
+
+#[rstest]
+fn one_substep_with_rolling_resistance_matches(#[values(2, 33, 100, 400, 1000)] discs: usize) {
+    one_substep::<f64>(discs, 0.2, 1.0e-13);
+    one_substep::<f32>(discs, 0.2, 3.0e-5);
 }
 
 /// Runs both twins along a path of velocity gradients and compares after every macro step.
@@ -183,6 +197,8 @@ fn element_path_in_f64() {
         Matrix2::new(-0.5, 4.0 * phase.cos(), 8.0 * phase.sin(), 0.3)
     };
     compare_path(&p, &packing, path, 100, |_| 1.0e-8);
+    let (p, packing) = rolling::<f64>();
+    compare_path(&p, &packing, path, 100, |_| 1.0e-8);
 }
 
 /// In f32 the overlaps of the packing, 1e-5 m, are resolved to 1e-9 m; contacts that open and
@@ -197,16 +213,17 @@ fn element_path_in_f32() {
 /// Shear through a lattice reduction and several searches.
 #[test]
 fn lattice_reduction() {
-    let (p, packing) = dense::<f64>();
-    let states = compare_path(
-        &p,
-        &packing,
-        |_| Matrix2::new(0.0, 150.0, 0.0, 0.0),
-        50,
-        |step| 1.0e-9 * 1.5_f64.powi(step as i32).min(1.0e6),
-    );
-    if let Some(states) = states {
-        assert!(states.iter().map(|s| s.searches).sum::<u32>() >= 3);
+    for (p, packing) in [dense::<f64>(), rolling::<f64>()] {
+        let states = compare_path(
+            &p,
+            &packing,
+            |_| Matrix2::new(0.0, 150.0, 0.0, 0.0),
+            50,
+            |step| 1.0e-9 * 1.5_f64.powi(step as i32).min(1.0e6),
+        );
+        if let Some(states) = states {
+            assert!(states.iter().map(|s| s.searches).sum::<u32>() >= 3);
+        }
     }
 }
 
@@ -225,13 +242,14 @@ fn thin_packing<R: Real>(p: &RveParameters, width: f64) -> Packing<R> {
     })
 }
 
-fn thin_cell<R: CudaReal>(width: f64, tolerance: f64) {
-    let p = RveParameters {
+fn thin_cell<R: CudaReal>(width: f64, rolling_friction: f64, tolerance: f64) {
+    let mut p = RveParameters {
         discs: 24,
         thin_width: 0.0,
         free_solid_fraction: 0.0,
         ..RveParameters::default()
     };
+    p.grains.rolling_friction = rolling_friction;
     let packing = thin_packing::<R>(&p, width);
     compare_path(
         &p,
@@ -243,9 +261,12 @@ fn thin_cell<R: CudaReal>(width: f64, tolerance: f64) {
 }
 
 #[rstest]
-fn thin_cells(#[values(4.6e-3, 8.0e-3, 20.0e-3)] width: f64) {
-    thin_cell::<f64>(width, 1.0e-12);
-    thin_cell::<f32>(width, 1.0e-4);
+fn thin_cells(
+    #[values(4.6e-3, 8.0e-3, 20.0e-3)] width: f64,
+    #[values(0.0, 0.2)] rolling_friction: f64,
+) {
+    thin_cell::<f64>(width, rolling_friction, 1.0e-12);
+    thin_cell::<f32>(width, rolling_friction, 1.0e-4);
 }
 
 /// A thin loaded cell is not thinned further.
@@ -347,7 +368,9 @@ fn restart<R: CudaReal>(p: &RveParameters, packing: &Packing<R>, l: Matrix2<f64>
     // What is left in the CPU's list besides the state of the packing does not come back.
     let (a, b) = (twin.download().unwrap(), restarted.download().unwrap());
     assert_eq!(a.rves[0].packing.discs, b.rves[0].packing.discs);
-    assert_eq!(tangential(&a.rves[0].packing), tangential(&b.rves[0].packing));
+    let [a, b] = [a, b].map(|batch| springs(&batch.rves[0].packing));
+    assert_eq!(a, b);
+    assert_eq!(a.iter().any(|spring| spring.3 != 0.0), p.grains.rolling_friction != 0.0);
 }
 
 #[test]
@@ -357,6 +380,11 @@ fn restart_is_bitwise() {
     restart(&p, &packing, l);
     let (p, packing) = dense::<f64>();
     restart(&p, &packing, l);
+    let (resisting, packing) = rolling::<f32>();
+    restart(&resisting, &packing, l);
+    let resisting =
+        RveParameters { discs: 24, thin_width: 0.0, free_solid_fraction: 0.0, ..resisting };
+    restart(&resisting, &thin_packing::<f64>(&resisting, 8.0e-3), l);
     let p = RveParameters { discs: 24, thin_width: 0.0, free_solid_fraction: 0.0, ..p };
     restart(&p, &thin_packing::<f32>(&p, 8.0e-3), l);
     restart(&p, &thin_packing::<f64>(&p, 8.0e-3), l);
@@ -366,7 +394,7 @@ fn restart_is_bitwise() {
 #[test]
 fn cpu_continues_from_gpu() {
     let Some(device) = gpu::for_tests() else { return };
-    let (p, packing) = dense::<f64>();
+    let (p, packing) = rolling::<f64>();
     let l = [Matrix2::new(-0.5, 10.0, 0.0, 0.3)];
     let mut cpu = batch(&p, &[packing]);
     let mut twin = CudaRveBatch::upload(&device, &cpu).unwrap();
@@ -436,12 +464,16 @@ fn kernels_compile() {
         return;
     }
     let p = RveParameters::default();
+    let mut rolling = p.clone();
+    rolling.grains.rolling_friction = 0.1;
     for (architecture, limits) in [("sm_80", Limits::SM_80), ("sm_90a", Limits::SM_90)] {
         for discs in [1, 100, 400, 832] {
             let shapes = [
                 (Shape::new::<f32>(&p, discs, limits, Room::Usual), source::<f32>()),
                 (Shape::new::<f64>(&p, discs, limits, Room::Usual), source::<f64>()),
                 (Shape::new::<f32>(&p, discs, limits, Room::Ample), source::<f32>()),
+                (Shape::new::<f32>(&rolling, discs, limits, Room::Usual), source::<f32>()),
+                (Shape::new::<f64>(&rolling, discs, limits, Room::Usual), source::<f64>()),
             ];
             for (shape, source) in shapes {
                 let Ok(shape) = shape else { continue };

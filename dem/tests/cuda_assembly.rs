@@ -17,9 +17,9 @@ use rand_chacha::ChaCha8Rng;
 use rstest::rstest;
 
 /// Grains in motion in a box with an obstacle and a moving plate, many of them overlapping.
-fn violent<R: CudaReal>(count: usize, seed: u64) -> Assembly<R> {
+fn violent<R: CudaReal>(count: usize, seed: u64, rolling_friction: f64) -> Assembly<R> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let grains = Grains::default();
+    let grains = Grains { rolling_friction, ..Grains::default() };
     let columns = 20;
     let spacing = 1.9 * 0.5 * grains.mean_diameter();
     let obstacle = RigidBox::fixed([0.2, 0.0], [0.25, 0.1], faces(0.5));
@@ -76,15 +76,17 @@ fn kernels_compile(#[case] architecture: &str) {
     let compiled = |source: &str, defines: &[String]| {
         compile("assembly.cu", source, architecture, defines).map(|_| ())
     };
-    compiled(&assembly_source::<f32>(), &assembly_defines::<f32>(16)).unwrap();
-    compiled(&assembly_source::<f64>(), &assembly_defines::<f64>(16)).unwrap();
+    for rolling in [false, true] {
+        compiled(&assembly_source::<f32>(), &assembly_defines::<f32>(16, rolling)).unwrap();
+        compiled(&assembly_source::<f64>(), &assembly_defines::<f64>(16, rolling)).unwrap();
+    }
 }
 
 /// The same arithmetic but for fused operations and the order of sums: velocities of 1 m/s differ by
 /// round-off, which collisions multiply. 100 steps are some ten times the period of a contact.
-fn agrees<R: CudaReal>(steps: usize, tolerance: f64) {
+fn agrees<R: CudaReal>(steps: usize, rolling_friction: f64, tolerance: f64) {
     let Some(device) = gpu::for_tests() else { return };
-    let mut cpu = violent::<R>(600, 1);
+    let mut cpu = violent::<R>(600, 1, rolling_friction);
     let mut gpu = CudaAssembly::upload(&device, &cpu).unwrap();
     gpu.advance(steps).unwrap();
     cpu.advance(steps).unwrap();
@@ -113,20 +115,23 @@ fn agrees<R: CudaReal>(steps: usize, tolerance: f64) {
 
 #[test]
 fn first_steps_agree_in_single_precision() {
-    agrees::<f32>(1, 1e-5);
-    agrees::<f32>(100, 1e-3);
+    agrees::<f32>(1, 0.0, 1e-5);
+    agrees::<f32>(100, 0.0, 1e-3);
+    agrees::<f32>(1, 0.2, 1e-5);
+    agrees::<f32>(100, 0.2, 1e-3);
 }
 
 #[test]
 fn first_steps_agree_in_double_precision() {
-    agrees::<f64>(100, 1e-11);
+    agrees::<f64>(100, 0.0, 1e-11);
+    agrees::<f64>(100, 0.2, 1e-11);
 }
 
 /// Also across searches, of which a violent start needs many.
-#[test]
-fn the_same_bits_from_run_to_run_and_after_a_download() {
+#[rstest]
+fn the_same_bits_from_run_to_run_and_after_a_download(#[values(0.0, 0.2)] rolling_friction: f64) {
     let Some(device) = gpu::for_tests() else { return };
-    let start = violent::<f32>(2000, 2);
+    let start = violent::<f32>(2000, 2, rolling_friction);
     let run = |pause: bool| {
         let mut host = start.clone();
         let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
@@ -150,8 +155,8 @@ fn the_same_bits_from_run_to_run_and_after_a_download() {
 
 /// The way through NCCL, with one rank: where there is one GPU only. Sequences of odd lengths end with either
 /// buffer; in the last one discs leave the windows of its sort.
-#[test]
-fn a_single_rank_has_the_same_bits() {
+#[rstest]
+fn a_single_rank_has_the_same_bits(#[values(0.0, 0.2)] rolling_friction: f64) {
     let Some(device) = gpu::for_tests() else { return };
     let environment =
         Environment { rank: 0, size: 1, local_rank: 0, address: ("127.0.0.1".to_owned(), 0) };
@@ -163,7 +168,7 @@ fn a_single_rank_has_the_same_bits() {
         }
         Err(error) => panic!("{error}"),
     };
-    let start = violent::<f32>(2000, 5);
+    let start = violent::<f32>(2000, 5, rolling_friction);
     let run = |ranks: Option<&Arc<Ranks>>| {
         let mut host = start.clone();
         let mut gpu = CudaAssembly::upload_on(&device, &host, ranks).unwrap();
@@ -181,10 +186,10 @@ fn a_single_rank_has_the_same_bits() {
 
 /// The lists of the GPU miss no contact: as many steps with searches at every step come to the same, but for
 /// the order of sums, which each collision of the violent start multiplies.
-#[test]
-fn lists_are_complete() {
+#[rstest]
+fn lists_are_complete(#[values(0.0, 0.2)] rolling_friction: f64) {
     let Some(device) = gpu::for_tests() else { return };
-    let host = violent::<f64>(1000, 4);
+    let host = violent::<f64>(1000, 4, rolling_friction);
     let run = |pieces: usize| {
         let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
         for _ in 0..pieces {

@@ -190,7 +190,7 @@ fn consume(path: &Path, consumer: usize, folder: &Path) -> miette::Result<()> {
         4 => Ok(write_npz(&Trajectory::open(path)?, &folder.join("out.npz"))?),
         5 => Ok(write_vtk(&Trajectory::open(path)?, &folder.join("out.pvd"))?),
         6 => {
-            write_data_set(path, &folder.join("out"), Format::Gns)?;
+            write_data_set(path, &folder.join("out"), Format::Gns, true)?;
             let shape = WindowShape { frames: 3, stride: 1, before: 1 };
             let set = DataSet::open(&[path.to_owned()], shape, 1 << 20)?.with_obstacles(true)?;
             Statistics::measure(&set, true)?;

@@ -196,6 +196,8 @@ fn material(rng: &mut ChaCha8Rng) -> String {
                 ("normal_stiffness", 1.0e5, tiny, 1.0e12),
                 ("tangential_stiffness", 1.0e5, tiny, 1.0e12),
                 ("friction", 0.5, 0.0, 10.0),
+                ("rolling_friction", 0.1, 0.0, 10.0),
+                ("rolling_stiffness", 1.0e5, tiny, 1.0e12),
                 ("damping_ratio", 0.2, 0.0, 1.0),
                 ("local_damping", 0.1, 0.0, 0.9),
                 ("mass_scale", 1.0, 1.0, 1.0e6),

@@ -1,7 +1,7 @@
 //! Contacts of discs with rigid boxes.
 
-use super::pairs::{BodyPair, History};
-use super::step::{Step, TileSums, power};
+use super::pairs::{BodyPair, History, Rolling, Sliding};
+use super::step::{Step, TileSums, power, rolling_power};
 use crate::disc::Disc;
 use crate::real::Real;
 
@@ -17,6 +17,7 @@ pub(super) fn evaluate_bodies<R: Real>(
     let law = &step.law;
     let (zero, half) = (R::default(), R::from_f64(0.5));
     let compliance = half / (law.tangential_stiffness * law.dt);
+    let rolling_compliance = half / (law.rolling_stiffness * law.dt);
     for pair in pairs {
         let disc = &discs[pair.disc as usize];
         let body = &step.bodies[pair.body as usize];
@@ -37,14 +38,24 @@ pub(super) fn evaluate_bodies<R: Real>(
         let [ux, uy] = [body.velocity[0] - disc.u[0], body.velocity[1] - disc.u[1]];
         let vn = ux * nx + uy * ny;
         let vt = uy * nx - ux * ny - length * disc.w;
-        let old = pair.contact;
+        let History { sliding: old, rolling: old_rolling } = pair.contact;
         let friction = body.friction(branch);
         let [normal, ft] = law.forces(overlap, [vn, vt], pair.dashpot, old.tangential, friction);
-        let new = History { tangential: ft, viscous: normal - law.normal_stiffness * overlap };
+        let new = Sliding { tangential: ft, viscous: normal - law.normal_stiffness * overlap };
         let [of_dashpot, of_sliding] = power([old, new], [vn, vt], compliance);
         sums.dashpots += -of_dashpot;
         sums.friction += -of_sliding;
-        pair.contact = new;
+        let mut rolling = Rolling::default();
+        if law.resists_rolling() {
+            // A disc on a plane has a reduced radius of its own.
+            let vr = -(disc.r * disc.w);
+            let dashpot = law.rolling_dashpot() * pair.dashpot;
+            let [spring, total] = law.rolling_forces(vr, dashpot, old_rolling.spring, normal);
+            rolling = Rolling { spring, viscous: total - spring };
+            sums.friction += -rolling_power([old_rolling, rolling], vr, rolling_compliance);
+            forces[(pair.disc - first) as usize][2] -= disc.r * total;
+        }
+        pair.contact = History { sliding: new, rolling };
 
         // Force of the disc on the box.
         let (fx, fy) = (normal * nx - ft * ny, normal * ny + ft * nx);

@@ -2,16 +2,16 @@
 
 use multiversion::multiversion;
 
-use super::pairs::{BLOCK, History, Pairs};
-use super::step::{LANES, Step, TileSums, power};
+use super::pairs::{BLOCK, Pairs, Rolling, Sliding};
+use super::step::{LANES, Step, TileSums, power, rolling_power};
 use super::touching::Touching;
 use crate::disc::Disc;
 use crate::real::Real;
 
 /// Adds the forces of touching pairs to those on the discs of a tile, which begins at `first`, and advances
-/// their histories. Of pairs that are not `INNER`, another tile has the second disc.
+/// their histories. Of pairs that are not `INNER`, another tile has the second disc. Contacts may resist `ROLLING`.
 #[multiversion(targets("x86_64+avx2"))]
-pub(super) fn evaluate<R: Real, const INNER: bool>(
+pub(super) fn evaluate<R: Real, const INNER: bool, const ROLLING: bool>(
     pairs: &mut Pairs<R>,
     touching: &[Touching],
     discs: &[Disc<R>],
@@ -21,13 +21,21 @@ pub(super) fn evaluate<R: Real, const INNER: bool>(
     sums: &mut TileSums<R>,
 ) {
     let mut batch = Batch::default();
+    // Apart from the batch: where nothing resists rolling nobody touches it.
+    let mut rolling = [Rolling::default(); BLOCK];
     let mut lanes = LaneSums::default();
     for touching in touching.chunks(BLOCK) {
         batch.gather(touching, pairs, discs, step.unit);
-        batch.evaluate(touching.len(), step, &mut lanes);
+        if ROLLING {
+            gather_rolling(touching, pairs, &mut rolling);
+        }
+        batch.evaluate::<ROLLING>(touching.len(), step, &mut rolling, &mut lanes);
         for (k, pair) in touching.iter().enumerate() {
-            pairs.contact[pair.index()] =
-                History { tangential: batch.tangential[k], viscous: batch.viscous[k] };
+            pairs.sliding[pair.index()] =
+                Sliding { tangential: batch.tangential[k], viscous: batch.viscous[k] };
+            if ROLLING {
+                pairs.rolling[pair.index()] = rolling[k];
+            }
             let [i, j] = pair.discs.map(|place| (place - first) as usize);
             forces[i] = [0, 1, 2, 3].map(|c| forces[i][c] - batch.on_i[k][c]);
             if INNER {
@@ -110,7 +118,7 @@ impl<R: Real> Batch<R> {
             (self.wi[k], self.wj[k]) = (a.w, b.w);
             (self.ri[k], self.rj[k]) = (a.r, b.r);
             let index = pair.index();
-            let contact = if pair.before() { pairs.contact[index] } else { History::default() };
+            let contact = if pair.before() { pairs.sliding[index] } else { Sliding::default() };
             (self.tangential[k], self.viscous[k]) = (contact.tangential, contact.viscous);
             self.dashpot[k] = pairs.dashpot[index];
         }
@@ -126,10 +134,18 @@ impl<R: Real> Batch<R> {
 
     /// The law for the first `count` contacts.
     #[inline(always)]
-    fn evaluate(&mut self, count: usize, step: &Step<'_, R>, sums: &mut LaneSums<R>) {
+    fn evaluate<const ROLLING: bool>(
+        &mut self,
+        count: usize,
+        step: &Step<'_, R>,
+        rolling_of: &mut [Rolling<R>; BLOCK],
+        sums: &mut LaneSums<R>,
+    ) {
         let law = &step.law;
         let (zero, half, one) = (R::default(), R::from_f64(0.5), R::from_f64(1.0));
         let compliance = half / (law.tangential_stiffness * law.dt);
+        let rolling_compliance = half / (law.rolling_stiffness * law.dt);
+        let rolling_dashpot = if ROLLING { law.rolling_dashpot() } else { zero };
         let LaneSums { mut deepest, mut dashpots, mut friction } = *sums;
         for chunk in 0..count.div_ceil(LANES) {
             // Copies: the compiler then knows that nothing else writes them.
@@ -140,6 +156,7 @@ impl<R: Real> Batch<R> {
             let mut tangential = chunk_of(&self.tangential, chunk);
             let mut viscous = chunk_of(&self.viscous, chunk);
             let dashpot = chunk_of(&self.dashpot, chunk);
+            let mut rolling = chunk_of(rolling_of, chunk);
             let (mut on_i, mut on_j) = ([[zero; 4]; LANES], [[zero; 4]; LANES]);
             let (mut lx, mut ly) = ([zero; LANES], [zero; LANES]);
             for k in 0..LANES {
@@ -158,8 +175,8 @@ impl<R: Real> Batch<R> {
                     law.forces(overlap, [vn, vt], dashpot[k], tangential[k], law.friction);
 
                 let viscous_force = normal - law.normal_stiffness * overlap;
-                let new = History { tangential: ft, viscous: viscous_force };
-                let old = History { tangential: tangential[k], viscous: viscous[k] };
+                let new = Sliding { tangential: ft, viscous: viscous_force };
+                let old = Sliding { tangential: tangential[k], viscous: viscous[k] };
                 let [of_dashpot, of_sliding] = power([old, new], [vn, vt], compliance);
                 dashpots[k] += of_dashpot;
                 friction[k] += of_sliding;
@@ -169,13 +186,40 @@ impl<R: Real> Batch<R> {
                 let (fx, fy) = (normal * nx - ft * ny, normal * ny + ft * nx);
                 on_i[k] = [fx, fy, ft * arm_i, zero];
                 on_j[k] = [fx, fy, -(ft * arm_j), zero];
+                if ROLLING {
+                    let radius = ri[k] * rj[k] / (ri[k] + rj[k]);
+                    let vr = radius * (wj[k] - wi[k]);
+                    let dashpot = rolling_dashpot * dashpot[k];
+                    let old = rolling[k];
+                    let [spring, total] = law.rolling_forces(vr, dashpot, old.spring, normal);
+                    rolling[k] = Rolling { spring, viscous: total - spring };
+                    friction[k] += rolling_power([old, rolling[k]], vr, rolling_compliance);
+                    on_i[k][2] += radius * total;
+                    on_j[k][2] += radius * total;
+                }
             }
             self.tangential.as_chunks_mut().0[chunk] = tangential;
             self.viscous.as_chunks_mut().0[chunk] = viscous;
+            if ROLLING {
+                rolling_of.as_chunks_mut().0[chunk] = rolling;
+            }
             self.on_i.as_chunks_mut().0[chunk] = on_i;
             self.on_j.as_chunks_mut().0[chunk] = on_j;
         }
         *sums = LaneSums { deepest, dashpots, friction };
+    }
+}
+
+/// What touching pairs remember of rolling; zero beyond the last of a chunk of lanes.
+#[inline(always)]
+fn gather_rolling<R: Real>(
+    touching: &[Touching],
+    pairs: &Pairs<R>,
+    rolling: &mut [Rolling<R>; BLOCK],
+) {
+    *rolling = [Rolling::default(); BLOCK];
+    for (rolling, pair) in rolling.iter_mut().zip(touching).filter(|(_, pair)| pair.before()) {
+        *rolling = pairs.rolling[pair.index()];
     }
 }
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Losses {
     /// Dissipated by the normal dashpots of contacts.
     pub dashpots: f64,
-    /// Dissipated by sliding.
+    /// Dissipated by sliding and by rolling.
     pub friction: f64,
     /// Dissipated by local damping and drag.
     pub damping: f64,
@@ -33,7 +33,7 @@ pub struct Energy {
     pub kinetic: f64,
     /// $-\sum m \mathbf g \cdot \mathbf x$, zero at the origin.
     pub potential: f64,
-    /// Of all contacts: $k_n \delta^2 / 2 + f_t^2 / (2 k_t)$ each.
+    /// Of all contacts: $k_n \delta^2 / 2 + f_t^2 / (2 k_t) + s^2 / (2 k_r)$ each, with the rolling spring $s$.
     pub elastic: f64,
     /// Losses since the start.
     pub losses: Losses,

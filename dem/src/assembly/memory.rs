@@ -29,7 +29,7 @@ impl<R: Real> ContactMemory<R> {
         Self::new(ids.len(), &pairs.collect::<Vec<_>>(), bodies)
     }
 
-    /// Contacts of pairs of discs, and of discs with bodies.
+    /// Contacts of pairs of discs, each seen from its first one, and of discs with bodies.
     pub fn new(
         discs: usize,
         pairs: &[(u32, u32, History<R>)],
@@ -49,7 +49,7 @@ impl<R: Real> ContactMemory<R> {
         for &(a, b, contact) in touching() {
             let place = &mut next[a.min(b) as usize];
             partner[*place as usize] = a.max(b);
-            history[*place as usize] = contact;
+            history[*place as usize] = if a < b { contact } else { contact.reversed() };
             *place += 1;
         }
         let bodies = bodies
@@ -59,12 +59,13 @@ impl<R: Real> ContactMemory<R> {
         Self { start, partner, history, bodies }
     }
 
-    /// History of two discs.
+    /// History of two discs, seen from the first one.
     pub fn of_pair(&self, a: u32, b: u32) -> History<R> {
         let first = a.min(b) as usize;
         let range = self.start[first] as usize..self.start[first + 1] as usize;
         let found = self.partner[range.clone()].iter().position(|&p| p == a.max(b));
-        found.map_or_else(History::default, |k| self.history[range.start + k])
+        let history = found.map_or_else(History::default, |k| self.history[range.start + k]);
+        if a < b { history } else { history.reversed() }
     }
 
     /// History of a disc and a body.

@@ -37,4 +37,4 @@ pub use solver::Assembly;
 
 pub(crate) use coordinates::Region;
 pub(crate) use memory::ContactMemory;
-pub(crate) use pairs::History;
+pub(crate) use pairs::{History, Rolling, Sliding};

@@ -11,6 +11,7 @@ use super::solver::Assembly;
 use super::tile::Tile;
 use crate::contact::ContactLaw;
 use crate::disc::Disc;
+use crate::grains::Grains;
 use crate::real::Real;
 
 /// Grains whose energy is added up at a time.
@@ -24,6 +25,8 @@ struct Contact {
     normal: Vector2<f64>,
     overlap: f64,
     tangential: f64,
+    /// Force of the rolling spring (N).
+    rolling: f64,
 }
 
 impl<R: Real> Assembly<R> {
@@ -166,8 +169,11 @@ impl<R: Real> Assembly<R> {
         let law = self.law();
         let bodies = self.bodies_now();
         let stored = |contact: &Contact| {
-            let (kn, kt) = (self.grains.normal_stiffness, self.grains.tangential_stiffness);
-            0.5 * kn * contact.overlap.powi(2) + 0.5 * contact.tangential.powi(2) / kt
+            let Grains { normal_stiffness, tangential_stiffness, rolling_stiffness, .. } =
+                self.grains;
+            0.5 * normal_stiffness * contact.overlap.powi(2)
+                + 0.5 * contact.tangential.powi(2) / tangential_stiffness
+                + 0.5 * contact.rolling.powi(2) / rolling_stiffness
         };
         for tile in tiles {
             for (pairs, weight) in [(&tile.inner, 1.0), (&tile.outer, 0.5)] {
@@ -207,8 +213,10 @@ impl Contact {
         let tangent = Vector2::new(-normal.y, normal.x);
         let elastic = law.normal_stiffness.to_f64() * overlap;
         let force = (elastic - dashpot.to_f64() * velocity.dot(&normal)).max(0.0);
-        let tangential = history.tangential.to_f64();
-        Some(Self { force: force * normal + tangential * tangent, normal, overlap, tangential })
+        let tangential = history.sliding.tangential.to_f64();
+        let rolling = history.rolling.spring.to_f64();
+        let force = force * normal + tangential * tangent;
+        Some(Self { force, normal, overlap, tangential, rolling })
     }
 }
 

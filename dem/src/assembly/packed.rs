@@ -27,7 +27,7 @@ pub enum Partner {
     Body(u32),
 }
 
-/// The tangential spring of a contact.
+/// The springs of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PackedContact {
     /// Index of the grain.
@@ -38,6 +38,10 @@ pub struct PackedContact {
     pub tangential: f64,
     /// Normal force (N) less that of the spring.
     pub viscous: f64,
+    /// Rolling spring force (N): its torque on the partner over the reduced radius.
+    pub rolling: f64,
+    /// Rolling force (N) less that of the spring.
+    pub rolling_viscous: f64,
 }
 
 /// Grains and their contacts: what an [`Assembly`](super::Assembly) starts from.

@@ -8,10 +8,36 @@ use crate::real::Real;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "")]
 pub(crate) struct History<R: Real> {
+    pub sliding: Sliding<R>,
+    pub rolling: Rolling<R>,
+}
+
+/// Of its normal and tangential force. The same seen from either disc.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub(crate) struct Sliding<R: Real> {
     /// Tangential spring force (N): positive acts on `j` counter-clockwise around `i`.
     pub tangential: R,
     /// Normal force (N) less that of the spring.
     pub viscous: R,
+}
+
+/// Of its resistance against rolling; zero where there is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "")]
+pub(crate) struct Rolling<R: Real> {
+    /// Rolling spring force (N): its torque on `j` over the reduced radius.
+    pub spring: R,
+    /// The rolling force (N) less that of the spring.
+    pub viscous: R,
+}
+
+impl<R: Real> History<R> {
+    /// The history that the other disc of the pair sees.
+    pub fn reversed(self) -> Self {
+        let Rolling { spring, viscous } = self.rolling;
+        Self { rolling: Rolling { spring: -spring, viscous: -viscous }, ..self }
+    }
 }
 
 /// Two discs that can touch before the next listing, by their places in the assembly.
@@ -51,7 +77,9 @@ pub(super) struct Pairs<R: Real> {
     /// Whether the pair touched in the last step.
     touched: Vec<bool>,
     /// History of the pairs that touched; meaningless for others.
-    pub contact: Vec<History<R>>,
+    pub sliding: Vec<Sliding<R>>,
+    /// The rest of it; empty without rolling resistance.
+    pub rolling: Vec<Rolling<R>>,
     /// Normal dashpots (kg/s).
     pub dashpot: Vec<R>,
 }
@@ -64,9 +92,9 @@ pub(super) struct Block<'a, R: Real> {
 }
 
 impl<R: Real> Pairs<R> {
-    /// Adds a pair that touches at a distance of `reach` (m).
-    pub fn push(&mut self, pair: Pair<R>, reach: R) {
-        let k = self.contact.len();
+    /// Adds a pair that touches at a distance of `reach` (m), and maybe `resists_rolling`.
+    pub fn push(&mut self, pair: Pair<R>, reach: R, resists_rolling: bool) {
+        let k = self.sliding.len();
         if k == self.discs.len() {
             self.discs.resize(k + BLOCK, [pair.i; 2]);
             self.reach2.resize(k + BLOCK, R::default());
@@ -75,7 +103,10 @@ impl<R: Real> Pairs<R> {
         self.discs[k] = [pair.i, pair.j];
         self.reach2[k] = reach * reach;
         self.touched[k] = pair.contact != History::default();
-        self.contact.push(pair.contact);
+        self.sliding.push(pair.contact.sliding);
+        if resists_rolling {
+            self.rolling.push(pair.contact.rolling);
+        }
         self.dashpot.push(pair.dashpot);
     }
 
@@ -83,7 +114,8 @@ impl<R: Real> Pairs<R> {
         self.discs.clear();
         self.reach2.clear();
         self.touched.clear();
-        self.contact.clear();
+        self.sliding.clear();
+        self.rolling.clear();
         self.dashpot.clear();
     }
 
@@ -102,10 +134,16 @@ impl<R: Real> Pairs<R> {
     }
 
     pub fn iter(&self) -> impl Iterator<Item = Pair<R>> {
-        let pairs = self.discs.iter().zip(&self.touched).zip(&self.contact).zip(&self.dashpot);
-        pairs.map(|(((&[i, j], &touched), &contact), &dashpot)| {
-            let contact = if touched { contact } else { History::default() };
+        let pairs = self.discs.iter().zip(&self.touched).zip(&self.sliding).zip(&self.dashpot);
+        pairs.enumerate().map(|(k, (((&[i, j], &touched), &sliding), &dashpot))| {
+            let history = || History { sliding, rolling: self.rolling_of(k) };
+            let contact = if touched { history() } else { History::default() };
             Pair { i, j, contact, dashpot }
         })
+    }
+
+    /// What a pair remembers of rolling.
+    fn rolling_of(&self, pair: usize) -> Rolling<R> {
+        self.rolling.get(pair).copied().unwrap_or_default()
     }
 }

@@ -172,7 +172,8 @@ impl<R: Real> Search<'_, R> {
                     continue;
                 }
                 let pair = Pair { i, j, contact: memory(i, j), dashpot: self.law.dashpot(a, b) };
-                if inner { &mut tile.inner } else { &mut tile.outer }.push(pair, a.r + b.r);
+                let pairs = if inner { &mut tile.inner } else { &mut tile.outer };
+                pairs.push(pair, a.r + b.r, self.law.resists_rolling());
             }
         }
         tile.reference.clear();

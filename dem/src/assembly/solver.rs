@@ -9,7 +9,7 @@ use super::energy::Losses;
 use super::error::{AssemblyError, GrainFailure};
 use super::memory::ContactMemory;
 use super::packed::{Grain, Packed, PackedContact, Partner};
-use super::pairs::History;
+use super::pairs::{History, Rolling, Sliding};
 use super::search::{Bins, Search, sort};
 use super::step::{Step, TileSums};
 use super::tile::{Tile, Work};
@@ -440,34 +440,40 @@ impl<R: Real> Assembly<R> {
             }
         }
         let memory = self.memory();
-        let contacts = memory.contacts().map(|(grain, partner, history)| PackedContact {
-            grain,
-            partner: match (partner.checked_sub(self.mobile as u32), partner) {
+        let contacts = memory.contacts().map(|(grain, partner, history)| {
+            let partner = match (partner.checked_sub(self.mobile as u32), partner) {
                 (None, grain) => Partner::Grain(grain),
                 (Some(floor), _) => Partner::Floor(floor),
-            },
-            tangential: history.tangential.to_f64(),
-            viscous: history.viscous.to_f64(),
+            };
+            packed_contact(grain, partner, &history)
         });
-        let bodies =
-            memory.body_contacts().into_iter().map(|(grain, body, history)| PackedContact {
-                grain,
-                partner: Partner::Body(u32::from(body)),
-                tangential: history.tangential.to_f64(),
-                viscous: history.viscous.to_f64(),
-            });
+        let bodies = memory.body_contacts().into_iter().map(|(grain, body, history)| {
+            packed_contact(grain, Partner::Body(u32::from(body)), &history)
+        });
         let mut contacts: Vec<PackedContact> = contacts.chain(bodies).collect();
         contacts.sort_by_key(|contact| (contact.grain, contact.partner));
         Packed { grains, contacts }
     }
 }
 
+fn packed_contact<R: Real>(grain: u32, partner: Partner, history: &History<R>) -> PackedContact {
+    PackedContact {
+        grain,
+        partner,
+        tangential: history.sliding.tangential.to_f64(),
+        viscous: history.sliding.viscous.to_f64(),
+        rolling: history.rolling.spring.to_f64(),
+        rolling_viscous: history.rolling.viscous.to_f64(),
+    }
+}
+
 /// The contacts of packed grains.
 fn memory<R: Real>(packed: &Packed, discs: usize) -> ContactMemory<R> {
     let mobile = packed.grains.len() as u32;
+    let real = R::from_f64;
     let history = |contact: &PackedContact| History {
-        tangential: R::from_f64(contact.tangential),
-        viscous: R::from_f64(contact.viscous),
+        sliding: Sliding { tangential: real(contact.tangential), viscous: real(contact.viscous) },
+        rolling: Rolling { spring: real(contact.rolling), viscous: real(contact.rolling_viscous) },
     };
     let (mut pairs, mut bodies) = (Vec::new(), Vec::new());
     for contact in &packed.contacts {

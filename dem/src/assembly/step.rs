@@ -1,7 +1,7 @@
 //! What acts on all tiles in one step, and what each reports.
 
 use super::boundary::Body;
-use super::pairs::History;
+use super::pairs::{Rolling, Sliding};
 use crate::contact::ContactLaw;
 use crate::real::Real;
 
@@ -27,7 +27,7 @@ pub(super) struct TileSums<R: Real> {
     /// Largest overlap over the smaller radius; infinite if a disc is inside a box.
     pub overlap: R,
     pub dashpots: R,
-    /// Work of friction, with what the tangential springs have stored.
+    /// Work of friction and of rolling resistance, with what their springs have stored.
     pub friction: R,
     pub damping: R,
     pub boxes: R,
@@ -37,7 +37,7 @@ pub(super) struct TileSums<R: Real> {
 /// the tangential spring, of `compliance` $1 / (2 k_t \Delta t)$, stores. Both take energy where they are negative.
 #[inline(always)]
 pub(super) fn power<R: Real>(
-    [old, new]: [History<R>; 2],
+    [old, new]: [Sliding<R>; 2],
     [vn, vt]: [R; 2],
     compliance: R,
 ) -> [R; 2] {
@@ -46,4 +46,14 @@ pub(super) fn power<R: Real>(
     let sum = new.tangential + old.tangential;
     let sliding = sum * (half * vt + (new.tangential - old.tangential) * compliance);
     [dashpot, sliding]
+}
+
+/// Power (W) of rolling at a velocity `vr` (m/s) in the same way; the rolling spring has a `compliance`
+/// $1 / (2 k_r \Delta t)$.
+#[inline(always)]
+pub(super) fn rolling_power<R: Real>([old, new]: [Rolling<R>; 2], vr: R, compliance: R) -> R {
+    let half = R::from_f64(0.5);
+    let spring = new.spring + old.spring;
+    let stored = spring * (new.spring - old.spring) * compliance;
+    half * (spring + new.viscous + old.viscous) * vr + stored
 }

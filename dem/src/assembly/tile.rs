@@ -85,12 +85,17 @@ impl<R: Real> Tile<R> {
         forces.clear();
         forces.resize(own.len(), [R::default(); 4]);
         let mut sums = TileSums::default();
+        let rolling = step.law.resists_rolling();
         let count = find_touching(inner, discs, step.unit, touching);
         let contacts = &touching[..count];
-        evaluate::<R, true>(inner, contacts, discs, *first, forces, step, &mut sums);
+        let evaluate_inner =
+            if rolling { evaluate::<R, true, true> } else { evaluate::<R, true, false> };
+        evaluate_inner(inner, contacts, discs, *first, forces, step, &mut sums);
         let count = find_touching(outer, discs, step.unit, touching);
         let contacts = &touching[..count];
-        evaluate::<R, false>(outer, contacts, discs, *first, forces, step, &mut sums);
+        let evaluate_outer =
+            if rolling { evaluate::<R, false, true> } else { evaluate::<R, false, false> };
+        evaluate_outer(outer, contacts, discs, *first, forces, step, &mut sums);
         evaluate_bodies(bodies, discs, *first, forces, step, &mut sums);
         let own = &discs[own];
         if step.law.local_damping != R::default() || step.drag != R::default() {

@@ -176,8 +176,8 @@ cuda_struct! {
         pub neighbour: Pointer<u32>,
         /// Distance at touch (m) and dashpot (kg/s).
         pub pair: Pointer<Vector<R>>,
-        /// Tangential spring force (N).
-        pub tangential: Pointer<R>,
+        /// Tangential spring force (N) and, where contacts resist it, the rolling spring force in as many slots.
+        pub spring: Pointer<R>,
         /// Slot of a pair at its owner.
         pub incoming: Pointer<u16>,
         /// Once for all RVEs that have the same discs.
@@ -227,6 +227,12 @@ cuda_struct! {
         pub samples: u32,
         /// Whether the kinetic part is added to the stress.
         pub kinetic: u32,
+        /// Coefficient of rolling friction.
+        pub rolling_friction: R,
+        /// kr dt (N s/m).
+        pub rolling_spring: R,
+        /// The rolling dashpot over the normal one.
+        pub rolling_dashpot: R,
     }
 }
 
@@ -249,6 +255,9 @@ impl<R: CudaReal> Parameters<R> {
             dashpot: R::from_f64(2.0) * sub.law.damping_ratio,
             friction: sub.law.friction,
             local_damping: sub.law.local_damping,
+            rolling_friction: sub.law.rolling_friction,
+            rolling_spring: sub.law.rolling_stiffness * sub.law.dt,
+            rolling_dashpot: sub.law.rolling_dashpot(),
             rves: rves as u32,
             substeps: sub.substeps as u32,
             samples: sub.samples as u32,

@@ -28,7 +28,7 @@ pub(super) struct Arrays<R: CudaReal> {
     pub rows: Vec<Rows>,
     pub neighbour: Vec<u32>,
     pub pair: Vec<Vector<R>>,
-    pub tangential: Vec<R>,
+    pub spring: Vec<R>,
     pub incoming: Vec<u16>,
     /// Constants of discs, once for all RVEs that have the same discs.
     pub disc: Vec<abi::Disc<R>>,
@@ -38,7 +38,7 @@ impl<R: CudaReal> Arrays<R> {
     /// Bytes of the arrays of `rves` RVEs and the fresh packing.
     pub fn bytes(shape: &Shape, rves: usize) -> usize {
         let real = size_of::<R>();
-        let slot = size_of::<u32>() + 3 * real + 2 * size_of::<u16>();
+        let slot = size_of::<u32>() + (2 + shape.springs()) * real + 2 * size_of::<u16>();
         let thread = 8 * real + 5 * size_of::<u16>();
         let rve = size_of::<Header>() + size_of::<State>();
         (rves + 1) * (shape.slots * slot + shape.threads * thread + rve)
@@ -65,7 +65,7 @@ impl<R: CudaReal> Arrays<R> {
             rows: vec![Rows::default(); threads],
             neighbour: vec![0; slots],
             pair: vec![Vector::default(); slots],
-            tangential: vec![R::default(); slots],
+            spring: vec![R::default(); shape.springs() * slots],
             incoming: vec![0; rves.len() * shape.incoming_slots()],
             disc,
         };
@@ -106,14 +106,16 @@ impl<R: CudaReal> Arrays<R> {
                 self.rows.par_chunks_mut(threads),
                 self.neighbour.par_chunks_mut(slots),
                 self.pair.par_chunks_mut(slots),
-                self.tangential.par_chunks_mut(slots),
+                self.spring.par_chunks_mut(shape.springs() * slots),
                 self.incoming.par_chunks_mut(shape.incoming_slots()),
             ),
         )
             .into_par_iter()
-            .map(|((header, position, motion, reference), list)| {
-                let (seated, rows, neighbour, pair, tangential, incoming) = list;
-                let list = SlotList { seated, rows, neighbour, pair, tangential, incoming };
+            .map(move |((header, position, motion, reference), list)| {
+                let (seated, rows, neighbour, pair, spring, incoming) = list;
+                let (tangential, rolling) = spring.split_at_mut(slots);
+                let list =
+                    SlotList { seated, rows, neighbour, pair, tangential, rolling, incoming };
                 Chunk { header, position, motion, reference, list }
             })
     }
@@ -187,11 +189,12 @@ impl<R: CudaReal> Chunk<'_, R> {
                 }
             })
             .collect();
-        let (pairs, images) = self.list.get(header.imaged != 0, &discs, law);
+        let (pairs, images, rolling) = self.list.get(header.imaged != 0, &discs, law);
 
         let mut neighbours = Neighbours {
             pairs,
             images,
+            rolling,
             reference_cell: header.reference_cell.into(),
             reference: seat.iter().map(|&seat| fractions(self.reference[seat])).collect(),
             reach: header.reach,

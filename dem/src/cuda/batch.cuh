@@ -8,11 +8,14 @@
 //                 numbers of pairs are more unequal
 //   BLOCKS        thread blocks that one multiprocessor should hold
 //   SHARED_BYTES  what shape.rs reserves for `Shared`
+//   ROLLING       1 where contacts resist rolling, else 0
 
 constexpr int LANES = 32;
 constexpr int WARPS = THREADS / LANES;
 constexpr unsigned ALL = 0xffffffffu;
 constexpr int INCOMING_SLOTS = 2 * SLOTS;
+// Springs of a pair: the tangential and, where contacts resist rolling, the rolling one.
+constexpr int SPRINGS = 1 + ROLLING;
 
 static_assert(THREADS % LANES == 0 && DISCS <= THREADS && THREADS <= 1024);
 // Rows are marked in 32-bit masks.

@@ -34,6 +34,21 @@ __device__ inline Real tangential_force(Real before, Real spring, Real vt, Real 
     return min(max(before - spring * vt, -limit), limit);
 }
 
+#if ROLLING
+// Resistance against rolling (N): of the spring, and of spring and dashpot together.
+struct RollingForces {
+    Real spring, total;
+};
+
+// After one step at a rolling velocity `vr`: a spring, kr dt = `stiffness`, and a dashpot; each slides at the
+// limit, as their sum does.
+__device__ inline RollingForces rolling_forces(Real before, Real stiffness, Real dashpot, Real vr,
+                                               Real limit) {
+    const Real spring = tangential_force(before, stiffness, vr, limit);
+    return {spring, tangential_force(spring, dashpot, vr, limit)};
+}
+#endif
+
 // Cundall local damping: `resisting` is minus the force.
 __device__ inline Real damped(Real resisting, Real velocity, Real alpha) {
     const Real power = resisting * velocity;

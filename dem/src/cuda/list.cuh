@@ -15,19 +15,46 @@ __device__ inline int seat_in(unsigned neighbour) {
     return int((neighbour & 0xffffu) / sizeof(Position));
 }
 
-// Tangential force that the pair of discs i and j had in the old list, if `owner` owned it there;
+// The springs of a pair (N).
+struct Springs {
+    Real tangential;
+#if ROLLING
+    // Seen from the owner.
+    Real rolling;
+#endif
+
+    __device__ bool relaxed() const {
+#if ROLLING
+        return tangential == Real(0) && rolling == Real(0);
+#else
+        return tangential == Real(0);
+#endif
+    }
+};
+
+// Springs in a slot.
+__device__ inline Springs springs_at(int slot) {
+    Springs springs;
+    springs.tangential = shared().slot.tangential[slot];
+#if ROLLING
+    springs.rolling = shared().slot.rolling[slot];
+#endif
+    return springs;
+}
+
+// Springs that the pair of discs i and j had in the old list, if `owner` owned it there, seen from i;
 // `word` is how i found j. Several images of one neighbour are told apart by their branch vectors,
 // which a reduction does not change.
-__device__ Real history(int i, int j, unsigned word, int owner) {
+__device__ Springs history(int i, int j, unsigned word, int owner) {
     const Shared& sh = shared();
     const Control& c = sh.control;
     const int other = owner == i ? j : i;
     const Range rows = sh.owned[sh.seat[owner]];
-    Real tangential = 0;
+    Springs springs = {};
     for (int slot = rows.first; slot < rows.end; slot += LANES) {
         const unsigned old_word = sh.slot.neighbour[slot];
         if (seat_in(old_word) != sh.seat[other]) continue;
-        if (sh.slot.tangential[slot] == Real(0)) continue;
+        if (springs_at(slot).relaxed()) continue;
         bool same = true;
         if (c.header.imaged) {
             const Vec now = branch(c.cell, separation<true>(sh.body[i].s, sh.body[j].s, word << 16));
@@ -40,9 +67,12 @@ __device__ Real history(int i, int j, unsigned word, int owner) {
             const Real dy = turned ? now.y + old.y : now.y - old.y;
             same = dx * dx + dy * dy < Real(0.01) * (now.x * now.x + now.y * now.y);
         }
-        if (same) tangential = sh.slot.tangential[slot];
+        if (same) springs = springs_at(slot);
     }
-    return tangential;
+#if ROLLING
+    if (owner == j) springs.rolling = -springs.rolling;
+#endif
+    return springs;
 }
 
 // Seats disc t: a stable counting sort by falling class, so that the discs of a warp own as many
@@ -115,7 +145,7 @@ __device__ int owner_slot(int j, unsigned word) {
     return -1;
 }
 
-// Renews the list, keeping the tangential forces. Thread t searches for disc t. Positions and
+// Renews the list, keeping the springs. Thread t searches for disc t. Positions and
 // velocities are by seat, before by the old seats and then by the new ones. Ends with a barrier.
 __device__ __noinline__ void search(const Batch& batch, const Parameters& p, const Disc* discs) {
     Shared& sh = shared();
@@ -172,14 +202,14 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
         owned |= unsigned(owns(t, s, word >> 16, other, imaged, word & 0xffffu)) << row;
     }
     const unsigned others = ((1u << found.count) - 1u) & ~owned;
-    Real tangential[ROWS];
+    Springs springs[ROWS];
     int count = 0;
     for (unsigned rest = owned; rest != 0; rest &= rest - 1, ++count) {
         const unsigned word = found.at(__ffs(int(rest)) - 1);
         const int j = word >> 16;
-        Real force = history(t, j, word, t);
-        if (force == Real(0)) force = history(t, j, word, j);
-        tangential[count] = force;
+        Springs found_here = history(t, j, word, t);
+        if (found_here.relaxed()) found_here = history(t, j, word, j);
+        springs[count] = found_here;
     }
     // All have read what goes by discs and by the old seats.
     __syncthreads();
@@ -196,7 +226,10 @@ __device__ __noinline__ void search(const Batch& batch, const Parameters& p, con
         sh.slot.pair[slot] = {
             disc.r + other.x,
             p.dashpot * sqrt(p.normal_stiffness / (disc.inv_mass + other.y))};
-        sh.slot.tangential[slot] = tangential[count];
+        sh.slot.tangential[slot] = springs[count].tangential;
+#if ROLLING
+        sh.slot.rolling[slot] = springs[count].rolling;
+#endif
     }
     sh.body[seat] = body;
     sh.half_w[seat] = half_w;

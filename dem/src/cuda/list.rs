@@ -19,6 +19,8 @@ pub(super) struct SlotList<'a, R: CudaReal> {
     pub neighbour: &'a mut [u32],
     pub pair: &'a mut [Vector<R>],
     pub tangential: &'a mut [R],
+    /// Rolling springs; empty without rolling resistance.
+    pub rolling: &'a mut [R],
     pub incoming: &'a mut [u16],
 }
 
@@ -110,6 +112,10 @@ impl<R: CudaReal> SlotList<'_, R> {
                     position_offset::<R>(seat_of[j]) | u32::from(side.image) << 16;
                 self.pair[slot] = Vector { x: discs[i].r + discs[j].r, y: pair.dashpot };
                 self.tangential[slot] = pair.tangential;
+                if let Some(spring) = self.rolling.get_mut(slot) {
+                    let rolling = list.rolling.get(side.pair).copied().unwrap_or_default();
+                    *spring = from_owner(i, j, rolling);
+                }
             }
         }
         for (seat, &i) in order.iter().enumerate() {
@@ -121,14 +127,14 @@ impl<R: CudaReal> SlotList<'_, R> {
         Ok(used.map(|n| n as u32))
     }
 
-    /// The pairs, each once, in the order of [`Neighbours`]. `imaged` tells whether the list holds
-    /// other images than the nearest.
+    /// The pairs, each once, in the order of [`Neighbours`], their images and their rolling springs. `imaged`
+    /// tells whether the list holds other images than the nearest.
     pub fn get(
         &self,
         imaged: bool,
         discs: &[Disc<R>],
         law: &ContactLaw<R>,
-    ) -> (Vec<Pair<R>>, Vec<Image2>) {
+    ) -> (Vec<Pair<R>>, Vec<Image2>, Vec<R>) {
         let disc = |seat: usize| usize::from(self.seated[seat]);
         let mut found = Vec::new();
         for seat in 0..discs.len() {
@@ -142,13 +148,14 @@ impl<R: CudaReal> SlotList<'_, R> {
                     image = image_code(from_image_code(image).map(reversed));
                 }
                 let (i, j) = (owner.min(other), owner.max(other));
-                found.push((i, j, image, self.tangential[slot]));
+                let rolling = self.rolling.get(slot).map(|&s| from_owner(owner, other, s));
+                found.push((i, j, image, self.tangential[slot], rolling));
             }
         }
-        found.sort_unstable_by_key(|&(i, j, image, _)| (i, j, image));
+        found.sort_unstable_by_key(|&(i, j, image, ..)| (i, j, image));
         let pairs = found
             .iter()
-            .map(|&(i, j, _, tangential)| Pair {
+            .map(|&(i, j, _, tangential, _)| Pair {
                 i: i as u16,
                 j: j as u16,
                 tangential,
@@ -156,8 +163,14 @@ impl<R: CudaReal> SlotList<'_, R> {
             })
             .collect();
         let images = found.iter().filter(|_| imaged).map(|f| from_image_code(f.2)).collect();
-        (pairs, images)
+        let rolling = found.iter().filter_map(|f| f.4).collect();
+        (pairs, images, rolling)
     }
+}
+
+/// Rolling force of a pair seen from its owner, from that seen from the disc of lower index, or back.
+fn from_owner<R: Real>(owner: usize, other: usize, rolling: R) -> R {
+    if owner > other { -rolling } else { rolling }
 }
 
 /// The slots of a disc: one in every row of its warp.

@@ -27,7 +27,10 @@ __device__ void copy_packing(const Batch& b, unsigned to_rve, unsigned from_rve,
     for (int k = t; k < int(h.owned); k += THREADS) {
         b.neighbour[to_slot + k] = b.neighbour[from_slot + k];
         b.pair[to_slot + k] = b.pair[from_slot + k];
-        b.tangential[to_slot + k] = b.tangential[from_slot + k];
+        b.spring[SPRINGS * to_slot + k] = b.spring[SPRINGS * from_slot + k];
+#if ROLLING
+        b.spring[SPRINGS * to_slot + SLOTS + k] = b.spring[SPRINGS * from_slot + SLOTS + k];
+#endif
     }
     for (int k = t; k < int(h.incoming); k += THREADS) {
         b.incoming[size_t(to_rve) * INCOMING_SLOTS + k] = b.incoming[size_t(from_rve) * INCOMING_SLOTS + k];
@@ -44,7 +47,10 @@ __device__ void fetch_rve(const Batch& b, unsigned rve) {
     const unsigned owned = b.header[rve].owned;
     fetch(sh.copies, sh.slot.neighbour, b.neighbour + slot, owned * sizeof(unsigned));
     fetch(sh.copies, sh.slot.pair, b.pair + slot, owned * sizeof(Vec));
-    fetch(sh.copies, sh.slot.tangential, b.tangential + slot, owned * sizeof(Real));
+    fetch(sh.copies, sh.slot.tangential, b.spring + SPRINGS * slot, owned * sizeof(Real));
+#if ROLLING
+    fetch(sh.copies, sh.slot.rolling, b.spring + SPRINGS * slot + SLOTS, owned * sizeof(Real));
+#endif
     fetch(sh.copies, sh.slot.incoming, b.incoming + 2 * slot,
           b.header[rve].incoming * sizeof(unsigned short));
     end_copies(sh.copies);
@@ -53,8 +59,12 @@ __device__ void fetch_rve(const Batch& b, unsigned rve) {
 // Copies back what every launch changes of the list.
 __device__ void store_rve(const Batch& b, unsigned rve) {
     const Shared& sh = shared();
-    store(b.tangential + size_t(rve) * SLOTS, sh.slot.tangential,
+    store(b.spring + size_t(rve) * (SPRINGS * SLOTS), sh.slot.tangential,
           sh.control.header.owned * sizeof(Real));
+#if ROLLING
+    store(b.spring + size_t(rve) * (SPRINGS * SLOTS) + SLOTS, sh.slot.rolling,
+          sh.control.header.owned * sizeof(Real));
+#endif
 }
 
 // Adds `summand` up into `sum`; each warp takes some of the sums. In the order of seats, always the

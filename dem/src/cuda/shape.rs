@@ -22,6 +22,8 @@ pub struct Shape {
     pub blocks: usize,
     /// Shared memory of a block (bytes).
     pub shared_bytes: usize,
+    /// Whether contacts resist rolling.
+    pub rolling: bool,
     real_bits: usize,
 }
 
@@ -100,7 +102,9 @@ impl Shape {
         let wanted = by_registers.clamp(1, BLOCKS_PER_MULTIPROCESSOR);
 
         // Lasting data of a pair, and its reaction, whose memory a search takes.
-        let listed = 3 * size_of::<R>() + size_of::<u32>() + 2 * size_of::<u16>();
+        let rolling = p.grains.resist_rolling();
+        let springs = 1 + usize::from(rolling);
+        let listed = (2 + springs) * size_of::<R>() + size_of::<u32>() + 2 * size_of::<u16>();
         let reaction = 3 * size_of::<R>();
         let fixed = fixed_shared::<R>(threads);
         let rows = rows(p);
@@ -123,6 +127,7 @@ impl Shape {
                     + (slots * reaction)
                         .max(search_shared::<R>(threads, rows))
                         .max(sums_shared::<R>(threads)),
+                rolling,
                 real_bits: R::BITS,
             })
         };
@@ -138,6 +143,11 @@ impl Shape {
         2 * self.slots
     }
 
+    /// Springs of a pair: the tangential one, and maybe the rolling one.
+    pub(super) fn springs(&self) -> usize {
+        1 + usize::from(self.rolling)
+    }
+
     /// Preprocessor definitions for the kernel.
     pub fn defines(&self) -> Vec<String> {
         [
@@ -148,6 +158,7 @@ impl Shape {
             ("SLOTS", self.slots),
             ("BLOCKS", self.blocks),
             ("SHARED_BYTES", self.shared_bytes),
+            ("ROLLING", usize::from(self.rolling)),
         ]
         .map(|(name, value)| format!("{name}={value}"))
         .to_vec()

@@ -67,6 +67,10 @@ struct Slots {
     Vec pair[SLOTS];
     // Tangential spring force (N): the history of the contact.
     Real tangential[SLOTS];
+#if ROLLING
+    // Rolling spring force (N), seen from the owner.
+    Real rolling[SLOTS];
+#endif
     // Seat of the neighbour times the size of a `Position`, and its image in the upper half.
     unsigned neighbour[SLOTS];
     // Slots of the pairs that a disc does not own, in rows of their own.

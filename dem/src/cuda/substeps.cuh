@@ -77,6 +77,16 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
         sum.x += force.x;
         sum.y += force.y;
         sum.torque += tangential * arm;
+#if ROLLING
+        const Real radius = ratio(r * other_r, touch);
+        const Real vr = Real(2) * radius * (other_half_w - disc.half_w);
+        const RollingForces rolling =
+            rolling_forces(sh.slot.rolling[slot], p.rolling_spring, p.rolling_dashpot * pair.y, vr,
+                           p.rolling_friction * normal);
+        const Real resisting = radius * rolling.total;
+        sum.torque += resisting;
+        sh.slot.rolling[slot] = rolling.spring;
+#endif
         total.relative_overlap = max(total.relative_overlap, ratio(overlap, min(r, other_r)));
         if (SAMPLED) {
             total.virial.xx += force.x * lx;
@@ -87,7 +97,11 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
         }
         sh.slot.tangential[slot] = tangential;
         sh.reaction.force[slot] = force;
+#if ROLLING
+        sh.reaction.torque[slot] = tangential * other_arm - resisting;
+#else
         sh.reaction.torque[slot] = tangential * other_arm;
+#endif
     }
     return sum;
 }

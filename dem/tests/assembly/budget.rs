@@ -10,8 +10,8 @@ use crate::common::{GRAVITY, advance, assembly, column, column_domain, expect, f
 #[rstest]
 #[case::single(0.0f32)]
 #[case::double(0.0f64)]
-fn collapse<R: Real>(#[case] _precision: R) {
-    let p = Grains::default();
+fn collapse<R: Real>(#[case] _precision: R, #[values(0.0, 0.2)] rolling_friction: f64) {
+    let p = Grains { rolling_friction, ..Grains::default() };
     let mut scene = Assembly::<R>::new(&p, &column_domain(), GRAVITY, p.step(), column()).unwrap();
     let start = scene.energy();
     advance(&mut scene, 0.5);
@@ -34,8 +34,12 @@ fn collapse<R: Real>(#[case] _precision: R) {
 #[rstest]
 #[case::single(0.0f32, 1.0e-5)]
 #[case::double(0.0f64, 1.0e-12)]
-fn momentum<R: Real>(#[case] _precision: R, #[case] tolerance: f64) {
-    let p = Grains::default();
+fn momentum<R: Real>(
+    #[case] _precision: R,
+    #[case] tolerance: f64,
+    #[values(0.0, 0.2)] rolling_friction: f64,
+) {
+    let p = Grains { rolling_friction, ..Grains::default() };
     let mut start = gas(&p, [0.4, 0.4], [10, 10], 0.0102, 0.3, 3);
     for grain in &mut start {
         // Towards the middle.

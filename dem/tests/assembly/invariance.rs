@@ -10,7 +10,7 @@ const WIDTH: f64 = 0.2;
 
 /// 24 grains fall on the floor beside walls of different friction.
 fn run(start: Vec<Grain>, boundary: &Boundary) -> Vec<GrainState> {
-    let p = Grains::default();
+    let p = Grains { rolling_friction: 0.1, ..Grains::default() };
     let mut scene = assembly::<f64>(&p, boundary, GRAVITY, start);
     scene.advance(800).unwrap();
     scene.states()

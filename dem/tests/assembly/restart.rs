@@ -9,8 +9,8 @@ use crate::common::{
 };
 
 /// A violent scene over several tiles, with a moving plate.
-fn scene<R: Real>() -> Assembly<R> {
-    let p = Grains::default();
+fn scene<R: Real>(rolling_friction: f64) -> Assembly<R> {
+    let p = Grains { rolling_friction, ..Grains::default() };
     let mut plate = RigidBox::fixed([0.0, 0.0], [0.05, 0.5], faces(0.3));
     plate.velocity = [1.0, 0.0];
     let start = gas(&p, [0.1, 0.0], [40, 20], 0.0105, 3.0, 5);
@@ -20,11 +20,14 @@ fn scene<R: Real>() -> Assembly<R> {
 #[rstest]
 #[case::single(0.0f32)]
 #[case::double(0.0f64)]
-fn same_bits_for_any_number_of_threads<R: Real>(#[case] _precision: R) {
+fn same_bits_for_any_number_of_threads<R: Real>(
+    #[case] _precision: R,
+    #[values(0.0, 0.2)] rolling_friction: f64,
+) {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut scene = scene::<R>();
+            let mut scene = scene::<R>(rolling_friction);
             scene.advance(1500).unwrap();
             scene
         })
@@ -37,8 +40,11 @@ fn same_bits_for_any_number_of_threads<R: Real>(#[case] _precision: R) {
 
 /// A state written and read at any step goes on with the same bits.
 #[rstest]
-fn resumes_bitwise(#[values(0, 1, 37, 400, 811)] steps: usize) {
-    let mut scene = scene::<f32>();
+fn resumes_bitwise(
+    #[values(0, 1, 37, 400, 811)] steps: usize,
+    #[values(0.0, 0.2)] rolling_friction: f64,
+) {
+    let mut scene = scene::<f32>(rolling_friction);
     scene.advance(steps).unwrap();
     let bytes = postcard::to_stdvec(&scene).unwrap();
     let mut resumed: Assembly<f32> = postcard::from_bytes(&bytes).unwrap();
@@ -54,14 +60,15 @@ fn resumes_bitwise(#[values(0, 1, 37, 400, 811)] steps: usize) {
 #[rstest]
 #[case::single(0.0f32)]
 #[case::double(0.0f64)]
-fn packed_round_trip<R: Real>(#[case] _precision: R) {
-    let p = Grains::default();
+fn packed_round_trip<R: Real>(#[case] _precision: R, #[values(0.0, 0.2)] rolling_friction: f64) {
+    let p = Grains { rolling_friction, ..Grains::default() };
     let new = |packed: &Packed| {
         Assembly::<R>::new(&p, &column_domain(), GRAVITY, p.step(), packed).unwrap()
     };
     let mut scene = new(column());
     advance(&mut scene, 0.05);
     let packed = scene.packed();
+    assert_eq!(packed.contacts.iter().any(|c| c.rolling != 0.0), rolling_friction != 0.0);
     let again = new(&packed).packed();
     assert_eq!(packed.contacts, again.contacts);
     let near = |a: &Grain, b: &Grain| {

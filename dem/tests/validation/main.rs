@@ -18,6 +18,7 @@ mod objectivity;
 mod pair;
 mod precision;
 mod restart;
+mod rolling;
 mod shear;
 mod stability;
 mod statics;

@@ -7,9 +7,13 @@ use crate::batch::{batch, motions};
 use crate::common::{DENSE, parameters};
 
 #[rstest]
-fn restart_is_bitwise(#[values(true, false)] single: bool) {
-    fn check<R: Real>() {
-        let p = parameters(20.0e3, DENSE);
+fn restart_is_bitwise(
+    #[values(true, false)] single: bool,
+    #[values(0.0, 0.3)] rolling_friction: f64,
+) {
+    fn check<R: Real>(rolling_friction: f64) {
+        let mut p = parameters(20.0e3, DENSE);
+        p.grains.rolling_friction = rolling_friction;
         let l = motions(6);
         let mut states = vec![RveState::default(); 6];
         let mut run = batch::<R>(&p, 6);
@@ -28,5 +32,5 @@ fn restart_is_bitwise(#[values(true, false)] single: bool) {
         }
         assert_eq!(postcard::to_stdvec(&restarted).unwrap(), postcard::to_stdvec(&run).unwrap());
     }
-    if single { check::<f32>() } else { check::<f64>() }
+    if single { check::<f32>(rolling_friction) } else { check::<f64>(rolling_friction) }
 }

@@ -20,8 +20,7 @@ fn stability_limit(#[case] step_factor: f64, #[case] stable: bool) {
     let mut element = stepwise(packing(&prepared, 1), &p);
     let energy = |e: &dem::element::Element<f64>| {
         let packing = &e.rve.packing;
-        packing.kinetic_energy()
-            + packing.elastic_energy(p.grains.normal_stiffness, p.grains.tangential_stiffness)
+        packing.kinetic_energy() + packing.elastic_energy(&p.grains)
     };
     let start = energy(&element);
     // An unstable mode grows by a fixed factor per step, from round-off: 20 000 steps are enough.

@@ -98,6 +98,11 @@ const LIMITS: &[(&str, Limits)] = &[
     ("grains.normal_stiffness", STIFFNESS),
     ("grains.tangential_stiffness", STIFFNESS),
     ("grains.friction", FRICTION),
+    (
+        "grains.rolling_friction",
+        from_zero(10.0, "").with_hint("a coefficient; sand as discs has about 0.1 to 0.3"),
+    ),
+    ("grains.rolling_stiffness", STIFFNESS),
     ("grains.damping_ratio", between(0.0, 1.0, "").with_hint("a fraction of critical damping")),
     ("grains.local_damping", LOCAL_DAMPING),
     ("grains.mass_scale", between(1.0, 1.0e6, "")),

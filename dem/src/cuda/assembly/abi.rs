@@ -46,13 +46,13 @@ cuda_struct! {
         pub motion: Motion<R>,
     }
 
-    /// What a contact remembers of the last step.
+    /// What a contact remembers of the last step, of sliding or of rolling.
     #[derive(Default)]
     #[align(2 * size_of::<R>())]
     pub(super) struct History<R: CudaReal> {
-        /// Tangential spring force (N).
-        pub tangential: R,
-        /// Normal force (N) less that of the spring.
+        /// Tangential spring force, or that of the rolling spring seen from the disc whose row it is (N).
+        pub spring: R,
+        /// Normal force less that of the spring, or the same of the rolling force (N).
         pub viscous: R,
     }
 
@@ -174,9 +174,11 @@ cuda_struct! {
         pub reference: Pointer<Position<R>>,
         /// Neighbours, row by row.
         pub list: Pointer<u32>,
+        /// Of sliding and, where contacts resist it, as many rows of rolling.
         pub history: Pointer<History<R>>,
         /// Up to four bodies near the disc, a byte each; 255: none.
         pub near_bodies: Pointer<u32>,
+        /// Of sliding, and maybe of rolling.
         pub body_history: Pointer<History<R>>,
         pub body: ConstPointer<Body>,
         /// Two sets, as of discs.
@@ -247,6 +249,14 @@ cuda_struct! {
         pub capacity: u32,
         /// Whether any of them moves.
         pub bodies_move: u32,
+        /// Coefficient of rolling friction.
+        pub rolling_friction: R,
+        /// kr dt (N s/m).
+        pub rolling_spring: R,
+        /// 1 / (2 kr dt) (m/(N s)).
+        pub rolling_compliance: R,
+        /// The rolling dashpot over the normal one.
+        pub rolling_dashpot: R,
     }
 }
 

@@ -7,6 +7,8 @@ constexpr unsigned ROWS_MASK = 31u;
 constexpr unsigned BODIES_NEAR = 1u << 5;
 constexpr unsigned FIRST_ROW = 8;
 constexpr unsigned NO_BODY = 255;
+// Most bodies near a disc.
+constexpr unsigned NEAR_BODIES = 4;
 // Bins along a side of a tile.
 constexpr unsigned TILE = 8;
 
@@ -56,6 +58,42 @@ __device__ inline bool has_drifted(const Control& c, const Parameters& p) {
     return p.margin != 0 && c.drift > p.margin;
 }
 
+// What a contact remembers.
+#if ROLLING
+struct Memory {
+    History sliding, rolling;
+};
+#else
+using Memory = History;
+#endif
+
+__device__ inline History sliding_of(const Memory& memory) {
+#if ROLLING
+    return memory.sliding;
+#else
+    return memory;
+#endif
+}
+
+// A contact whose history of sliding is in one of `rows`: that of rolling is as many rows further.
+__device__ inline Memory memory_at(const Parameters& p, const History& place, unsigned rows) {
+#if ROLLING
+    return {place, *(&place + size_t(rows) * p.discs)};
+#else
+    return place;
+#endif
+}
+
+__device__ inline void remember(const Parameters& p, History& place, unsigned rows,
+                                Memory memory) {
+#if ROLLING
+    place = memory.sliding;
+    *(&place + size_t(rows) * p.discs) = memory.rolling;
+#else
+    place = memory;
+#endif
+}
+
 // Discs before step `k` of a round, which is step `step` of all. Ranks exchange discs at fixed addresses:
 // their rounds begin and end with the first buffer.
 __device__ inline Disc* discs_before(const Arrays& a, const Parameters& p, unsigned step, unsigned k) {
@@ -85,6 +123,10 @@ struct Contact {
     Real overlap;
     // Distance from the disc's centre to the contact.
     Real arm;
+#if ROLLING
+    // Reduced radius, and rolling velocity of the partner relative to the disc.
+    Real radius, vr;
+#endif
     // Velocity of the partner relative to the disc at the contact.
     Real vn, vt;
     Real dashpot;
@@ -111,6 +153,10 @@ __device__ inline Contact contact_of(const Parameters& p, const Disc& disc, cons
         __dadd_rn(__dmul_rn(c.arm, disc.motion.w), __dmul_rn(other_arm, other.motion.w));
 #endif
     c.vt = (uy * c.nx - ux * c.ny) - turning;
+#if ROLLING
+    c.radius = ratio(disc.place.r * other.place.r, disc.place.r + other.place.r);
+    c.vr = c.radius * (other.motion.w - disc.motion.w);
+#endif
     c.dashpot = p.dashpot * length_and_inverse<Vec>(disc.place.inv_mass + other.place.inv_mass).y;
     return c;
 }
@@ -177,6 +223,10 @@ __device__ inline Contact contact_with(const Parameters& p, const Disc& disc,
     const Real uy = body.velocity[1] - disc.motion.y;
     c.vn = ux * c.nx + uy * c.ny;
     c.vt = (uy * c.nx - ux * c.ny) - c.arm * disc.motion.w;
+#if ROLLING
+    c.radius = disc.place.r;
+    c.vr = -(disc.place.r * disc.motion.w);
+#endif
     c.dashpot = p.dashpot * length_and_inverse<Vec>(disc.place.inv_mass).y;
     return c;
 }

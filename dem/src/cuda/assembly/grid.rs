@@ -27,6 +27,8 @@ pub(super) struct Grid {
     pub capacity: u32,
     /// Most neighbours of a disc.
     pub rows: u32,
+    /// Whether contacts resist rolling.
+    pub rolling: bool,
 }
 
 impl Grid {
@@ -58,7 +60,13 @@ impl Grid {
                 radius_max: large,
             });
         }
-        Ok(Self { skin, bins: bins as u32, tiles, capacity, rows: rows as u32 })
+        let (bins, rows, rolling) = (bins as u32, rows as u32, grains.resist_rolling());
+        Ok(Self { skin, bins, tiles, capacity, rows, rolling })
+    }
+
+    /// Histories of a contact: of sliding, and maybe of rolling.
+    pub fn histories(&self) -> usize {
+        1 + usize::from(self.rolling)
     }
 
     /// Number of bins.

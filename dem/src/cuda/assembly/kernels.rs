@@ -66,14 +66,15 @@ pub fn source<R: CudaReal>() -> String {
     [&structs, FILES, &checks].concat()
 }
 
-/// Compile-time constants of the kernels.
-pub fn defines<R: CudaReal>(rows: usize) -> Vec<String> {
+/// Compile-time constants of the kernels, for lists of so many `rows` and contacts that may resist `rolling`.
+pub fn defines<R: CudaReal>(rows: usize, rolling: bool) -> Vec<String> {
     [
         ("REAL_BITS", R::BITS),
         ("THREADS", THREADS as usize),
         ("BLOCKS", if R::BITS == 32 { 5 } else { 2 }),
         ("ROWS", rows),
         ("STEPS", STEPS),
+        ("ROLLING", usize::from(rolling)),
     ]
     .map(|(name, value)| format!("{name}={value}"))
     .to_vec()
@@ -99,8 +100,9 @@ pub(super) struct Kernels<R: CudaReal> {
 
 impl<R: CudaReal> Kernels<R> {
     /// Compiles the kernels, or takes them from the cache.
-    pub fn load(device: &Arc<Device>, rows: usize) -> Result<Self, gpu::Error> {
-        let module = device.module("assembly.cu", &source::<R>(), &defines::<R>(rows))?;
+    pub fn load(device: &Arc<Device>, rows: usize, rolling: bool) -> Result<Self, gpu::Error> {
+        let defines = defines::<R>(rows, rolling);
+        let module = device.module("assembly.cu", &source::<R>(), &defines)?;
         Ok(Self {
             step: Function::load(device, &module)?,
             begin: Function::load(device, &module)?,

@@ -1,7 +1,8 @@
 // States of the grains for output: twin of dem/src/assembly/output.rs.
 
-__device__ inline void add(const Parameters& p, const Contact& c, Real tangential, Real share,
+__device__ inline void add(const Parameters& p, const Contact& c, const Memory& memory, Real share,
                            Output& out) {
+    const Real tangential = sliding_of(memory).spring;
     const Real normal =
         max(spring_and_dashpot(p.normal_stiffness, c.overlap, c.dashpot, c.vn), Real(0));
     const Real fx = normal * c.nx - tangential * c.ny;
@@ -13,6 +14,10 @@ __device__ inline void add(const Parameters& p, const Contact& c, Real tangentia
     // 1 / (2 kt) is compliance times the step.
     out.elastic += share * (Real(0.5) * p.normal_stiffness * c.overlap * c.overlap +
                             p.compliance * p.step * tangential * tangential);
+#if ROLLING
+    const Real spring = memory.rolling.spring;
+    out.elastic += share * (p.rolling_compliance * p.step * spring * spring);
+#endif
     out.contacts += 1;
 }
 
@@ -41,10 +46,10 @@ extern "C" __global__ void assembly_output(Arrays a, Parameters p, Output* outpu
         const Real reach = disc.place.r + other.place.r;
         if (distance2 >= reach * reach) continue;
         const bool touched = info >> (FIRST_ROW + row) & 1u;
-        const Real tangential = touched ? a.history[at].tangential : Real(0);
+        const Memory memory = touched ? memory_at(p, a.history[at], ROWS) : Memory{};
         // A pair counts once: half for each disc, all of it for one beside a fixed disc.
         const Real share = other.place.inv_mass == Real(0) ? Real(1) : Real(0.5);
-        add(p, contact_of(p, disc, other, l, distance2), tangential, share, out);
+        add(p, contact_of(p, disc, other, l, distance2), memory, share, out);
     }
     if ((info & BODIES_NEAR) != 0) {
         const unsigned near = a.near_bodies[i];
@@ -55,8 +60,9 @@ extern "C" __global__ void assembly_output(Arrays a, Parameters p, Output* outpu
             const Vec l = branch_to(p, body, disc.place);
             const Real distance2 = l.x * l.x + l.y * l.y;
             if (distance2 == Real(0) || distance2 >= disc.place.r * disc.place.r) continue;
-            const Real tangential = a.body_history[size_t(k) * p.discs + i].tangential;
-            add(p, contact_with(p, disc, body, l, distance2), tangential, Real(1), out);
+            const Memory memory = 
+                memory_at(p, a.body_history[size_t(k) * p.discs + i], NEAR_BODIES);
+            add(p, contact_with(p, disc, body, l, distance2), memory, Real(1), out);
         }
     }
     output[a.id[i]] = out;

@@ -50,7 +50,7 @@ pub(super) fn parameters<R: CudaReal>(
 ) -> Parameters<R> {
     let (grains, dt) = (&assembly.grains, assembly.dt());
     let unit = assembly.region.unit::<R>();
-    let kt = grains.tangential_stiffness;
+    let (kt, kr) = (grains.tangential_stiffness, grains.rolling_stiffness);
     let moving = assembly.bodies.iter().any(|body| body.velocity != [0.0; 2]);
     let real = R::from_f64;
     Parameters {
@@ -81,14 +81,19 @@ pub(super) fn parameters<R: CudaReal>(
         tiles: grid.tiles,
         capacity: grid.capacity,
         bodies_move: u32::from(moving),
+        rolling_friction: real(grains.rolling_friction),
+        rolling_spring: real(kr * dt),
+        rolling_compliance: real(0.5 / (kr * dt)),
+        rolling_dashpot: real((kr / grains.normal_stiffness).sqrt()),
     }
 }
 
 /// Device memory that `discs` discs take (bytes).
 pub(super) fn bytes<R: CudaReal>(discs: usize, grid: &Grid) -> usize {
     let rows = grid.rows as usize;
-    let contact = size_of::<u32>() + size_of::<History<R>>();
-    let bodies = NEAR_BODIES * size_of::<History<R>>() + size_of::<u32>();
+    let history = grid.histories() * size_of::<History<R>>();
+    let contact = size_of::<u32>() + history;
+    let bodies = NEAR_BODIES * history + size_of::<u32>();
     let disc = 2 * size_of::<Disc<R>>() + size_of::<u32>() + rows * contact + bodies;
     let losses = size_of::<Loss<R>>() + size_of::<RareLoss<R>>();
     let once = size_of::<Position<R>>()

@@ -114,9 +114,11 @@ __device__ inline unsigned collect(const Arrays& a, const Parameters& p, const P
 __device__ inline bool list_bodies(const Arrays& a, const Parameters& p, const Place& place,
                                    unsigned i, unsigned step, bool had) {
     const unsigned old_bodies = a.near_bodies[i];
-    History old_history[4] = {};
+    Memory old_memory[4] = {};
     if (had) {
-        for (unsigned k = 0; k < 4; ++k) old_history[k] = a.body_history[size_t(k) * p.discs + i];
+        for (unsigned k = 0; k < 4; ++k) {
+            old_memory[k] = memory_at(p, a.body_history[size_t(k) * p.discs + i], NEAR_BODIES);
+        }
     }
     unsigned listed = 0xffffffffu;
     unsigned found = 0;
@@ -128,11 +130,11 @@ __device__ inline bool list_bodies(const Arrays& a, const Parameters& p, const P
             fail(*a.control, step, BODIES_FULL, a.id[i]);
             break;
         }
-        History history = {};
+        Memory memory = {};
         for (unsigned k = 0; k < 4; ++k) {
-            if (had && (old_bodies >> (8 * k) & 255u) == b) history = old_history[k];
+            if (had && (old_bodies >> (8 * k) & 255u) == b) memory = old_memory[k];
         }
-        a.body_history[size_t(found) * p.discs + i] = history;
+        remember(p, a.body_history[size_t(found) * p.discs + i], NEAR_BODIES, memory);
         listed &= ~(255u << (8 * found)) | b << (8 * found);
         ++found;
     }
@@ -165,12 +167,12 @@ extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force)
 
     const unsigned info = unsigned(now[i].motion.info);
     unsigned old_disc[ROWS];
-    History old_history[ROWS];
+    Memory old_memory[ROWS];
     unsigned old = 0;
     for (unsigned touched = info >> FIRST_ROW; touched != 0; touched &= touched - 1) {
         const size_t at = size_t(__ffs(int(touched)) - 1) * p.discs + i;
         old_disc[old] = a.list[at];
-        old_history[old] = a.history[at];
+        old_memory[old] = memory_at(p, a.history[at], ROWS);
         ++old;
     }
     unsigned touching = 0;
@@ -182,7 +184,7 @@ extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force)
         a.list[at] = disc;
         for (unsigned k = 0; k < old; ++k) {
             if (old_disc[k] != disc) continue;
-            a.history[at] = old_history[k];
+            remember(p, a.history[at], ROWS, old_memory[k]);
             touching |= 1u << row;
         }
     }

@@ -185,11 +185,12 @@ impl Shared {
     /// What discs have between two rounds, but for their identities, which all ranks know.
     fn state<R: CudaReal>(&self, a: &Arrays<R>) -> impl Iterator<Item = Row> {
         let (discs, contacts) = (self.slabs.discs, self.grid.rows as usize);
+        let histories = self.grid.histories();
         rows(a.disc, discs, 1)
             .chain(rows(a.list, discs, contacts))
-            .chain(rows(a.history, discs, contacts))
+            .chain(rows(a.history, discs, histories * contacts))
             .chain(rows(a.near_bodies, discs, 1))
-            .chain(rows(a.body_history, discs, NEAR_BODIES))
+            .chain(rows(a.body_history, discs, histories * NEAR_BODIES))
     }
 
     /// Sends the own part of each row to all other ranks, and receives theirs.

@@ -87,14 +87,15 @@ struct DeviceDiscs<R: CudaReal> {
 }
 
 impl<R: CudaReal> DeviceDiscs<R> {
-    fn zeros(device: &Device, discs: usize, rows: usize) -> Result<Self, gpu::Error> {
+    fn zeros(device: &Device, discs: usize, grid: &Grid) -> Result<Self, gpu::Error> {
+        let (rows, histories) = (grid.rows as usize, grid.histories());
         Ok(Self {
             disc: device.zeros(2 * discs)?,
             id: device.zeros(discs)?,
             list: device.zeros(rows * discs)?,
-            history: device.zeros(rows * discs)?,
+            history: device.zeros(histories * rows * discs)?,
             near_bodies: device.zeros(discs)?,
-            body_history: device.zeros(NEAR_BODIES * discs)?,
+            body_history: device.zeros(histories * NEAR_BODIES * discs)?,
         })
     }
 }
@@ -126,8 +127,8 @@ impl<R: CudaReal> CudaAssembly<R> {
         let grid = Grid::of(assembly)?;
         let rows = grid.rows as usize;
         device.reserve(bytes::<R>(count, &grid))?;
-        let host = Host::from_assembly(assembly, rows);
-        let mut discs = DeviceDiscs::zeros(device, count, rows)?;
+        let host = Host::from_assembly(assembly, &grid);
+        let mut discs = DeviceDiscs::zeros(device, count, &grid)?;
         let stream = device.stream();
         stream.memcpy_htod(&host.disc, &mut discs.disc.slice_mut(..count))?;
         stream.memcpy_htod(&host.id, &mut discs.id)?;
@@ -136,7 +137,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         stream.memcpy_htod(&host.near_bodies, &mut discs.near_bodies)?;
         stream.memcpy_htod(&host.body_history, &mut discs.body_history)?;
         let bodies: Vec<Body> = assembly.bodies.iter().map(Body::from).collect();
-        let kernels = Kernels::load(device, rows)?;
+        let kernels = Kernels::load(device, rows, grid.rolling)?;
         let shared = ranks.map(|ranks| Shared::new(device, ranks, &grid, count)).transpose()?;
         let p = parameters(assembly, &grid, bodies.len());
         Ok(Self {
@@ -144,7 +145,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             p: shared.as_ref().map_or(p, |shared| shared.parameters(&p)),
             grid,
             control: device.upload(&[Control::sequence(0.0, 0, None)])?,
-            spare: DeviceDiscs::zeros(device, count, rows)?,
+            spare: DeviceDiscs::zeros(device, count, &grid)?,
             discs,
             reference: device.zeros(count)?,
             body: device.upload(&bodies)?,
@@ -367,7 +368,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             near_bodies: stream.clone_dtoh(&self.discs.near_bodies)?,
             body_history: stream.clone_dtoh(&self.discs.body_history)?,
         }
-        .write_to(assembly);
+        .write_to(assembly, &self.grid);
         assembly.time = self.time;
         assembly.steps += std::mem::take(&mut self.steps);
         assembly.searches += std::mem::take(&mut self.searches);

@@ -113,11 +113,12 @@ extern "C" __global__ void assembly_reorder(Arrays a, Arrays b, Parameters p, co
         const size_t from = size_t(row) * p.discs + i;
         const size_t to = size_t(row) * p.discs + n;
         b.list[to] = place_of[a.list[from]];
-        b.history[to] = a.history[from];
+        remember(p, b.history[to], ROWS, memory_at(p, a.history[from], ROWS));
     }
     if ((info & BODIES_NEAR) == 0) return;
     b.near_bodies[n] = a.near_bodies[i];
     for (unsigned k = 0; k < 4; ++k) {
-        b.body_history[size_t(k) * p.discs + n] = a.body_history[size_t(k) * p.discs + i];
+        remember(p, b.body_history[size_t(k) * p.discs + n], NEAR_BODIES,
+                 memory_at(p, a.body_history[size_t(k) * p.discs + i], NEAR_BODIES));
     }
 }

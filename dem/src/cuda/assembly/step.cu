@@ -14,22 +14,36 @@ struct Sums {
 
 // Adds a contact and returns its new history. `share` is the part of its power that counts here: half where
 // both discs evaluate the contact.
-__device__ inline History evaluate(const Parameters& p, const Contact& c, Real friction,
-                                   History before, Real share, Sums& sum, Vec& force) {
+__device__ inline Memory evaluate(const Parameters& p, const Contact& c, Real friction,
+                                  Memory memory, Real share, Sums& sum, Vec& force) {
+    const History before = sliding_of(memory);
     const Real normal =
         max(spring_and_dashpot(p.normal_stiffness, c.overlap, c.dashpot, c.vn), Real(0));
     const Real tangential =
-        tangential_force(before.tangential, p.spring, c.vt, friction * normal);
+        tangential_force(before.spring, p.spring, c.vt, friction * normal);
     // Power over the step by the mean of the forces at its two ends, less what the springs store.
     const Real viscous = normal - p.normal_stiffness * c.overlap;
     sum.dashpots -= share * (Real(0.5) * (viscous + before.viscous) * c.vn);
-    sum.friction -= share * ((tangential + before.tangential) *
-                             (Real(0.5) * c.vt + (tangential - before.tangential) * p.compliance));
+    sum.friction -= share * ((tangential + before.spring) *
+                             (Real(0.5) * c.vt + (tangential - before.spring) * p.compliance));
     force = {normal * c.nx - tangential * c.ny, normal * c.ny + tangential * c.nx};
     sum.x += force.x;
     sum.y += force.y;
     sum.torque += tangential * c.arm;
+#if ROLLING
+    const History old = memory.rolling;
+    const RollingForces rolling =
+        rolling_forces(old.spring, p.rolling_spring, p.rolling_dashpot * c.dashpot, c.vr,
+                       p.rolling_friction * normal);
+    const Real damping = rolling.total - rolling.spring;
+    const Real springs = rolling.spring + old.spring;
+    sum.friction -= share * (Real(0.5) * (springs + damping + old.viscous) * c.vr +
+                             springs * (rolling.spring - old.spring) * p.rolling_compliance);
+    sum.torque += c.radius * rolling.total;
+    return {{tangential, viscous}, {rolling.spring, damping}};
+#else
     return {tangential, viscous};
+#endif
 }
 
 // Neighbours that are loaded together.
@@ -58,13 +72,14 @@ __device__ inline unsigned touch_discs(const Arrays& a, const Parameters& p, con
             const Real reach = disc.place.r + place[k].r;
             if (row >= count || distance2 >= reach * reach) continue;
             History& history = a.history[size_t(row) * p.discs + i];
-            const History before = touched >> row & 1u ? history : History{};
+            const Memory before =
+                touched >> row & 1u ? memory_at(p, history, ROWS) : Memory{};
             const Contact c =
                 contact_of(p, disc, {place[k], other[k]->motion}, l, distance2);
             // A fixed disc does not evaluate its side.
             const Real share = place[k].inv_mass == Real(0) ? Real(1) : Real(0.5);
             Vec force;
-            history = evaluate(p, c, p.friction, before, share, sum, force);
+            remember(p, history, ROWS, evaluate(p, c, p.friction, before, share, sum, force));
             sum.overlap = max(sum.overlap, ratio(c.overlap, min(disc.place.r, place[k].r)));
             touching |= 1u << row;
         }
@@ -85,12 +100,14 @@ __device__ inline bool touch_bodies(const Arrays& a, const Parameters& p, const 
         if (distance2 == Real(0)) return false;
         History& history = a.body_history[size_t(k) * p.discs + i];
         if (distance2 >= disc.place.r * disc.place.r) {
-            history = {};
+            remember(p, history, NEAR_BODIES, {});
             continue;
         }
         const Contact c = contact_with(p, disc, body, l, distance2);
         Vec force;
-        history = evaluate(p, c, friction_of(body, l), history, Real(1), sum, force);
+        remember(p, history, NEAR_BODIES,
+                 evaluate(p, c, friction_of(body, l), memory_at(p, history, NEAR_BODIES), Real(1),
+                          sum, force));
         sum.boxes -= force.x * body.velocity[0] + force.y * body.velocity[1];
         sum.overlap = max(sum.overlap, ratio(c.overlap, disc.place.r));
     }

@@ -3,7 +3,10 @@
 use nalgebra::Matrix2;
 
 use super::abi::{Body, Disc, History, Motion, NEAR_BODIES, Output, Place};
-use crate::assembly::{Assembly, ContactMemory, GrainState, History as CpuHistory, RigidBox};
+use super::grid::Grid;
+use crate::assembly::{
+    Assembly, ContactMemory, GrainState, History as CpuHistory, RigidBox, Rolling, Sliding,
+};
 use crate::cuda::real::CudaReal;
 use crate::disc;
 
@@ -18,6 +21,7 @@ pub(super) struct Host<R: CudaReal> {
     pub disc: Vec<Disc<R>>,
     pub id: Vec<u32>,
     pub list: Vec<u32>,
+    /// Of sliding, then of rolling; as [`Self::body_history`].
     pub history: Vec<History<R>>,
     pub near_bodies: Vec<u32>,
     pub body_history: Vec<History<R>>,
@@ -25,35 +29,36 @@ pub(super) struct Host<R: CudaReal> {
 
 impl<R: CudaReal> Host<R> {
     /// The discs of an assembly; lists hold the touching pairs only.
-    pub fn from_assembly(assembly: &Assembly<R>, rows: usize) -> Self {
-        let count = assembly.discs.len();
+    pub fn from_assembly(assembly: &Assembly<R>, grid: &Grid) -> Self {
+        let (count, rows) = (assembly.discs.len(), grid.rows as usize);
         let mut place_of = vec![0; count];
         for (place, &id) in assembly.ids.iter().enumerate() {
             place_of[id as usize] = place as u32;
         }
         let mut info = vec![0_u32; count];
         let mut list = vec![0; rows * count];
-        let mut history = vec![History::default(); rows * count];
+        let mut history = vec![History::default(); grid.histories() * rows * count];
         let memory = assembly.memory();
         for (a, b, contact) in memory.contacts() {
-            for (own, other) in [(a, b), (b, a)] {
+            for (own, other, contact) in [(a, b, contact), (b, a, contact.reversed())] {
                 let own = place_of[own as usize] as usize;
                 let row = info[own] & 31;
                 if (row as usize) < rows {
                     list[row as usize * count + own] = place_of[other as usize];
-                    history[row as usize * count + own] = contact.into();
+                    let at = row as usize * count + own;
+                    put(&contact, &mut history, at, grid);
                     info[own] = (info[own] | 1 << (FIRST_ROW + row)) + 1;
                 }
             }
         }
         let mut near_bodies = vec![u32::MAX; count];
-        let mut body_history = vec![History::default(); NEAR_BODIES * count];
+        let mut body_history = vec![History::default(); grid.histories() * NEAR_BODIES * count];
         for (id, body, contact) in memory.body_contacts() {
             let own = place_of[id as usize] as usize;
             let free = (0..NEAR_BODIES).find(|k| near_bodies[own] >> (8 * k) & 255 == NO_BODY);
             if let Some(k) = free {
                 near_bodies[own] &= !(255 << (8 * k)) | u32::from(body) << (8 * k);
-                body_history[k * count + own] = contact.into();
+                put(&contact, &mut body_history, k * count + own, grid);
                 info[own] |= BODIES_NEAR;
             }
         }
@@ -66,7 +71,7 @@ impl<R: CudaReal> Host<R> {
     }
 
     /// Puts discs and contacts back into their assembly, and searches its neighbours.
-    pub fn write_to(&self, assembly: &mut Assembly<R>) {
+    pub fn write_to(&self, assembly: &mut Assembly<R>, grid: &Grid) {
         let count = self.disc.len();
         let mut inertia = vec![R::default(); count];
         for (d, &id) in assembly.discs.iter().zip(&assembly.ids) {
@@ -91,7 +96,8 @@ impl<R: CudaReal> Host<R> {
                 let fixed = self.disc[other].place.inv_mass == R::default();
                 // Both discs have the contact, a fixed one does not.
                 if fixed || own < self.id[other] {
-                    pairs.push((own, self.id[other], self.history[at].into()));
+                    let contact = get(&self.history, at, grid);
+                    pairs.push((own, self.id[other], contact));
                 }
             }
             if info & BODIES_NEAR == 0 {
@@ -100,8 +106,8 @@ impl<R: CudaReal> Host<R> {
             for k in 0..NEAR_BODIES {
                 let body = self.near_bodies[i] >> (8 * k) & 255;
                 if body != NO_BODY {
-                    let contact = self.body_history[k * count + i];
-                    bodies.push((self.id[i], body as u16, contact.into()));
+                    let contact = get(&self.body_history, k * count + i, grid);
+                    bodies.push((self.id[i], body as u16, contact));
                 }
             }
         }
@@ -110,16 +116,22 @@ impl<R: CudaReal> Host<R> {
     }
 }
 
-impl<R: CudaReal> From<CpuHistory<R>> for History<R> {
-    fn from(h: CpuHistory<R>) -> Self {
-        Self { tangential: h.tangential, viscous: h.viscous }
+/// Puts a contact into its rows of sliding and of rolling.
+fn put<R: CudaReal>(contact: &CpuHistory<R>, rows: &mut [History<R>], at: usize, grid: &Grid) {
+    let CpuHistory { sliding, rolling } = contact;
+    rows[at] = History { spring: sliding.tangential, viscous: sliding.viscous };
+    if grid.rolling {
+        rows[rows.len() / 2 + at] = History { spring: rolling.spring, viscous: rolling.viscous };
     }
 }
 
-impl<R: CudaReal> From<History<R>> for CpuHistory<R> {
-    fn from(h: History<R>) -> Self {
-        Self { tangential: h.tangential, viscous: h.viscous }
-    }
+/// The contact in these rows.
+fn get<R: CudaReal>(rows: &[History<R>], at: usize, grid: &Grid) -> CpuHistory<R> {
+    let History { spring, viscous } = rows[at];
+    let sliding = Sliding { tangential: spring, viscous };
+    let rolling = if grid.rolling { rows[rows.len() / 2 + at] } else { History::default() };
+    let History { spring, viscous } = rolling;
+    CpuHistory { sliding, rolling: Rolling { spring, viscous } }
 }
 
 impl From<&RigidBox> for Body {

@@ -86,8 +86,7 @@ impl Rest {
         let p = RveParameters { grains: Grains { step_factor, ..p.grains }, ..p.clone() };
         let element = Element::new(packing, &p, p.grains.step())?;
         let packing = &element.rve.packing;
-        let elastic =
-            packing.elastic_energy(p.grains.normal_stiffness, p.grains.tangential_stiffness);
+        let elastic = packing.elastic_energy(&p.grains);
         Ok(Self { element, elastic })
     }
 
