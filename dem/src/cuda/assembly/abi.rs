@@ -234,6 +234,10 @@ cuda_struct! {
         pub margin: R::Fraction,
         /// Discs, fixed ones included.
         pub discs: u32,
+        /// Length of a row of lists and histories.
+        pub row: u32,
+        /// How many discs ahead a warp asks for what others will need; 0: not at all.
+        pub ahead: u32,
         /// Whether this is one of several ranks.
         pub ranked: u32,
         /// Places in memory of the discs that this rank advances, from the first to before the second.

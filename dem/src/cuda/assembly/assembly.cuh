@@ -78,7 +78,7 @@ __device__ inline History sliding_of(const Memory& memory) {
 // A contact whose history of sliding is in one of `rows`: that of rolling is as many rows further.
 __device__ inline Memory memory_at(const Parameters& p, const History& place, unsigned rows) {
 #if ROLLING
-    return {place, *(&place + size_t(rows) * p.discs)};
+    return {place, *(&place + size_t(rows) * p.row)};
 #else
     return place;
 #endif
@@ -88,7 +88,7 @@ __device__ inline void remember(const Parameters& p, History& place, unsigned ro
                                 Memory memory) {
 #if ROLLING
     place = memory.sliding;
-    *(&place + size_t(rows) * p.discs) = memory.rolling;
+    *(&place + size_t(rows) * p.row) = memory.rolling;
 #else
     place = memory;
 #endif

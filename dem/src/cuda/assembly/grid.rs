@@ -14,6 +14,14 @@ pub(super) const TILE: u32 = 8;
 /// Room beyond what undeformed discs need.
 const PRESSED: f64 = 1.3;
 
+/// Lanes of a warp, which read a row of lists together.
+const LANES: usize = 32;
+
+/// Length of a row of lists and histories of so many discs: each warp begins with a line of memory of its own.
+pub(super) fn row_length(discs: usize) -> usize {
+    discs.next_multiple_of(LANES)
+}
+
 /// Bins of a domain, and room for neighbours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grid {

@@ -39,7 +39,7 @@ extern "C" __global__ void assembly_output(Arrays a, Parameters p, Output* outpu
     out.w = disc.motion.w;
     const unsigned info = unsigned(disc.motion.info);
     for (unsigned row = 0; row < (info & ROWS_MASK); ++row) {
-        const size_t at = size_t(row) * p.discs + i;
+        const size_t at = size_t(row) * p.row + i;
         const Disc other = now[a.list[at]];
         const Vec l = separation(p, disc.place, other.place);
         const Real distance2 = l.x * l.x + l.y * l.y;
@@ -61,7 +61,7 @@ extern "C" __global__ void assembly_output(Arrays a, Parameters p, Output* outpu
             const Real distance2 = l.x * l.x + l.y * l.y;
             if (distance2 == Real(0) || distance2 >= disc.place.r * disc.place.r) continue;
             const Memory memory = 
-                memory_at(p, a.body_history[size_t(k) * p.discs + i], NEAR_BODIES);
+                memory_at(p, a.body_history[size_t(k) * p.row + i], NEAR_BODIES);
             add(p, contact_with(p, disc, body, l, distance2), memory, Real(1), out);
         }
     }

@@ -4,7 +4,7 @@ use super::abi::{
     Binned, Control, Disc, History, Loss, NEAR_BODIES, Output, Parameters, Position, RareLoss,
     STEPS,
 };
-use super::grid::Grid;
+use super::grid::{Grid, row_length};
 use crate::assembly::Assembly;
 use crate::cuda::real::CudaReal;
 
@@ -73,6 +73,8 @@ pub(super) fn parameters<R: CudaReal>(
         overlap_limit: real(grains.overlap_limit),
         margin: R::Fraction::default(),
         discs: assembly.discs.len() as u32,
+        row: row_length(assembly.discs.len()) as u32,
+        ahead: if assembly.discs.len() > CACHED { AHEAD } else { 0 },
         ranked: 0,
         own: [0, assembly.discs.len() as u32],
         window: [0, assembly.discs.len() as u32],
@@ -88,6 +90,11 @@ pub(super) fn parameters<R: CudaReal>(
     }
 }
 
+/// Discs whose state stays in the L2 cache from step to step: 50 MB, at some 200 bytes.
+const CACHED: usize = 250_000;
+/// What the blocks advance in a microsecond, which memory takes to answer, several times over.
+const AHEAD: u32 = 32_768;
+
 /// Device memory that `discs` discs take (bytes).
 pub(super) fn bytes<R: CudaReal>(discs: usize, grid: &Grid) -> usize {
     let rows = grid.rows as usize;
@@ -95,6 +102,7 @@ pub(super) fn bytes<R: CudaReal>(discs: usize, grid: &Grid) -> usize {
     let contact = size_of::<u32>() + history;
     let bodies = NEAR_BODIES * history + size_of::<u32>();
     let disc = 2 * size_of::<Disc<R>>() + size_of::<u32>() + rows * contact + bodies;
+    let discs = row_length(discs);
     let losses = size_of::<Loss<R>>() + size_of::<RareLoss<R>>();
     let once = size_of::<Position<R>>()
         + size_of::<R::Fraction>()

@@ -117,7 +117,7 @@ __device__ inline bool list_bodies(const Arrays& a, const Parameters& p, const P
     Memory old_memory[4] = {};
     if (had) {
         for (unsigned k = 0; k < 4; ++k) {
-            old_memory[k] = memory_at(p, a.body_history[size_t(k) * p.discs + i], NEAR_BODIES);
+            old_memory[k] = memory_at(p, a.body_history[size_t(k) * p.row + i], NEAR_BODIES);
         }
     }
     unsigned listed = 0xffffffffu;
@@ -134,7 +134,7 @@ __device__ inline bool list_bodies(const Arrays& a, const Parameters& p, const P
         for (unsigned k = 0; k < 4; ++k) {
             if (had && (old_bodies >> (8 * k) & 255u) == b) memory = old_memory[k];
         }
-        remember(p, a.body_history[size_t(found) * p.discs + i], NEAR_BODIES, memory);
+        remember(p, a.body_history[size_t(found) * p.row + i], NEAR_BODIES, memory);
         listed &= ~(255u << (8 * found)) | b << (8 * found);
         ++found;
     }
@@ -170,7 +170,7 @@ extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force)
     Memory old_memory[ROWS];
     unsigned old = 0;
     for (unsigned touched = info >> FIRST_ROW; touched != 0; touched &= touched - 1) {
-        const size_t at = size_t(__ffs(int(touched)) - 1) * p.discs + i;
+        const size_t at = size_t(__ffs(int(touched)) - 1) * p.row + i;
         old_disc[old] = a.list[at];
         old_memory[old] = memory_at(p, a.history[at], ROWS);
         ++old;
@@ -179,7 +179,7 @@ extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force)
 #pragma unroll
     for (unsigned row = 0; row < ROWS; ++row) {
         if (row >= found) continue;
-        const size_t at = size_t(row) * p.discs + i;
+        const size_t at = size_t(row) * p.row + i;
         const unsigned disc = unsigned(list[row]);
         a.list[at] = disc;
         for (unsigned k = 0; k < old; ++k) {

@@ -13,7 +13,7 @@ use gpu::{Device, DeviceRepr, Pointer};
 
 use super::abi::{Arrays, Control, Disc, NEAR_BODIES, Parameters};
 use super::error::CudaAssemblyError;
-use super::grid::{Grid, TILE};
+use super::grid::{Grid, TILE, row_length};
 use super::slabs::{Message, Slabs, displacement_within, margin_for};
 use crate::cuda::real::CudaReal;
 
@@ -41,8 +41,12 @@ struct Row {
     bytes: usize,
 }
 
-fn rows<T: DeviceRepr>(array: Pointer<T>, discs: usize, count: usize) -> impl Iterator<Item = Row> {
-    let row = move |k| Row { first: array.offset(k * discs).cast(), bytes: size_of::<T>() };
+fn rows<T: DeviceRepr>(
+    array: Pointer<T>,
+    length: usize,
+    count: usize,
+) -> impl Iterator<Item = Row> {
+    let row = move |k| Row { first: array.offset(k * length).cast(), bytes: size_of::<T>() };
     (0..count).map(row)
 }
 
@@ -185,12 +189,13 @@ impl Shared {
     /// What discs have between two rounds, but for their identities, which all ranks know.
     fn state<R: CudaReal>(&self, a: &Arrays<R>) -> impl Iterator<Item = Row> {
         let (discs, contacts) = (self.slabs.discs, self.grid.rows as usize);
+        let row = row_length(discs);
         let histories = self.grid.histories();
         rows(a.disc, discs, 1)
-            .chain(rows(a.list, discs, contacts))
-            .chain(rows(a.history, discs, histories * contacts))
+            .chain(rows(a.list, row, contacts))
+            .chain(rows(a.history, row, histories * contacts))
             .chain(rows(a.near_bodies, discs, 1))
-            .chain(rows(a.body_history, discs, histories * NEAR_BODIES))
+            .chain(rows(a.body_history, row, histories * NEAR_BODIES))
     }
 
     /// Sends the own part of each row to all other ranks, and receives theirs.

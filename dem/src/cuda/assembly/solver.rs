@@ -13,7 +13,7 @@ use super::abi::{
     PlacedBody, Position, RareLoss, STEPS,
 };
 use super::error::CudaAssemblyError;
-use super::grid::Grid;
+use super::grid::{Grid, row_length};
 use super::kernels::{Kernels, THREADS};
 use super::losses::{LOSSES, SUM_THREADS, SumLosses};
 use super::output::WriteOutput;
@@ -89,13 +89,14 @@ struct DeviceDiscs<R: CudaReal> {
 impl<R: CudaReal> DeviceDiscs<R> {
     fn zeros(device: &Device, discs: usize, grid: &Grid) -> Result<Self, gpu::Error> {
         let (rows, histories) = (grid.rows as usize, grid.histories());
+        let row = row_length(discs);
         Ok(Self {
             disc: device.zeros(2 * discs)?,
             id: device.zeros(discs)?,
-            list: device.zeros(rows * discs)?,
-            history: device.zeros(histories * rows * discs)?,
+            list: device.zeros(rows * row)?,
+            history: device.zeros(histories * rows * row)?,
             near_bodies: device.zeros(discs)?,
-            body_history: device.zeros(histories * NEAR_BODIES * discs)?,
+            body_history: device.zeros(histories * NEAR_BODIES * row)?,
         })
     }
 }

@@ -110,15 +110,15 @@ extern "C" __global__ void assembly_reorder(Arrays a, Arrays b, Parameters p, co
     if (p.ranked != 0) a.sorted[n] = disc.place.x;
     const unsigned info = unsigned(disc.motion.info);
     for (unsigned row = 0; row < (info & ROWS_MASK); ++row) {
-        const size_t from = size_t(row) * p.discs + i;
-        const size_t to = size_t(row) * p.discs + n;
+        const size_t from = size_t(row) * p.row + i;
+        const size_t to = size_t(row) * p.row + n;
         b.list[to] = place_of[a.list[from]];
         remember(p, b.history[to], ROWS, memory_at(p, a.history[from], ROWS));
     }
     if ((info & BODIES_NEAR) == 0) return;
     b.near_bodies[n] = a.near_bodies[i];
     for (unsigned k = 0; k < 4; ++k) {
-        remember(p, b.body_history[size_t(k) * p.discs + n], NEAR_BODIES,
-                 memory_at(p, a.body_history[size_t(k) * p.discs + i], NEAR_BODIES));
+        remember(p, b.body_history[size_t(k) * p.row + n], NEAR_BODIES,
+                 memory_at(p, a.body_history[size_t(k) * p.row + i], NEAR_BODIES));
     }
 }

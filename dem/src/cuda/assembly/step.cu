@@ -46,6 +46,36 @@ __device__ inline Memory evaluate(const Parameters& p, const Contact& c, Real fr
 #endif
 }
 
+// Asks for what the warp that advances the discs from `first` on will read, so that it finds it in the L2 cache: the
+// places of blocks in memory are in the order in which they begin. A lane asks for a row.
+__device__ inline void prefetch(const Arrays& a, const Parameters& p, const Disc* now,
+                                unsigned first) {
+#if REAL_BITS == 32 && __CUDA_ARCH__ >= 900
+    constexpr unsigned LISTED = 10, TOUCHING = 6;
+    const unsigned lane = threadIdx.x % LANES;
+    first -= first % LANES;  // Slabs of ranks begin anywhere.
+    if (p.ahead == 0 || first + LANES > p.own[1]) return;
+    const void* from = now + first;
+    unsigned bytes = LANES * sizeof(Disc);
+    if (lane < LISTED) {
+        from = a.list + (size_t(min(lane, ROWS - 1)) * p.row + first);
+        bytes = LANES * sizeof(unsigned);
+    } else if (lane < LISTED + TOUCHING) {
+        from = a.history + (size_t(lane - LISTED) * p.row + first);
+        bytes = LANES * sizeof(History);
+    } else if (lane == LISTED + TOUCHING) {
+        from = a.reference + first;
+        bytes = LANES * sizeof(Position);
+    } else if (lane == LISTED + TOUCHING + 1) {
+        from = a.loss + first;
+        bytes = LANES * sizeof(Loss);
+    } else if (lane > LISTED + TOUCHING + 2) {
+        return;
+    }
+    asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" ::"l"(from), "r"(bytes));
+#endif
+}
+
 // Neighbours that are loaded together.
 constexpr unsigned BATCH = 2;
 
@@ -60,7 +90,7 @@ __device__ inline unsigned touch_discs(const Arrays& a, const Parameters& p, con
         Place place[BATCH];
 #pragma unroll
         for (unsigned k = 0; k < BATCH; ++k) {
-            other[k] = now + (first + k < count ? a.list[size_t(first + k) * p.discs + i] : i);
+            other[k] = now + (first + k < count ? a.list[size_t(first + k) * p.row + i] : i);
         }
 #pragma unroll
         for (unsigned k = 0; k < BATCH; ++k) place[k] = other[k]->place;
@@ -71,7 +101,7 @@ __device__ inline unsigned touch_discs(const Arrays& a, const Parameters& p, con
             const Real distance2 = l.x * l.x + l.y * l.y;
             const Real reach = disc.place.r + place[k].r;
             if (row >= count || distance2 >= reach * reach) continue;
-            History& history = a.history[size_t(row) * p.discs + i];
+            History& history = a.history[size_t(row) * p.row + i];
             const Memory before =
                 touched >> row & 1u ? memory_at(p, history, ROWS) : Memory{};
             const Contact c =
@@ -98,7 +128,7 @@ __device__ inline bool touch_bodies(const Arrays& a, const Parameters& p, const 
         const Vec l = branch_to(p, body, disc.place);
         const Real distance2 = l.x * l.x + l.y * l.y;
         if (distance2 == Real(0)) return false;
-        History& history = a.body_history[size_t(k) * p.discs + i];
+        History& history = a.body_history[size_t(k) * p.row + i];
         if (distance2 >= disc.place.r * disc.place.r) {
             remember(p, history, NEAR_BODIES, {});
             continue;
@@ -218,6 +248,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
     if (blockIdx.x == gridDim.x - 1) moved2 = move_bodies(a, p, c, step);
     if (i < p.own[1]) {
         const Disc* now = discs_before(a, p, step, k);
+        prefetch(a, p, now, i - threadIdx.x % LANES + p.ahead);
         Disc disc = now[i];
         if (disc.place.inv_mass != Real(0)) {
             Sums sum = {};

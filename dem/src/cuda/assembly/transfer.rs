@@ -3,7 +3,7 @@
 use nalgebra::Matrix2;
 
 use super::abi::{Body, Disc, History, Motion, NEAR_BODIES, Output, Place};
-use super::grid::Grid;
+use super::grid::{Grid, row_length};
 use crate::assembly::{
     Assembly, ContactMemory, GrainState, History as CpuHistory, RigidBox, Rolling, Sliding,
 };
@@ -31,34 +31,35 @@ impl<R: CudaReal> Host<R> {
     /// The discs of an assembly; lists hold the touching pairs only.
     pub fn from_assembly(assembly: &Assembly<R>, grid: &Grid) -> Self {
         let (count, rows) = (assembly.discs.len(), grid.rows as usize);
+        let length = row_length(count);
         let mut place_of = vec![0; count];
         for (place, &id) in assembly.ids.iter().enumerate() {
             place_of[id as usize] = place as u32;
         }
         let mut info = vec![0_u32; count];
-        let mut list = vec![0; rows * count];
-        let mut history = vec![History::default(); grid.histories() * rows * count];
+        let mut list = vec![0; rows * length];
+        let mut history = vec![History::default(); grid.histories() * rows * length];
         let memory = assembly.memory();
         for (a, b, contact) in memory.contacts() {
             for (own, other, contact) in [(a, b, contact), (b, a, contact.reversed())] {
                 let own = place_of[own as usize] as usize;
                 let row = info[own] & 31;
                 if (row as usize) < rows {
-                    list[row as usize * count + own] = place_of[other as usize];
-                    let at = row as usize * count + own;
+                    let at = row as usize * length + own;
+                    list[at] = place_of[other as usize];
                     put(&contact, &mut history, at, grid);
                     info[own] = (info[own] | 1 << (FIRST_ROW + row)) + 1;
                 }
             }
         }
         let mut near_bodies = vec![u32::MAX; count];
-        let mut body_history = vec![History::default(); grid.histories() * NEAR_BODIES * count];
+        let mut body_history = vec![History::default(); grid.histories() * NEAR_BODIES * length];
         for (id, body, contact) in memory.body_contacts() {
             let own = place_of[id as usize] as usize;
             let free = (0..NEAR_BODIES).find(|k| near_bodies[own] >> (8 * k) & 255 == NO_BODY);
             if let Some(k) = free {
                 near_bodies[own] &= !(255 << (8 * k)) | u32::from(body) << (8 * k);
-                put(&contact, &mut body_history, k * count + own, grid);
+                put(&contact, &mut body_history, k * length + own, grid);
                 info[own] |= BODIES_NEAR;
             }
         }
@@ -72,7 +73,7 @@ impl<R: CudaReal> Host<R> {
 
     /// Puts discs and contacts back into their assembly, and searches its neighbours.
     pub fn write_to(&self, assembly: &mut Assembly<R>, grid: &Grid) {
-        let count = self.disc.len();
+        let (count, length) = (self.disc.len(), row_length(self.disc.len()));
         let mut inertia = vec![R::default(); count];
         for (d, &id) in assembly.discs.iter().zip(&assembly.ids) {
             inertia[id as usize] = d.inv_inertia;
@@ -91,7 +92,7 @@ impl<R: CudaReal> Host<R> {
         for (i, disc) in self.disc.iter().enumerate() {
             let info = R::info_bits(disc.motion.info);
             for row in (0..info & 31).filter(|row| info >> (FIRST_ROW + row) & 1 == 1) {
-                let at = row as usize * count + i;
+                let at = row as usize * length + i;
                 let (own, other) = (self.id[i], self.list[at] as usize);
                 let fixed = self.disc[other].place.inv_mass == R::default();
                 // Both discs have the contact, a fixed one does not.
@@ -106,7 +107,7 @@ impl<R: CudaReal> Host<R> {
             for k in 0..NEAR_BODIES {
                 let body = self.near_bodies[i] >> (8 * k) & 255;
                 if body != NO_BODY {
-                    let contact = get(&self.body_history, k * count + i, grid);
+                    let contact = get(&self.body_history, k * length + i, grid);
                     bodies.push((self.id[i], body as u16, contact));
                 }
             }
