@@ -41,6 +41,10 @@ impl<R: Real> Substepping<R> {
     }
 }
 
+/// Solid fraction below which a stress-free RVE does not expand any more: a point that flies alone keeps its velocity
+/// gradient, and its area would grow without bound.
+const LEAST_SOLID_FRACTION: f64 = 0.01;
+
 /// Fewest stress samples in a macro step, if it has as many substeps.
 const MIN_SAMPLES: usize = 5;
 
@@ -203,7 +207,9 @@ impl<R: Real> Rve<R> {
     /// A stress-free RVE only keeps its area. Dense enough again, it restarts from `fresh`,
     /// scaled to that area: no overlaps as long as `fresh` is the denser of the two.
     fn advance_free(&mut self, area: f64, p: &RveParameters, fresh: &Packing<R>) -> RveState {
-        let solid_fraction = fresh.solid_fraction() * fresh.cell.area() / area;
+        let solid = fresh.solid_fraction() * fresh.cell.area();
+        let area = area.min(solid / LEAST_SOLID_FRACTION);
+        let solid_fraction = solid / area;
         self.free_area = Some(area);
         if solid_fraction >= p.free_solid_fraction {
             self.packing.clone_from(fresh);

@@ -17,7 +17,7 @@ use rstest::rstest;
 use tempfile::TempDir;
 
 /// Small packings that fail early.
-const RVE: &str = "[rve]\ndiscs = 60\n[grains]\noverlap_limit = 1";
+const RVE: &str = "[rve]\ndiscs = 60\nmax_solid_fraction = 100\n[grains]\noverlap_limit = 1";
 
 /// A small column that collapses over a barrier under a plate, 50 steps a frame.
 fn scene(material: &str, numerics: &str) -> Scene {

@@ -15,6 +15,9 @@ __device__ Real allowed_displacement2(const Header& h, const Matrix& cell) {
     return allowed > Real(0) ? allowed * allowed : Real(-1);
 }
 
+// As in dem/src/rve.rs.
+constexpr double LEAST_SOLID_FRACTION = 0.01;
+
 __device__ State free_state(double area, double solid_fraction) {
     State state = {};
     state.area = area;
@@ -47,8 +50,8 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
     if (h.free_area >= 0.0) {
         // A stress-free RVE only keeps its area; dense enough again, it restarts from the fresh
         // packing scaled to that area.
-        h.free_area *= exp((l.xx + l.yy) * dt);
         const Header& fresh = b.header[p.rves];
+        h.free_area = fmin(h.free_area * exp((l.xx + l.yy) * dt), fresh.solid / LEAST_SOLID_FRACTION);
         const double ratio = h.free_area / determinant(fresh.cell);
         const double solid_fraction = fresh.solid / h.free_area;
         b.state[rve] = free_state(h.free_area, solid_fraction);

@@ -67,6 +67,24 @@ fn nan_is_an_error() {
     assert!(element.advance(&Matrix2::zeros()).is_err());
 }
 
+/// However long it expands, an RVE fills a hundredth of its cell: its area stays finite, and it carries stress again
+/// after a compression by the same factor.
+#[test]
+fn a_free_rve_does_not_expand_without_bound() {
+    let p = parameters(20.0e3, DENSE);
+    let mut element = element(&p);
+    for _ in 0..400 {
+        element.advance(&(Matrix2::identity() * 500.0)).unwrap();
+    }
+    assert!(element.state.free && element.state.area.is_finite());
+    assert!((element.state.solid_fraction - 0.01).abs() < 1e-9, "{:?}", element.state);
+    // From 0.01 to 0.84 at 2 * 500 1/s: ln 84 / 1000 = 4.4 ms.
+    for _ in 0..46 {
+        element.advance(&(Matrix2::identity() * -500.0)).unwrap();
+    }
+    assert!(!element.state.free && element.state.stress.trace() > 0.0, "{:?}", element.state);
+}
+
 /// Denser than `max_solid_fraction` a cell takes no compression, but still shear and expansion. One macro step at
 /// 100 1/s compresses by 2 %.
 #[test]
