@@ -40,5 +40,5 @@ pub use lock::{FileLock, LockError};
 pub use output_file::OutputFile;
 pub use overwrite::{ReplacesInput, SameOutput, is_same, refuse_input, refuse_same};
 pub use sealed::{SealError, SealedWriter, read_sealed, seal};
-pub use terminal::{PrintError, print_note, print_result, printable};
+pub use terminal::{PrintError, divert_notes, print_note, print_result, printable};
 pub use timestamp::utc_now;

@@ -1,8 +1,23 @@
 //! Text for people: printing never ends a computation, and never controls the terminal.
 
 use std::borrow::Cow;
+use std::cell::RefCell;
 use std::fmt::Display;
 use std::io::{self, Write};
+
+/// Takes the notes of a thread.
+type Listener = Box<dyn Fn(&str)>;
+
+thread_local! {
+    /// Who gets the notes of this thread instead of the terminal.
+    static LISTENER: RefCell<Option<Listener>> = const { RefCell::new(None) };
+}
+
+/// Hands what the calling thread [notes](print_note) to `listener`, and prints none of its [results](print_result): for a
+/// program that embeds a command and returns its result in another way.
+pub fn divert_notes(listener: impl Fn(&str) + 'static) {
+    LISTENER.set(Some(Box::new(listener)));
+}
 
 /// Standard output is closed or full.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -13,6 +28,12 @@ pub struct PrintError(#[from] io::Error);
 /// computation goes on.
 pub fn print_note(text: impl Display) {
     let text = format!("{text}\n");
+    let is_diverted = LISTENER.with_borrow(|listener| {
+        listener.as_ref().map(|listener| listener(&printable(&text))).is_some()
+    });
+    if is_diverted {
+        return;
+    }
     let _ = io::stderr().lock().write_all(printable(&text).as_bytes());
 }
 
@@ -21,6 +42,9 @@ pub fn print_note(text: impl Display) {
 /// # Errors
 /// If the standard output is closed or full.
 pub fn print_result(text: impl Display) -> Result<(), PrintError> {
+    if LISTENER.with_borrow(Option::is_some) {
+        return Ok(());
+    }
     let text = text.to_string();
     let mut out = io::stdout().lock();
     out.write_all(printable(&text).as_bytes())?;
@@ -91,5 +115,22 @@ mod tests {
         assert_eq!(printable("\x1b]0;owned\x07"), "\u{fffd}]0;owned\u{fffd}");
         assert_eq!(printable("\x1b[2J"), "\u{fffd}[2J");
         assert_eq!(printable("a\rb\u{9b}c\x1b["), "a\u{fffd}b\u{fffd}c\u{fffd}[");
+    }
+
+    #[test]
+    fn notes_of_a_thread_can_be_diverted() {
+        use std::cell::RefCell;
+        use std::rc::Rc;
+        // A thread of its own, as others print their notes.
+        let heard = std::thread::spawn(|| {
+            let heard = Rc::new(RefCell::new(String::new()));
+            let listener = Rc::clone(&heard);
+            divert_notes(move |text| *listener.borrow_mut() += text);
+            crate::note!("one {}", 1);
+            print_result("a result that is lost").unwrap();
+            crate::note!("two\x07");
+            heard.take()
+        });
+        assert_eq!(heard.join().unwrap(), "one 1\ntwo\u{fffd}\n");
     }
 }

@@ -1,14 +1,24 @@
-"""Progress of a run in a notebook or a terminal."""
+"""What commands say while they run, in a notebook or a terminal."""
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 import warnings
+from pathlib import Path
 from typing import Any
+
+from . import _dempm
+from ._scene import FilePath
 
 #: Time between two lines where nothing can be drawn over, s.
 PAUSE = 30.0
+
+
+def command(program: str, *arguments: FilePath) -> None:
+    """Runs a command of a program, whose notes go to `sys.stderr`."""
+    _dempm.command(program, [os.fspath(argument) for argument in arguments], Watcher(show=False))
 
 
 class Watcher:
@@ -37,8 +47,14 @@ class Watcher:
             self._bar.update(done - self._bar.n)
 
     def warning(self, text: str) -> None:
-        # As if the caller of dempm.run had warned.
-        warnings.warn(text, stacklevel=3)
+        # As if who called the package had warned.
+        frame, level = sys._getframe(), 1
+        while frame.f_back and Path(frame.f_code.co_filename).parent == Path(__file__).parent:
+            frame, level = frame.f_back, level + 1
+        warnings.warn(text, stacklevel=level)
+
+    def note(self, text: str) -> None:
+        print(text, end="", file=sys.stderr, flush=True)
 
     def _has_bar(self, all: int, done: int) -> bool:
         if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
