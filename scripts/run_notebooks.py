@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Runs the notebooks of the Python package and keeps their outputs.
 
-Usage: run_notebooks.py [FOLDER]. Without a folder the notebooks themselves are written again. It needs the package,
-nbclient, ipykernel, tqdm, xarray and matplotlib.
+Usage: run_notebooks.py [FOLDER]. Without a folder the notebooks themselves are written again. It needs the package
+with its extras notebook and xarray, and nbclient.
 """
 
 import sys

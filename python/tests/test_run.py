@@ -79,12 +79,6 @@ def test_xarray(run):
     assert set(run.to_xarray(["position"]).data_vars) == {"position", "mass", *run.budget}
 
 
-def test_warnings_point_to_the_caller():
-    with pytest.warns(UserWarning, match="noisy material") as warned:
-        dempm.run({**SCENE, "duration": 0.01}, device="cpu", progress=False)
-    assert warned[0].filename == __file__
-
-
 def test_errors_are_those_of_the_commands(run, tmp_path):
     with pytest.raises(dempm.Error, match="did you mean `column`"):
         dempm.run({**SCENE, "colunm": []})
