@@ -4,6 +4,12 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 use std::fmt::Display;
 use std::io::{self, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether nobody wants information besides results, warnings and errors.
+static QUIET: AtomicBool = AtomicBool::new(false);
+/// Whether the standard output belongs to one JSON object.
+static JSON: AtomicBool = AtomicBool::new(false);
 
 /// Takes the notes of a thread.
 type Listener = Box<dyn Fn(&str)>;
@@ -23,6 +29,26 @@ pub fn divert_notes(listener: impl Fn(&str) + 'static) {
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[error("cannot write to the standard output")]
 pub struct PrintError(#[from] io::Error);
+
+/// Whether [`inform!`] and [`announce!`] write nothing from now on, and there are no lines of progress: `--quiet`.
+pub fn set_quiet(quiet: bool) {
+    QUIET.store(quiet, Ordering::Relaxed);
+}
+
+/// What [`set_quiet`] has set.
+pub fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
+/// Whether [`announce!`] writes nothing from now on: the standard output is for [`print_result`] alone.
+pub fn set_json(json: bool) {
+    JSON.store(json, Ordering::Relaxed);
+}
+
+/// Whether [`announce!`] writes anything.
+pub fn announces() -> bool {
+    !is_quiet() && !JSON.load(Ordering::Relaxed)
+}
 
 /// Writes `text` and a line feed to the standard error stream. Where nobody reads it, it is lost, and the
 /// computation goes on.
@@ -57,6 +83,16 @@ macro_rules! note {
     ($($format:tt)*) => { $crate::print_note(::std::format_args!($($format)*)) };
 }
 
+/// As [`note!`], for what is no warning: silent after [`set_quiet`].
+#[macro_export]
+macro_rules! inform {
+    ($($format:tt)*) => {
+        if !$crate::is_quiet() {
+            $crate::print_note(::std::format_args!($($format)*));
+        }
+    };
+}
+
 /// Writes a formatted line to the standard output, as `println!` does, for a command whose product is text.
 /// Gives a [`PrintError`] if it is closed or full.
 #[macro_export]
@@ -66,11 +102,14 @@ macro_rules! out {
     };
 }
 
-/// As [`out!`], for a command whose product is a file: where nobody reads the line, it is lost.
+/// As [`out!`], for a command whose product is a file: where nobody reads the line, it is lost. Silent after
+/// [`set_quiet`] and [`set_json`].
 #[macro_export]
 macro_rules! announce {
     ($($format:tt)*) => {
-        ::std::mem::drop($crate::out!($($format)*))
+        if $crate::announces() {
+            ::std::mem::drop($crate::out!($($format)*))
+        }
     };
 }
 

@@ -122,8 +122,7 @@ def dataset(
     options: list[str] = [f"--device={device}", *(f"--only={name}" for name in only)]
     if jobs is not None:
         options.append(f"--jobs={jobs}")
-    if overwrite:
-        options.append("--overwrite")
+    options.append("--overwrite" if overwrite else "--resume")
     with contextlib.ExitStack() as stack:
         values = _list_of_scenes(scenes, stack) if isinstance(scenes, Mapping) else scenes
         file = stack.enter_context(_scene.as_file(values))
