@@ -197,7 +197,7 @@ fn runs_are_compared() {
         let output = compare(run);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let text = String::from_utf8(output.stdout).unwrap();
-        let rows = text.lines().filter(|line| line.contains(run));
+        let rows = text.lines().filter(|line| line.starts_with("| ") && line.contains(run));
         rows.map(|row| row.split('|').filter_map(|cell| cell.trim().parse().ok()).collect())
             .collect()
     };
