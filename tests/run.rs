@@ -130,6 +130,11 @@ fn a_batch_system_sees_lines_of_progress() {
         assert!(line.contains(part), "{line}");
     }
     assert_eq!(said(&["--quiet"]), ["", ""]);
+    let json: serde_json::Value = serde_json::from_str(&said(&["--json"])[0]).unwrap();
+    assert_eq!((&json["status"], &json["step"]), (&"finished".into(), &1000.into()));
+    let front = json["summary"]["front"].as_f64().unwrap();
+    let [text, _] = said(&[]);
+    assert!(text.contains(&format!("  front                 {front:.3} m\n")), "{text}");
 }
 
 #[test]

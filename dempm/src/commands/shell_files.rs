@@ -20,11 +20,11 @@ const SHELLS: [Shell; 3] = [Shell::Bash, Shell::Zsh, Shell::Fish];
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn shell_files(args: &ShellFilesArgs, mut program: Command) -> miette::Result<()> {
+pub fn shell_files(args: &ShellFilesArgs, program: Command) -> miette::Result<()> {
     let name = program.get_name().to_owned();
     for shell in SHELLS {
         let mut text = Vec::new();
-        clap_complete::generate(shell, &mut program, &name, &mut text);
+        clap_complete::generate(shell, &mut program.clone(), &name, &mut text);
         let file = match shell {
             Shell::Zsh => format!("_{name}"),
             Shell::Fish => format!("{name}.fish"),
@@ -33,6 +33,7 @@ pub fn shell_files(args: &ShellFilesArgs, mut program: Command) -> miette::Resul
         let folder = args.folder.join("completions").join(shell.to_string());
         write_text(&folder.join(file), &String::from_utf8_lossy(&text))?;
     }
+    let mut program = program.disable_help_subcommand(true);
     program.build();
     let commands = program.get_subcommands().filter(|command| !command.is_hide_set());
     for command in std::iter::once(&program).chain(commands) {
