@@ -6,6 +6,7 @@
 # make doc     documentation of the crates: target/doc
 # make docs    the documentation as a book: target/book/index.html
 # make build   all programs
+# make completions  completions of shells and manual pages: out/dist, or DIST=folder
 # make wheel   the Python package, for Python 3.9 and later: target/wheels
 
 # Programs of the workspace, one crate each.
@@ -15,7 +16,7 @@ PROGRAMS := dempm surrogate validation
 CARGO := scripts/with-cmake cargo
 RUN := $(CARGO) run --release --quiet --package
 
-.PHONY: demo learn test lint doc docs build wheel
+.PHONY: demo learn test lint doc docs build completions wheel
 .DELETE_ON_ERROR:
 
 demo: build-dempm
@@ -58,6 +59,11 @@ doc:
 docs:
 	@command -v mdbook >/dev/null || { echo 'mdbook is missing: cargo install mdbook --locked'; exit 1; }
 	mdbook build
+
+DIST := out/dist
+
+completions: build
+	for program in $(PROGRAMS); do target/release/$$program --quiet shell-files $(DIST) || exit 1; done
 
 build: $(PROGRAMS:%=build-%)
 

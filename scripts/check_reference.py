@@ -13,6 +13,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 COMMANDS = ROOT / "docs/commands.md"
 TRAINING = ROOT / "docs/training.md"
+# The options that all programs take: the struct `TerminalArgs` of dempm.
+SHARED = "dempm terminal"
 # Structs of training files and their sections in the reference.
 TABLES = {
     "TrainConfig": "# Training files",
@@ -56,9 +58,10 @@ def main():
     problems = []
     commands = COMMANDS.read_text()
     counted = 0
-    for crate in ("dempm", "surrogate", "validation"):
-        for command, long in options(crate):
-            program = f"{crate} {command}".strip()
+    programs = ("dempm", "surrogate", "validation")
+    found = [(f"{crate} {command}".strip(), long) for crate in programs for command, long in options(crate)]
+    for name, long in found:
+        for program in programs if name == SHARED else (name,):
             row = rf"^\| `{program}` \| default.*?(?=\n\n|\Z)"
             table = re.search(row, commands, re.MULTILINE | re.DOTALL)
             for option in long:

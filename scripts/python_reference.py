@@ -15,7 +15,7 @@ MARK = "<!-- From here on written by scripts/python_reference.py. -->\n"
 # Modules and what of them is public, in the order of the page.
 MODULES = {
     "dempm": ["run", "open", "Run", "plot", "Picture", "check", "Check", "element", "dataset"],
-    "dempm.surrogate": ["rollout"],
+    "dempm.surrogate": ["rollout", "train"],
     "dempm.torch": ["Windows", "Window", "Batch", "collate", "TGNNS", "rollout", "Config", "Training", "Normalisation",
                     "Graph", "radius_graph"],
 }
@@ -98,7 +98,7 @@ def reference():
     for module, names in MODULES.items():
         about, found = definitions(module)
         level = "##"
-        if len(names) > 1 and module != "dempm":
+        if module != "dempm":
             text += [f"## {module}", about]
             level = "###"
         for name in names:

@@ -135,7 +135,13 @@ fn a_list_becomes_a_data_set_that_is_not_made_twice() {
     statistics_are_those_of_the_training_set(&set);
 
     let before: Vec<_> = files.iter().map(|f| f.metadata().unwrap().modified().unwrap()).collect();
-    let again = succeeds(&mut dempm(directory.path(), &run));
+    let error = fails(&mut dempm(directory.path(), &run));
+    assert!(
+        error.contains("train/000.h5: is there already") && error.contains("--resume"),
+        "{error}"
+    );
+    let resume = [&run[..], &["--resume"]].concat();
+    let again = succeeds(&mut dempm(directory.path(), &resume));
     assert!(String::from_utf8_lossy(&again.stderr).contains("9 of 9 scenes are complete"));
     let after: Vec<_> = files.iter().map(|f| f.metadata().unwrap().modified().unwrap()).collect();
     assert_eq!(before, after);
@@ -143,7 +149,7 @@ fn a_list_becomes_a_data_set_that_is_not_made_twice() {
     // Another scene under the name of one that is there.
     let changed = LIST.replace("[1.0, 0.25]", "[1.0, 0.5]");
     std::fs::write(directory.path().join("list.toml"), changed).unwrap();
-    let error = fails(&mut dempm(directory.path(), &run));
+    let error = fails(&mut dempm(directory.path(), &resume));
     assert!(error.contains("002.h5") && error.contains("--overwrite"), "{error}");
 }
 
@@ -193,7 +199,8 @@ fn an_interrupted_data_set_goes_on_bitwise() {
                 [[test]]\n";
     let directory = folder(&base, list);
     let run = |output: &str, more: &[&str]| {
-        let words = ["dataset", "list.toml", "-o", output, "--checkpoint-interval", "0"];
+        let words =
+            ["dataset", "list.toml", "-o", output, "--checkpoint-interval", "0", "--resume"];
         let mut command = dempm(directory.path(), &words);
         command.args(more).stdout(Stdio::null()).stderr(Stdio::null());
         command
@@ -248,7 +255,7 @@ fn a_damaged_file_does_not_stop_the_others() {
     let list = "scene = \"base.toml\"\n[[train]]\ngrid.column.0.corner = [[0.0, 0.0], [1.0, 0.0]]\n\
                 [[test]]\n";
     let directory = folder(BASE, list);
-    let run = || dempm(directory.path(), &["dataset", "list.toml", "-o", "set"]);
+    let run = || dempm(directory.path(), &["dataset", "list.toml", "-o", "set", "--resume"]);
     succeeds(&mut run());
     let file = |name: &str| directory.path().join("set").join(name);
     let whole = bits(&file("train/001.h5"));

@@ -168,39 +168,36 @@ fn models_are_compared_with_discs() {
 
     // The same from the command line.
     let [packings, truth] = case.drawn(&mut context).unwrap().unwrap();
-    let json = directory.path().join("found.json");
-    let output = Command::new(program)
-        .arg("compare")
-        .arg(&packings.output)
-        .arg("--truth")
-        .arg(&truth.output)
-        .arg("--times=0.04,0.1")
-        .arg("--json")
-        .arg(&json)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let text = String::from_utf8(output.stdout).unwrap();
+    let compare = |more: &str| {
+        let mut command = Command::new(&program);
+        command.arg("compare").arg(&packings.output).arg("--truth").arg(&truth.output).arg(more);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let text = compare("--times=0.04,0.1");
     assert!(text.starts_with("Truth: discs, seeds 1."), "{text}");
     assert_eq!(text.lines().filter(|line| line.contains("trajectory.h5")).count(), 3, "{text}");
-    let found: Value = serde_json::from_str(&read(&json)).unwrap();
-    assert_eq!(found[0]["rows"].as_array().unwrap().len(), 5);
+    let found: Value = serde_json::from_str(&compare("--json")).unwrap();
+    assert_eq!((&found["truth"], &found["seeds"]), (&"discs".into(), &serde_json::json!([1])));
+    assert_eq!(found["runs"][0]["rows"].as_array().unwrap().len(), 5);
 }
 
 #[test]
 fn runs_are_compared() {
     let directory = TempDir::new().unwrap();
     fixture(directory.path());
-    let compare = |run: &str| {
+    let compare_with = |run: &str, more: &[&str]| {
         let mut command = Command::new(cargo_bin("validation"));
         command.current_dir(directory.path().join("data"));
-        command.args(["compare", "test/col2x2.h5", run]).output().unwrap()
+        command.args(["compare", "test/col2x2.h5", run]).args(more).output().unwrap()
     };
+    let compare = |run: &str| compare_with(run, &[]);
     let cells = |run: &str| -> Vec<Vec<f64>> {
         let output = compare(run);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let text = String::from_utf8(output.stdout).unwrap();
-        let rows = text.lines().filter(|line| line.contains(run));
+        let rows = text.lines().filter(|line| line.starts_with("| ") && line.contains(run));
         rows.map(|row| row.split('|').filter_map(|cell| cell.trim().parse().ok()).collect())
             .collect()
     };
@@ -209,12 +206,22 @@ fn runs_are_compared() {
     assert_eq!(same.len(), 5);
     assert!(same.iter().all(|row| row.len() == 7 && row[1..].iter().all(|&x| x == 0.0)));
     // The same column 0.375 m to the right, in a box of 1 m: at first it has only been moved.
-    let [time, mse, front, mass_front, ..] = cells("valid/case1.h5")[0][..] else {
+    let [time, distance, front, mass_front, ..] = cells("valid/case1.h5")[0][..] else {
         panic!("an empty row")
     };
     assert_eq!(time, 0.02);
-    assert!((mse - 0.375 * 0.375).abs() < 1e-3 && (front - 0.375).abs() < 1e-3);
+    assert!((distance - 0.375).abs() < 1e-3 && (front - 0.375).abs() < 1e-3);
     assert!((mass_front - 0.375).abs() < 1e-3);
+
+    let said = String::from_utf8(compare("valid/case1.h5").stdout).unwrap();
+    assert!(said.contains("valid/case1.h5: 24 points, one by one."), "{said}");
+    // All frames but the first, which is given.
+    let json = compare_with("valid/case1.h5", &["--json"]).stdout;
+    let json: Value = serde_json::from_slice(&json).unwrap();
+    let run = &json["runs"][0];
+    assert_eq!((&run["parts"], &run["one_by_one"]), (&24.into(), &true.into()));
+    assert_eq!(run["rows"].as_array().unwrap().len(), 20);
+    assert!((run["rows"][0]["distance"].as_f64().unwrap() - 0.375).abs() < 1e-3);
 
     let wrong = compare("no.h5");
     assert!(!wrong.status.success());

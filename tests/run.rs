@@ -110,6 +110,33 @@ fn a_killed_run_resumes_bitwise() {
     assert_eq!(bits(&cut), bits(&directory.path().join("whole.h5")));
 }
 
+/// Off a terminal a run writes lines of progress, here 50 a second, and with `--quiet` none, nor a summary.
+#[test]
+fn a_batch_system_sees_lines_of_progress() {
+    let directory = TempDir::new().unwrap();
+    let scene = scene(directory.path(), 0.1);
+    let said = |more: &[&str]| {
+        let mut command = dempm(directory.path());
+        command.arg("run").arg(&scene).args(["--overwrite"]).args(more);
+        let output = command.env("DEMPM_PROGRESS_SECONDS", "0.02").output().unwrap();
+        assert!(output.status.success());
+        [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap())
+    };
+    let [_, lines] = said(&[]);
+    let line = lines.lines().rfind(|line| line.starts_with("step ")).unwrap_or_else(|| {
+        panic!("no line of progress in {lines:?}");
+    });
+    for part in [" of 1000 (", " %), ", " steps/s, ", " left"] {
+        assert!(line.contains(part), "{line}");
+    }
+    assert_eq!(said(&["--quiet"]), ["", ""]);
+    let json: serde_json::Value = serde_json::from_str(&said(&["--json"])[0]).unwrap();
+    assert_eq!((&json["status"], &json["step"]), (&"finished".into(), &1000.into()));
+    let front = json["summary"]["front"].as_f64().unwrap();
+    let [text, _] = said(&[]);
+    assert!(text.contains(&format!("  front                 {front:.3} m\n")), "{text}");
+}
+
 #[test]
 #[cfg(unix)]
 fn ctrl_c_leaves_a_checkpoint() {
@@ -147,8 +174,18 @@ fn nothing_is_overwritten_by_accident() {
     let error = fails(&mut run(), 1);
     assert!(error.contains("kept.h5") && error.contains("--overwrite"), "{error}");
     assert_eq!(before, std::fs::read(directory.path().join("kept.h5")).unwrap());
-    let error = fails(run().arg("--resume"), 1);
-    assert!(error.contains("nothing to resume"), "{error}");
+    // One line serves a queue: what is finished succeeds at once and stays.
+    let again = run().arg("--resume").output().unwrap();
+    assert!(again.status.success());
+    assert_eq!(String::from_utf8_lossy(&again.stdout), "kept.h5: finished already\n");
+    assert_eq!(before, std::fs::read(directory.path().join("kept.h5")).unwrap());
+    // Another scene is another run, which is not this one.
+    let other = directory.path().join("other.toml");
+    std::fs::write(&other, std::fs::read_to_string(&scene).unwrap() + "# other\n").unwrap();
+    let mut resume = dempm(directory.path());
+    resume.arg("run").arg(&other).args(["-o", "kept.h5", "--resume"]);
+    let error = fails(&mut resume, 1);
+    assert!(error.contains("nothing to resume") && error.contains("another scene"), "{error}");
     assert!(run().arg("--overwrite").status().unwrap().success());
 
     // What is read is not replaced, whoever asks for it.

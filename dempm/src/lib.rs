@@ -41,6 +41,7 @@
 pub mod bench;
 pub mod check;
 pub mod commands;
+pub mod comparison;
 pub mod dataset;
 pub mod device;
 pub mod element;

@@ -1,12 +1,13 @@
 //! The command line of `dempm`, for its program and for programs that embed it.
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use files::{note, report_size_limits_as_errors};
 
+use crate::commands::shell_files::{ShellFilesArgs, shell_files};
+use crate::commands::terminal::TerminalArgs;
 use crate::commands::{bench, check, dataset, element, export, info, plot, run};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
@@ -15,9 +16,8 @@ use crate::commands::{bench, check, dataset, element, export, info, plot, run};
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// Report the device, and why it is not a GPU.
-    #[arg(short, long, global = true)]
-    verbose: bool,
+    #[command(flatten)]
+    terminal: TerminalArgs,
 }
 
 #[derive(Subcommand)]
@@ -27,23 +27,20 @@ enum Command {
     /// Simulate many scenes into a data set: the scenes of the paper, or your own list.
     Dataset(dataset::DatasetArgs),
     /// Estimate the cost of a scene and warn about it, without simulating.
-    Check {
-        /// Scene file (TOML).
-        scene: PathBuf,
-    },
+    Check(check::CheckArgs),
     /// Drive one packing along a path of strain and stress.
     Element(element::ElementArgs),
     /// Measure the speed of this machine, as tables in Markdown.
     Bench(bench::BenchArgs),
     /// Summarise a trajectory file.
-    Info {
-        /// Trajectory file (HDF5).
-        file: PathBuf,
-    },
-    /// Draw frames of a trajectory, or animate it.
+    Info(info::InfoArgs),
+    /// Draw or animate trajectories, compare them, or chart element tests.
     Plot(plot::PlotArgs),
     /// Write a trajectory or a data set in another format.
     Export(export::ExportArgs),
+    /// Write completions and manual pages.
+    #[command(hide = true)]
+    ShellFiles(ShellFilesArgs),
 }
 
 impl Arguments {
@@ -53,16 +50,18 @@ impl Arguments {
     /// Those of the command.
     pub fn run(self) -> miette::Result<ExitCode> {
         let done = |()| ExitCode::SUCCESS;
-        let Self { command, verbose } = self;
+        let Self { command, terminal } = self;
+        let verbose = terminal.apply();
         match command {
             Command::Run(args) => run::run(&args, verbose),
             Command::Dataset(args) => dataset::dataset(&args, verbose),
-            Command::Check { scene } => check::check(&scene).map(done),
+            Command::Check(args) => check::check(&args).map(done),
             Command::Element(args) => element::element(&args).map(done),
             Command::Bench(args) => bench::bench(&args, verbose).map(done),
-            Command::Info { file } => info::info(&file).map(done),
+            Command::Info(args) => info::info(&args).map(done),
             Command::Plot(args) => plot::plot(&args).map(done),
             Command::Export(args) => export::export(&args).map(done),
+            Command::ShellFiles(args) => shell_files(&args, Self::command()).map(done),
         }
     }
 }

@@ -50,6 +50,26 @@ fn writes_the_path() {
     assert!(number(6, "sxy") > 1e3);
 }
 
+/// Paths of several tests share a picture, whose name says so; the second line is in the second colour.
+#[test]
+fn paths_are_charted() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, seed) in [("a", 1), ("b", 2)] {
+        let test = format!("seed = {seed}\n{TEST}");
+        fs::write(folder.path().join(format!("{name}.toml")), test).unwrap();
+        element(folder.path()).arg(format!("{name}.toml")).assert().success();
+    }
+    let mut plot = cargo_bin_cmd!("dempm");
+    plot.current_dir(folder.path()).args(["plot", "a.csv", "b.csv", "--width", "800"]);
+    plot.assert().success().stdout("a-and-b.png\n");
+    let picture = image::open(folder.path().join("a-and-b.png")).unwrap().to_rgb8();
+    assert_eq!(picture.width(), 800);
+    for colour in [[0x00, 0x72, 0xB2], [0xD5, 0x5E, 0x00]] {
+        let near = |p: &image::Rgb<u8>| p.0.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 12);
+        assert!(picture.pixels().filter(|p| near(p)).count() > 200, "{colour:?}");
+    }
+}
+
 /// Without a name the path lies where the command was given, not beside the test; a place that
 /// takes no file is refused before anything is computed.
 #[test]

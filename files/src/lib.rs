@@ -7,7 +7,8 @@
 //! - [`OutputFile`]: keeps the system's reason for a failed write;
 //! - [`SealedWriter`] and [`read_sealed`]: a file that is read back shows any damage;
 //! - [`Interrupt`]: Ctrl-C and SIGTERM end a computation in order;
-//! - [`note!`] and [`print_result`]: printing never ends a computation.
+//! - [`note!`] and [`print_result`]: printing never ends a computation;
+//! - [`Heartbeat`]: lines of progress where there is no terminal.
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -23,6 +24,7 @@
 
 mod atomic;
 mod csv;
+mod heartbeat;
 mod interrupt;
 mod lock;
 mod output_file;
@@ -35,10 +37,14 @@ pub use atomic::{
     AtomicFile, WriteError, check_writable, path_beside, write_atomically, write_text,
 };
 pub use csv::csv_cell;
+pub use heartbeat::{Heartbeat, Pace, duration};
 pub use interrupt::{Guard, INTERRUPTED, Interrupt, InterruptError, report_size_limits_as_errors};
 pub use lock::{FileLock, LockError};
 pub use output_file::OutputFile;
 pub use overwrite::{ReplacesInput, SameOutput, is_same, refuse_input, refuse_same};
 pub use sealed::{SealError, SealedWriter, read_sealed, seal};
-pub use terminal::{PrintError, print_note, print_result, printable};
+pub use terminal::{
+    PrintError, announces, divert_notes, is_quiet, print_note, print_result, printable, set_json,
+    set_quiet,
+};
 pub use timestamp::utc_now;

@@ -6,8 +6,10 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use cudarc::nvrtc::{result, sys};
 use files::{WriteError, read_sealed, seal, write_atomically};
 
+use crate::ahead;
 use crate::cache_directory;
 use crate::error::Error;
+use crate::source::Source;
 
 /// First part of every source.
 const PRELUDE: &str = include_str!("await_turn.cuh");
@@ -97,8 +99,7 @@ unsafe fn get_cubin(program: sys::nvrtcProgram) -> Result<Vec<u8>, result::Nvrtc
     }
 }
 
-/// As [`compile`], with the cache. Its key is all that the result depends on, the version of the
-/// `driver` included.
+/// As [`compile`], with the cache, for a version of the `driver`.
 pub(crate) fn compile_cached(
     name: &str,
     source: &str,
@@ -106,13 +107,50 @@ pub(crate) fn compile_cached(
     defines: &[String],
     driver: (i32, i32),
 ) -> Result<Vec<u8>, Error> {
+    let key = key(source, architecture, defines, driver)?;
+    ahead::take(key, || find_or_compile(name, source, architecture, defines, key))
+}
+
+/// Starts to compile sources side by side in threads; what is in the cache is read. [`compile_cached`] waits for them
+/// and reports errors.
+pub(crate) fn compile_ahead(
+    sources: impl IntoIterator<Item = Source>,
+    architecture: &str,
+    driver: (i32, i32),
+) {
+    for Source { name, text, defines } in sources {
+        if let Ok(key) = key(&text, architecture, &defines, driver) {
+            let architecture = architecture.to_owned();
+            ahead::start(key, move || find_or_compile(name, &text, &architecture, &defines, key));
+        }
+    }
+}
+
+/// All that a compiled source depends on, the version of the `driver` included.
+fn key(
+    source: &str,
+    architecture: &str,
+    defines: &[String],
+    driver: (i32, i32),
+) -> Result<u64, Error> {
     let nvrtc = nvrtc_version()?;
     let mut hasher = DefaultHasher::new();
     (PRELUDE, source, architecture, defines, driver, nvrtc, env!("CARGO_PKG_VERSION"))
         .hash(&mut hasher);
+    Ok(hasher.finish())
+}
+
+/// Reads a compiled source from the cache, or compiles it and adds it there.
+fn find_or_compile(
+    name: &str,
+    source: &str,
+    architecture: &str,
+    defines: &[String],
+    key: u64,
+) -> Result<Vec<u8>, Error> {
     let file = cache_directory().map(|folder| {
         let stem = name.trim_end_matches(".cu");
-        folder.join(format!("{stem}-{architecture}-{:016x}.cubin", hasher.finish()))
+        folder.join(format!("{stem}-{architecture}-{key:016x}.cubin"))
     });
     // A damaged one is compiled again.
     if let Some(cubin) = file.as_ref().and_then(|file| read_sealed(file).ok()) {

@@ -11,8 +11,9 @@ use cudarc::driver::{
 use cudarc::nvrtc::Ptx;
 use files::note;
 
-use crate::compiler::{compile_cached, nvrtc_is_present, nvrtc_version};
+use crate::compiler::{compile_ahead, compile_cached, nvrtc_is_present, nvrtc_version};
 use crate::error::Error;
+use crate::source::Source;
 
 /// Limits on thread blocks.
 #[derive(Clone, Copy, Debug)]
@@ -181,6 +182,12 @@ impl Device {
         Ok(self.context.load_module(Ptx::from_binary(cubin))?)
     }
 
+    /// Starts to compile sources for this GPU side by side, in threads, and returns at once. [`module`](Self::module)
+    /// waits for the one that it loads. A source that does not compile, or is not loaded after all, does no harm.
+    pub fn compile_ahead(&self, sources: impl IntoIterator<Item = Source>) {
+        compile_ahead(sources, &self.architecture, self.driver);
+    }
+
     /// Checks that `needed` bytes are free.
     ///
     /// # Errors
@@ -287,5 +294,29 @@ mod tests {
         assert!(check_versions((12, 2), (12, 8)).is_ok());
         let text = check_versions((11, 8), (12, 4)).unwrap_err().to_string();
         assert!(text.contains("CUDA 11.8") && text.contains("12.4") && text.contains("update"));
+    }
+
+    /// Without a GPU too: kernels compiled side by side are those compiled alone, and one that fails tells why.
+    #[test]
+    fn kernels_compile_side_by_side() {
+        if !nvrtc_for_tests() {
+            return;
+        }
+        let source = |k: usize| Source {
+            name: "ahead.cu",
+            text: "extern \"C\" __global__ void k(float* x) { x[0] = K; }".to_owned(),
+            defines: vec![format!("K={k}")],
+        };
+        let wrong = Source { text: "not CUDA".to_owned(), ..source(0) };
+        let driver = (12, 4);
+        compile_ahead((1..4).map(source).chain([wrong.clone()]), "sm_80", driver);
+        let load = |Source { name, text, defines }: Source| {
+            compile_cached(name, &text, "sm_80", &defines, driver)
+        };
+        for Source { name, text, defines } in (1..4).map(source) {
+            let alone = crate::compile(name, &text, "sm_80", &defines).unwrap();
+            assert_eq!(load(Source { name, text, defines }).unwrap(), alone);
+        }
+        assert!(load(wrong).unwrap_err().to_string().contains("ahead.cu"));
     }
 }

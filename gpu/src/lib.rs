@@ -10,6 +10,7 @@
 #![warn(missing_docs)]
 
 mod abi;
+mod ahead;
 mod cache;
 mod compiler;
 mod device;
@@ -17,6 +18,7 @@ mod error;
 mod launch;
 mod pointer;
 pub mod ranks;
+mod source;
 
 pub use abi::{CudaDefinition, CudaName, CudaType, define_struct};
 pub use cache::cache_directory;
@@ -27,3 +29,4 @@ pub use device::{Device, Limits, for_tests, nvrtc_for_tests};
 pub use error::Error;
 pub use launch::{CHECK_PARAMETERS, Function, Kernel, Launch, check_parameters};
 pub use pointer::{ConstPointer, Pointer};
+pub use source::Source;

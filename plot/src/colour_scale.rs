@@ -3,9 +3,6 @@
 use plotters::style::RGBColor;
 use plotters::style::colors::colormaps::{ColorMap, ViridisRGB};
 
-/// Colour of values that are not finite.
-const UNKNOWN: RGBColor = RGBColor(150, 150, 150);
-
 /// A map from values to colours: viridis, or diverging from blue to red if `signed`.
 #[derive(Clone, Copy, Debug)]
 pub struct ColourScale {
@@ -77,10 +74,13 @@ impl Range {
 }
 
 impl ColourScale {
+    /// Colour of values that are not finite: grey.
+    pub const UNKNOWN: RGBColor = RGBColor(150, 150, 150);
+
     /// The colour of a value.
     pub fn colour(&self, value: f64) -> RGBColor {
         let value = if self.log { value.max(f64::MIN_POSITIVE).log10() } else { value };
-        if value.is_finite() { self.at(self.range.fraction(value)) } else { UNKNOWN }
+        if value.is_finite() { self.at(self.range.fraction(value)) } else { Self::UNKNOWN }
     }
 
     /// The colour at a position on the colour bar, from 0 to 1.

@@ -1,7 +1,7 @@
 //! Charts, raster figures and animations that look the same on every machine.
 //!
 //! - [`Chart`]: an SVG chart with axes, series and a legend, readable on light and dark pages;
-//! - [`Canvas`] and [`Pen`]: antialiased drawing into a raster image;
+//! - [`Canvas`] and [`Pen`]: antialiased drawing into a raster image, and [`Graph`], a chart of lines in one;
 //! - [`ColourScale`]: from numbers to colours, with robust ranges ([`Range`]) and [`ticks`];
 //! - [`Gif`]: an animation of images with one palette.
 //!
@@ -27,16 +27,18 @@ mod colour_scale;
 mod error;
 mod font;
 mod gif;
+mod graph;
 mod number;
 mod palette;
 mod ticks;
 
 pub use canvas::{Anchor, Canvas, INK, Pen, PenError};
-pub use chart::{Axis, Chart, Mark, Series, dark_style, inlined};
+pub use chart::{Axis, Chart, Mark, Series, dark_style, inlined, series_colour};
 pub use colour_scale::{ColourScale, Range};
 pub use error::PlotError;
 pub use font::{FONT, register_font};
 pub use gif::Gif;
+pub use graph::{Curve, Graph};
 pub use number::number;
 pub use palette::Palette;
 /// The colour type of all drawing functions.

@@ -3,17 +3,21 @@
 use std::collections::HashMap;
 
 use image::RgbImage;
+use plotters::style::RGBColor;
 
 use crate::colour_scale::ColourScale;
 
-/// Colours of the map itself.
+/// Colours of the map itself, and of others with their mixtures.
 const PURE: usize = 128;
 /// Colours of the map that are also mixed with white, for antialiased edges, in these shares.
 const MIXED: usize = 32;
 const SHARES: [f64; 3] = [0.75, 0.5, 0.25];
 const GREYS: usize = 256 - PURE - MIXED * SHARES.len();
 
-/// A palette for figures that consist of a colour scale, greys and mixtures of the scale with white.
+/// Most other colours.
+const MOST_OTHERS: usize = 16;
+
+/// A palette for figures that consist of a colour scale, greys, some other colours and mixtures with white.
 /// It needs no dithering, and the same for all frames, it does not flicker.
 #[derive(Clone, Debug)]
 pub struct Palette {
@@ -22,16 +26,20 @@ pub struct Palette {
 }
 
 impl Palette {
-    /// The palette of figures with this colour scale.
-    pub fn new(scale: &ColourScale) -> Self {
+    /// The palette of figures with this colour scale and up to 16 `others`.
+    pub fn new(scale: &ColourScale, others: &[RGBColor]) -> Self {
+        let others = &others[..others.len().min(MOST_OTHERS)];
+        let pure = PURE - others.len() * (1 + SHARES.len());
         let map = |index: usize, of: usize| {
             let colour = scale.at(index as f64 / (of - 1) as f64);
             [colour.0, colour.1, colour.2]
         };
-        let mut colours: Vec<[u8; 3]> = (0..PURE).map(|index| map(index, PURE)).collect();
+        let mut colours: Vec<[u8; 3]> = (0..pure).map(|index| map(index, pure)).collect();
+        colours.extend(others.iter().map(|colour| [colour.0, colour.1, colour.2]));
         for share in SHARES {
             let mix = |c: u8| (share * f64::from(c) + (1.0 - share) * 255.0).round() as u8;
             colours.extend((0..MIXED).map(|index| map(index, MIXED).map(mix)));
+            colours.extend(others.iter().map(|other| [other.0, other.1, other.2].map(mix)));
         }
         colours.extend((0..GREYS).map(|index| [(index * 255 / (GREYS - 1)) as u8; 3]));
         Self { colours, known: HashMap::new() }
@@ -69,9 +77,9 @@ mod tests {
     fn the_palette_has_the_colours_of_the_figures() {
         let range = Range { low: 0.0, high: 1.0, cut: [false; 2] };
         let scale = ColourScale { range, log: false, signed: false, classes: None };
-        let mut palette = Palette::new(&scale);
+        let mut palette = Palette::new(&scale, &[RGBColor(200, 10, 90)]);
         assert_eq!(palette.colours.len(), 256);
-        for colour in [[255; 3], [0; 3], [68, 1, 84]] {
+        for colour in [[255; 3], [0; 3], [68, 1, 84], [200, 10, 90], [228, 133, 173]] {
             let found = palette.nearest(colour);
             assert_eq!(palette.colours[usize::from(found)], colour);
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
@@ -12,8 +13,8 @@ from typing import Any, Mapping, NamedTuple, Sequence
 import numpy as np
 
 from . import _dempm, _scene
-from ._progress import Watcher
-from ._run import Run, keep, temporary
+from ._progress import Watcher, command
+from ._run import Run, opened
 from ._scene import FilePath, Values
 
 #: Tables of a list of scenes.
@@ -43,12 +44,12 @@ def run(
     run are Python warnings.
     """
     text, name = _scene.text_and_name(scene)
-    folder = None
-    if output is None:
-        folder, output = temporary(Path(name).stem)
     with Watcher(progress) as watcher:
-        _dempm.run(text, name, output, device, resume, overwrite, checkpoint_interval, watcher)
-    return keep(Run(output), folder)
+        return opened(
+            lambda path: _dempm.run(text, name, path, device, resume, overwrite, checkpoint_interval, watcher),
+            output,
+            Path(name).stem,
+        )
 
 
 class Check(Mapping[str, Any]):
@@ -115,30 +116,43 @@ def dataset(
 ) -> list[Run]:
     """Simulates many scenes into the folder `output`: `paper`, or a [list](datasets.md), a file or a dictionary.
 
-    What is there stays, what was interrupted continues. `only` picks splits or scenes, such as `test/col2x2`. Returns
+    In a dictionary, base scenes are files relative to the current folder or dictionaries themselves. What is there stays, what was interrupted continues. `only` picks splits or scenes, such as `test/col2x2`. Returns
     the runs, in the order of their files. Raises `dempm.Error` if the list is wrong or scenes failed.
     """
     options: list[str] = [f"--device={device}", *(f"--only={name}" for name in only)]
     if jobs is not None:
         options.append(f"--jobs={jobs}")
-    if overwrite:
-        options.append("--overwrite")
-    with _scene.as_file(_with_absolute_scenes(scenes)) as file:
-        _dempm.command("dempm", ["dataset", os.fspath(file), f"--output={os.fspath(output)}", *options])
+    options.append("--overwrite" if overwrite else "--resume")
+    with contextlib.ExitStack() as stack:
+        values = _list_of_scenes(scenes, stack) if isinstance(scenes, Mapping) else scenes
+        file = stack.enter_context(_scene.as_file(values))
+        command("dempm", "dataset", file, f"--output={os.fspath(output)}", *options)
     return [Run(path) for path in sorted(Path(output).rglob("*.h5"))]
 
 
-def _with_absolute_scenes(scenes: Values) -> Values:
-    """A list whose file can lie anywhere: scenes of a dictionary are relative to the current folder."""
-    if not isinstance(scenes, Mapping):
-        return scenes
+def _list_of_scenes(scenes: Mapping[str, Any], stack: contextlib.ExitStack) -> dict[str, Any]:
+    """A list that can lie in any folder: base scenes have absolute paths, and keys joined by dots are tables."""
 
-    def absolute(table: Mapping[str, Any]) -> dict[str, Any]:
-        named = {"scene": os.path.abspath(table["scene"])} if "scene" in table else {}
-        return {**table, **named}
+    def block(table: Mapping[str, Any]) -> dict[str, Any]:
+        changes: dict[str, Any] = {key: _nested(table[key]) for key in ("set", "list", "grid") if key in table}
+        if "scene" in table:
+            changes["scene"] = str(stack.enter_context(_scene.as_file(table["scene"])).absolute())
+        return {**table, **changes}
 
-    blocks = {split: [absolute(block) for block in scenes[split]] for split in _SPLITS if split in scenes}
-    return {**absolute(scenes), **blocks}
+    blocks = {split: [block(table) for table in scenes[split]] for split in _SPLITS if split in scenes}
+    return {**block(scenes), **blocks}
+
+
+def _nested(table: Mapping[str, Any]) -> dict[str, Any]:
+    """`{"column.0.size": x}` as `{"column": {"0": {"size": x}}}`."""
+    nested: dict[str, Any] = {}
+    for key, value in table.items():
+        *path, last = key.split(".")
+        inner = nested
+        for part in path:
+            inner = inner.setdefault(part, {})
+        inner[last] = value
+    return nested
 
 
 class Picture(NamedTuple):
@@ -165,7 +179,7 @@ def plot(run: Run | FilePath, other: Run | FilePath | None = None, **options: An
     times=[0.5, 1.0], width=1200)`. Raises `dempm.Error` if a frame or field is missing.
     """
     files = [one.path if isinstance(one, Run) else Path(one) for one in (run, other) if one is not None]
-    arguments = [os.fspath(file) for file in files]
+    arguments: list[FilePath] = [*files]
     for name, value in options.items():
         flag = f"--{name.replace('_', '-')}"
         if value is True:
@@ -176,5 +190,5 @@ def plot(run: Run | FilePath, other: Run | FilePath | None = None, **options: An
             arguments.append(f"{flag}={value}")
     with tempfile.TemporaryDirectory() as folder:
         png = Path(folder, "plot.png")
-        _dempm.command("dempm", ["plot", *arguments, f"--output={png}"])
+        command("dempm", "plot", *arguments, f"--output={png}")
         return Picture(png.read_bytes())

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
+import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Callable, Sequence
 
@@ -79,7 +81,7 @@ class Run:
 
     def __init__(self, path: FilePath):
         self.path = Path(path)
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._removal: weakref.finalize[..., Run] | None = None
         try:
             self._file = h5py.File(self.path, "r")
         except OSError as error:
@@ -105,7 +107,8 @@ class Run:
         return self.frames
 
     def __repr__(self) -> str:
-        return f"<Run {self.title!r}: {self.frames} frames of {self.points} points, {self.status}, {self.path}>"
+        place = "temporary" if self._removal else self.path
+        return f"<Run {self.title!r}: {self.frames} frames of {self.points} points, {self.status}, {place}>"
 
     def __enter__(self) -> Run:
         return self
@@ -116,8 +119,12 @@ class Run:
     def close(self) -> None:
         """Closes the file; a run that was not given a name is then gone."""
         self._file.close()
-        if self._folder:
-            self._folder.cleanup()
+        if self._removal:
+            self._removal()
+
+    def removes(self, folder: str) -> None:
+        # With this object or the process, whichever ends first.
+        self._removal = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
     def keys(self) -> list[str]:
         """Names of all datasets, with those computed from them."""
@@ -253,8 +260,6 @@ class Run:
 
     def save(self, path: FilePath, overwrite: bool = False) -> Run:
         """Copies the file to `path` and opens the copy."""
-        import shutil
-
         target = Path(path)
         if target.exists() and not overwrite:
             raise Error(f"{target}: is there already; overwrite=True replaces it")
@@ -312,13 +317,18 @@ def open(path: FilePath) -> Run:
     return Run(path)
 
 
-def temporary(name: str) -> tuple[tempfile.TemporaryDirectory[str], Path]:
-    """A folder that is removed when nothing holds it any more, and a trajectory file in it."""
-    folder = tempfile.TemporaryDirectory(prefix="dempm-")
-    return folder, Path(folder.name, f"{name}.h5")
-
-
-def keep(run: Run, folder: tempfile.TemporaryDirectory[str] | None) -> Run:
-    """Has a run hold the folder of its file."""
-    run._folder = folder
+def opened(make: Callable[[FilePath], None], output: FilePath | None, name: str) -> Run:
+    """The run that `make` writes to `output`; without one, to a file that is removed with the run."""
+    if output is not None:
+        make(output)
+        return Run(output)
+    folder = tempfile.mkdtemp(prefix="dempm-")
+    try:
+        path = Path(folder, f"{name}.h5")
+        make(path)
+        run = Run(path)
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
+    run.removes(folder)
     return run

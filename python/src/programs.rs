@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::Parser;
+use files::divert_notes;
 use miette::miette;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -63,10 +64,21 @@ pub fn main(py: Python<'_>, program: &str, arguments: Vec<OsString>) -> PyResult
     Ok((0..=u8::MAX).find(|&number| ExitCode::from(number) == code).unwrap_or(1))
 }
 
-/// Runs a command of a program; `arguments` do not include the program's name.
+/// Runs a command of a program; `arguments` do not include the program's name. What it prints to the standard error
+/// stream goes to the method `note(text)` of `watcher`; its summary goes nowhere, as the package in Python returns
+/// what it is about.
 #[pyfunction]
-pub fn command(py: Python<'_>, program: &str, arguments: Vec<OsString>) -> PyResult<()> {
+pub fn command(
+    py: Python<'_>,
+    program: &str,
+    arguments: Vec<OsString>,
+    watcher: &Bound<'_, PyAny>,
+) -> PyResult<()> {
     let program = Program::named(program)?;
     let arguments = std::iter::once(OsString::new()).chain(arguments).collect();
-    supervise(py, None, move |_, _| program.run(arguments).map(drop))
+    supervise(py, Some(watcher), move |_, reporter| {
+        let reporter = reporter.clone();
+        divert_notes(move |text| reporter.note(text));
+        program.run(arguments).map(drop)
+    })
 }

@@ -21,6 +21,7 @@ struct News {
     /// Steps done, all steps, and a remark.
     progress: Option<(usize, usize, String)>,
     warnings: Vec<String>,
+    notes: Vec<String>,
 }
 
 /// The end of the work that tells.
@@ -38,15 +39,23 @@ impl Reporter {
         self.with(|news| news.warnings.push(text.to_owned()));
     }
 
+    /// Says something.
+    pub fn note(&self, text: &str) {
+        self.with(|news| news.notes.push(text.to_owned()));
+    }
+
     fn with<T>(&self, change: impl FnOnce(&mut News) -> T) -> T {
         change(&mut self.0.lock().expect("no holder of the lock panics"))
     }
 
-    /// Passes the news on to a Python object with the methods `progress` and `warning`.
+    /// Passes the news on to a Python object with methods of the same names.
     fn deliver(&self, watcher: &Bound<'_, PyAny>) -> PyResult<()> {
         let news = self.with(std::mem::take);
         for warning in news.warnings {
             watcher.call_method1("warning", (warning,))?;
+        }
+        for note in news.notes {
+            watcher.call_method1("note", (note,))?;
         }
         if let Some(progress) = news.progress {
             watcher.call_method1("progress", progress)?;

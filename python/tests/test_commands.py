@@ -56,12 +56,13 @@ def test_a_data_set(tmp_path, monkeypatch):
     scenes = {
         "scene": "scenes/column-mu-i.toml",
         "set": {"duration": 0.02},
-        "train": [{"grid": {"column": {"0": {"size": [[0.5, 0.5], [1.0, 0.5]]}}}}],
-        "test": [{}],
+        "train": [{"grid": {"column.0.size": [[0.5, 0.5], [1.0, 0.5]]}}],
+        "test": [{"scene": LAW}],
     }
     runs = dempm.dataset(scenes, tmp_path, device="cpu")
     assert [str(run.path.relative_to(tmp_path)) for run in runs] == ["test/000.h5", "train/000.h5", "train/001.h5"]
     assert {run.status for run in runs} == {"finished"}
+    assert [run.points for run in runs] == [64, 64, 128]
     assert (tmp_path / "metadata.json").exists()
     only = dempm.dataset(scenes, tmp_path / "only", only=["test"], device="cpu")
     assert len(only) == 1

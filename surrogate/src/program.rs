@@ -3,7 +3,9 @@
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
+use dempm::commands::shell_files::{ShellFilesArgs, shell_files};
+use dempm::commands::terminal::TerminalArgs;
 use files::{note, report_size_limits_as_errors};
 
 use crate::commands::{EvalArgs, RolloutArgs, StatsArgs, TrainArgs, eval, rollout, stats, train};
@@ -14,6 +16,8 @@ use crate::commands::{EvalArgs, RolloutArgs, StatsArgs, TrainArgs, eval, rollout
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    terminal: TerminalArgs,
 }
 
 #[derive(Subcommand)]
@@ -26,6 +30,9 @@ enum Command {
     Rollout(RolloutArgs),
     /// Compare predictions with trajectories.
     Eval(EvalArgs),
+    /// Write completions and manual pages.
+    #[command(hide = true)]
+    ShellFiles(ShellFilesArgs),
 }
 
 impl Arguments {
@@ -35,11 +42,14 @@ impl Arguments {
     /// Those of the command.
     pub fn run(self) -> miette::Result<ExitCode> {
         let done = |()| ExitCode::SUCCESS;
-        match self.command {
+        let Self { command, terminal } = self;
+        let verbose = terminal.apply();
+        match command {
             Command::Stats(args) => stats(&args).map(done),
             Command::Train(args) => train(&args),
-            Command::Rollout(args) => rollout(&args),
-            Command::Eval(args) => eval(&args).map(done),
+            Command::Rollout(args) => rollout(&args, verbose),
+            Command::Eval(args) => eval(&args, verbose).map(done),
+            Command::ShellFiles(args) => shell_files(&args, Self::command()).map(done),
         }
     }
 }

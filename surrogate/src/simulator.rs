@@ -157,6 +157,9 @@ impl Simulator {
         if self.gpu.is_none() && self.precision == Precision::Bf16 {
             return Err(CudaError::Bf16OnCpu);
         }
+        if let Some(gpu) = &self.gpu {
+            cuda::compile_ahead(gpu, self.precision)?;
+        }
         Ok(unsupported)
     }
 

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use dempm::scene::Scene;
-use surrogate::evaluation::FrameError;
+use surrogate::evaluation::mean_square_distance;
 use surrogate::network::Precision;
 use surrogate::rollout::{InitialFrames, Rollout};
 use surrogate::simulator::Simulator;
@@ -25,13 +25,13 @@ fn rounding_is_far_below_the_error_of_a_model() {
         Simulator { gpu: Some(device.with_own_stream().unwrap()), precision, ..model }
     };
     let [single, half] = [Precision::F32, Precision::Bf16].map(simulator);
-    let (width, spacing) = (scene.domain.size[0], scene.domain.cell / 2.0);
+    let width = scene.domain.size[0];
     let start = InitialFrames::from_scene(scene, &single).unwrap();
     let [mut exact, mut rounded] = [&single, &half].map(|s| Rollout::new(s, &start));
     let mut errors = Vec::new();
     for _ in start.positions.len()..start.frames {
         let (a, b) = (exact.advance().unwrap(), rounded.advance().unwrap());
-        errors.push(FrameError::between(b, a, 0.0, width, spacing).mse);
+        errors.push(mean_square_distance(b, a) / (width * width));
     }
     for (frame, error) in errors.iter().enumerate().step_by(20) {
         println!("frame {:>3} after the start: {error:.1e}", frame + 1);

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use dempm::device::Device;
 use dempm::element::ElementTest;
 use dempm::export::{Format, write_data_set, write_npz, write_vtk};
-use dempm::figures::{self, Quantity, Selection};
+use dempm::figures::{self, Compare, Quantity, Selection};
 use dempm::run::checkpoint;
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
@@ -176,15 +176,16 @@ fn consume(path: &Path, consumer: usize, folder: &Path) -> miette::Result<()> {
     match consumer {
         0..3 => read_all(path),
         3 => {
-            let (quantity, width) = (Quantity::Speed, Some(320));
             let options = figures::Options {
                 grains: false,
-                quantity,
+                quantity: Some(Quantity::Speed),
+                average: None,
                 log: false,
                 frames: Selection::Default,
-                width,
+                width: Some(320),
+                compare: Compare::Side,
             };
-            figures::draw(&Trajectory::open(path)?, &options, &folder.join("out.png"))?;
+            figures::draw(&[Trajectory::open(path)?], &options, &folder.join("out.png"))?;
             Ok(())
         }
         4 => Ok(write_npz(&Trajectory::open(path)?, &folder.join("out.npz"))?),

@@ -57,8 +57,7 @@ impl Job {
     /// Continues after an interruption.
     pub fn resume(self, folder: &Path) -> Program {
         match self {
-            // A data set continues by itself.
-            Self::Dataset => self.with(folder, ""),
+            Self::Dataset => self.with(folder, "--resume"),
             // What was killed before its first checkpoint begins again.
             Self::Run | Self::Train if self.has_begun(folder) => self.with(folder, "--resume"),
             Self::Run | Self::Train => self.with(folder, "--overwrite"),

@@ -327,6 +327,13 @@ fn a_training_resumes_unless_its_steps_would_be_others() {
     };
     succeeds(&mut train(here, &config(here, 20, "[data]\nnoise = 2.0e-4"), "run"));
     succeeds(&mut resume(30, "[data]\nnoise = 2.0e-4\nmemory = 0"));
+    // Once more: it is finished, and nothing is written.
+    let checkpoint =
+        || std::fs::metadata(here.join("run/checkpoint.bin")).unwrap().modified().unwrap();
+    let before = checkpoint();
+    let said = succeeds(&mut resume(30, "[data]\nnoise = 2.0e-4"));
+    assert_eq!(said, "run: finished already\n");
+    assert_eq!(checkpoint(), before);
     let error = fails(&mut resume(40, "batch = 3\n[data]\nnoise = 1.0e-4"));
     let expected = "the configuration has changed since the training began: `batch` is 3, not 2, \
                     `data.noise` is 0.0001, not 0.0002";

@@ -2,44 +2,33 @@
 
 use std::path::Path;
 
+use dempm::comparison::{Parts, common_frames};
 use dempm::trajectory::{Trajectory, TrajectoryError};
-use surrogate::evaluation::{Errors, FrameError, mean_square_distance};
+use surrogate::evaluation::{Errors, Measure, mean_square_distance};
 
 use crate::run_cache::{DIFFERENCE, Run, hash, read_json, write_json};
-use crate::squares::{by_square, means};
 
 /// Relative tolerance on equal times.
 const ROUNDING: f64 = 1e-6;
 
-/// The differences of `path` from `truth` at all common times but the first.
-///
-/// Where the points differ in size, the finer points that start in the square of a coarser one are
-/// averaged, and the mean is compared with that point.
+/// The differences of `path` from `truth` at all common times but the first, over their [`Parts`].
 ///
 /// # Errors
 /// If a file cannot be read.
 pub fn difference(path: &Path, truth: &Path) -> Result<Errors, TrajectoryError> {
     let [one, truth] = [Trajectory::open(path)?, Trajectory::open(truth)?];
-    let header = truth.header();
-    let spacing = header.point_spacing.max(one.header().point_spacing);
-    let squares = |file: &Trajectory| {
-        Result::<_, TrajectoryError>::Ok(
-            by_square(&file.frame(0)?.position, spacing).into_values().collect(),
-        )
-    };
-    let groups: [Vec<Vec<usize>>; 2] = [squares(&one)?, squares(&truth)?];
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut errors = Errors { case: name, ..Errors::default() };
-    if groups[0].len() != groups[1].len() {
+    let Some(parts) = Parts::of(&one, &truth)? else {
         errors.failure = Some("the two do not start with the same material".to_owned());
         return Ok(errors);
-    }
+    };
+    let (mass, width) = (parts.mass.clone(), truth.header().domain[0]);
+    let measure = Measure { mass, spacing: parts.side, width };
     for (frame, place) in common_times(one.time(), truth.time()) {
-        let a = means(&positions(&one, frame)?, &groups[0]);
-        let b = means(&positions(&truth, place)?, &groups[1]);
-        let time = truth.time()[place];
+        let [a, b] = parts.positions(&positions(&one, frame)?, &positions(&truth, place)?);
         errors.frames.push(place);
-        errors.errors.push(FrameError::between(&a, &b, time, header.domain[0], spacing));
+        errors.errors.push(measure.between(&a, &b, truth.time()[place]));
     }
     if one.status() != "finished" {
         errors.failure = Some(one.status().to_owned());
@@ -88,18 +77,8 @@ fn positions(trajectory: &Trajectory, frame: usize) -> Result<Vec<[f64; 2]>, Tra
 
 /// Pairs of frames at the same time, without the first frame, which is given, not computed.
 pub fn common_times(one: &[f64], other: &[f64]) -> Vec<(usize, usize)> {
-    let mut pairs = Vec::new();
-    let mut place = 1;
-    for (frame, time) in one.iter().enumerate().skip(1) {
-        let same = |other: f64| (other - time).abs() <= ROUNDING * time.abs();
-        while place < other.len() && other[place] < *time && !same(other[place]) {
-            place += 1;
-        }
-        if place < other.len() && same(other[place]) {
-            pairs.push((frame, place));
-        }
-    }
-    pairs
+    let pairs = common_frames(&[one, other]).into_iter().map(|frames| (frames[0], frames[1]));
+    pairs.filter(|(frame, place)| *frame > 0 && *place > 0).collect()
 }
 
 #[cfg(test)]
@@ -110,39 +89,60 @@ mod tests {
 
     use super::*;
 
+    /// A block of 0.5 m x 0.5 m in a box 4 m wide, in points `spacing` (m) apart, its left end at `left` (m). All points
+    /// move by 0.2 m a hundredth of a second; frames are at `times` (hundredths of a second).
+    fn write(path: &Path, left: f64, spacing: f64, times: &[u32]) {
+        let scene = format!(
+            "duration = 0.1\nframe_interval = 0.01\n[domain]\nsize = [4.0, 1.0]\ncell = {:?}\n\
+             [[column]]\ncorner = [{left:?}, 0.0]\nsize = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n",
+            2.0 * spacing
+        );
+        let simulation = Simulation::new(Scene::parse(&scene, "scene.toml").unwrap()).unwrap();
+        let interval = 0.01 * f64::from(times[1] - times[0]);
+        let header = Header { frame_interval: interval, ..simulation.header(String::new()) };
+        let mut writer =
+            TrajectoryWriter::create(path, &header, &simulation.static_points()).unwrap();
+        for &k in times {
+            let mut frame = Frame { time: 0.01 * f64::from(k), ..simulation.frame() };
+            frame.position.iter_mut().for_each(|x| x[0] += 0.2 * f64::from(k));
+            writer.push(frame).unwrap();
+        }
+        writer.commit().unwrap();
+    }
+
+    const ALL: [u32; 11] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10];
+
+    /// Frames 6 and 8, 0.4 and 0.8 m on, in a box 4 m wide. Positions are kept in single precision.
     #[test]
     fn what_stays_where_it_is_falls_behind() {
-        const SCENE: &str = "duration = 0.1\nframe_interval = 0.01\n[domain]\nsize = [4.0, 1.0]\n\
-                             [[column]]\nsize = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n";
-        let simulation = Simulation::new(Scene::parse(SCENE, "scene.toml").unwrap()).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        // All points move by 0.2 m a frame; the other run has every second frame and ends at the third of its own.
-        let write = |name: &str, frames: &[u32], interval: f64| {
-            let path = folder.path().join(name);
-            let header = Header { frame_interval: interval, ..simulation.header(String::new()) };
-            let mut writer =
-                TrajectoryWriter::create(&path, &header, &simulation.static_points()).unwrap();
-            for &k in frames {
-                let mut frame = Frame { time: 0.01 * f64::from(k), ..simulation.frame() };
-                frame.position.iter_mut().for_each(|x| x[0] += 0.2 * f64::from(k));
-                writer.push(frame).unwrap();
-            }
-            writer.commit().unwrap();
-            path
-        };
-        let truth = write("truth.h5", &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10], 0.01);
-        let short = write("short.h5", &[0, 2, 4], 0.02);
+        let [truth, short] = ["truth.h5", "short.h5"].map(|name| folder.path().join(name));
+        write(&truth, 0.0, 0.03125, &ALL);
+        // Every second frame, and it ends at the third of its own.
+        write(&short, 0.0, 0.03125, &[0, 2, 4]);
         let errors = errors_if_held(&short, &truth, 0.08).unwrap();
-        // Frames 6 and 8, 0.4 and 0.8 m on, in a box 4 m wide. Positions are kept in single precision.
         assert_eq!(errors.len(), 2);
         assert!((errors[0] - 0.01).abs() < 1e-6 && (errors[1] - 0.04).abs() < 1e-6, "{errors:?}");
     }
 
+    /// Runs of the same material, 0.04 m apart, which is no multiple of a spacing: points of the same size are
+    /// compared one by one, 16 x 16 of them; points of half the size in 8 x 8 squares of four. All are 0.04 m
+    /// away, to single precision.
     #[test]
-    fn frames_are_matched_by_time() {
-        let fine = [0.0, 0.1, 0.2, 0.30000000001, 0.4];
-        assert_eq!(common_times(&fine, &[0.0, 0.2, 0.4, 0.6]), [(2, 1), (4, 2)]);
-        assert_eq!(common_times(&[0.0, 0.3], &fine), [(1, 3)]);
-        assert_eq!(common_times(&[0.0, 0.25], &fine), []);
+    fn every_point_counts_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        write(&at("truth.h5"), 0.0, 0.03125, &ALL);
+        write(&at("moved.h5"), 0.04, 0.03125, &ALL);
+        write(&at("coarse.h5"), 0.04, 0.0625, &ALL);
+        for (name, count, side) in [("moved.h5", 256, 0.03125), ("coarse.h5", 64, 0.0625)] {
+            let [one, truth] = [name, "truth.h5"].map(|name| Trajectory::open(&at(name)).unwrap());
+            let parts = Parts::of(&one, &truth).unwrap().unwrap();
+            assert_eq!((parts.count(), parts.side), (count, side), "{name}");
+            assert_eq!(parts.are_points(), name == "moved.h5");
+            let errors = difference(&at(name), &at("truth.h5")).unwrap().errors;
+            assert_eq!(errors.len(), 10);
+            assert!(errors.iter().all(|e| (e.distance - 0.04).abs() < 1e-6), "{errors:?}");
+        }
     }
 }

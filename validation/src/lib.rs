@@ -21,7 +21,6 @@ pub mod render;
 pub mod run_cache;
 pub mod scene_text;
 pub mod section_cache;
-pub mod squares;
 pub mod studies;
 pub mod suite;
 pub mod text;

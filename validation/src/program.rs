@@ -3,7 +3,9 @@
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
+use dempm::commands::shell_files::{ShellFilesArgs, shell_files};
+use dempm::commands::terminal::TerminalArgs;
 use files::{note, report_size_limits_as_errors};
 
 use crate::commands::compare::{CompareArgs, compare};
@@ -17,6 +19,8 @@ use crate::commands::suite::SuiteCommand;
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
+    #[command(flatten)]
+    terminal: TerminalArgs,
 }
 
 #[derive(Subcommand)]
@@ -29,6 +33,9 @@ enum Command {
     Page(PageArgs),
     #[command(flatten)]
     Suite(SuiteCommand),
+    /// Write completions and manual pages
+    #[command(hide = true)]
+    ShellFiles(ShellFilesArgs),
 }
 
 impl Arguments {
@@ -37,11 +44,16 @@ impl Arguments {
     /// # Errors
     /// Those of the command.
     pub fn run(self) -> miette::Result<ExitCode> {
-        match self.command {
+        let Self { command, terminal } = self;
+        let verbose = terminal.apply();
+        match command {
             Command::Report(args) => report(&args),
             Command::Compare(args) => compare(&args),
             Command::Page(args) => page(&args),
-            Command::Suite(command) => command.run(),
+            Command::Suite(command) => command.run(verbose),
+            Command::ShellFiles(args) => {
+                shell_files(&args, Self::command()).map(|()| ExitCode::SUCCESS)
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! How far a scene is expected to end up from the same scene with every grain as a disc.
 
 use dem::Grains;
+use serde::Serialize;
 
 use crate::scene::{Material, Scene};
 
@@ -12,7 +13,7 @@ const MEASURED: &str = include_str!("accuracy.csv");
 const EQUAL: f64 = 0.01;
 
 /// Expected distance from the truth, scaled with the height from the most similar measured scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Accuracy {
     /// Root mean square distance of points at the end (m); none of discs, which are the truth.
     pub distance: Option<f64>,

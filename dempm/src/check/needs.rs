@@ -1,6 +1,7 @@
 //! Cost of a scene, the expected flow regime, and warnings.
 
 use dem::Grains;
+use serde::Serialize;
 
 use super::accuracy::Accuracy;
 use super::units::{bytes, quantity};
@@ -10,7 +11,7 @@ use crate::scene::{CROSSING, Material, Precision, Scene};
 use crate::trajectory::Field;
 
 /// Cost of running a scene and the flow regime to expect. SI units.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Needs {
     /// Title of the scene.
     pub title: String,
@@ -67,7 +68,7 @@ pub struct Needs {
 }
 
 /// Sizes of the packings of a scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RveNeeds {
     /// Discs in one RVE.
     pub discs: usize,
@@ -78,7 +79,7 @@ pub struct RveNeeds {
 }
 
 /// Cost and stability of the discs of a scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DemNeeds {
     /// Discs in all packings, or in the whole scene.
     pub discs: f64,

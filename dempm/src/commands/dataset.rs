@@ -2,13 +2,16 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
-use files::{INTERRUPTED, Interrupt, announce, note, print_result, refuse_input};
+use files::{
+    INTERRUPTED, Interrupt, announce, announces, inform, note, print_result, refuse_input,
+};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Report, bail};
 
 use super::device::report as report_device;
-use super::progress::SceneProgress;
+use super::progress::{SceneProgress, Total, bars};
 use crate::dataset::scheduler::{self, Done};
 use crate::dataset::{self, Case, DatasetError, Metadata, Selection, Split, report};
 use crate::device::Device;
@@ -34,19 +37,22 @@ pub struct DatasetArgs {
     /// Scenes at a time on each device [default: 4 on a GPU, 1 on the CPU].
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
-    /// Run scenes again whose trajectories exist.
+    /// Make what is missing: continue interrupted runs, begin others, keep those that are finished.
     #[arg(long)]
+    resume: bool,
+    /// Start again scenes whose trajectories exist.
+    #[arg(long, conflicts_with = "resume")]
     overwrite: bool,
     /// Least time between checkpoints, which never take more than 2 % of the time; 0: every frame.
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
     checkpoint_interval: f64,
 }
 
-/// Makes a data set: complete trajectories stay, interrupted runs continue.
+/// Makes a data set. To resume one, complete trajectories stay and interrupted runs continue.
 ///
 /// # Errors
-/// If the list or a scene is wrong, a device cannot be used, or scenes failed (after all others are
-/// finished).
+/// If the list or a scene is wrong, trajectories exist that are neither to be resumed nor overwritten, a device cannot
+/// be used, or scenes failed (after all others are finished).
 pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
     let all = dataset::cases(&args.scenes)?;
@@ -55,6 +61,9 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     let tables = ["scenes.csv", "metadata.json"].map(|name| args.output.join(name));
     for output in tables.into_iter().chain(selected.iter().map(|case| case.file(&args.output))) {
         refuse_input(&output, [&args.scenes])?;
+    }
+    if !args.resume && !args.overwrite {
+        dataset::refuse_existing(&selected, &args.output)?;
     }
     let selection = args.device.select_all().into_diagnostic()?;
     report_device(&selection, verbose);
@@ -65,13 +74,15 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
         overwrite: args.overwrite,
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
     };
-    let progress = Progress::default();
+    let progress = Progress::new();
     let done = scheduler::run(&selected, &args.output, &options, &progress, &interrupt)?;
     // What is done by now is reported even after an interrupt.
     let _guard = interrupt.guard();
 
     let rows = report::rows(&all, &args.output);
-    let _ = print_result(report::table(&rows));
+    if announces() {
+        let _ = print_result(report::table(&rows));
+    }
     report::write_csv(&rows, &args.output.join("scenes.csv"))?;
     let trained = |row: &report::Row| row.split != Split::Train || row.is_finished();
     if rows.iter().all(trained) && rows.iter().any(|row| row.split == Split::Train) {
@@ -83,8 +94,7 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     }
     let mut failed = match done {
         Done::Interrupted => {
-            let how = if args.overwrite { " without --overwrite" } else { "" };
-            note!("interrupted; the same command{how} continues");
+            note!("interrupted; --resume continues");
             return Ok(ExitCode::from(INTERRUPTED));
         }
         Done::All => Vec::new(),
@@ -96,19 +106,17 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     if failed.is_empty() { Ok(ExitCode::SUCCESS) } else { bail!("failed: {}", failed.join(", ")) }
 }
 
-/// Progress bars of the scenes being run, and one of all together.
+/// Progress of the scenes being run, and of all together.
 struct Progress {
     bars: MultiProgress,
-    total: ProgressBar,
-}
-
-impl Default for Progress {
-    fn default() -> Self {
-        Self { bars: MultiProgress::new(), total: ProgressBar::hidden() }
-    }
+    total: OnceLock<Total>,
 }
 
 impl Progress {
+    fn new() -> Self {
+        Self { bars: bars(), total: OnceLock::new() }
+    }
+
     fn print(&self, line: &str) {
         self.bars.suspend(|| note!("{line}"));
     }
@@ -118,17 +126,18 @@ impl scheduler::Observer for Progress {
     fn begin(&self, open: &[&Case], all: usize, damaged: usize) {
         let complete = all - open.len() - damaged;
         if complete > 0 {
-            note!("{complete} of {all} scenes are complete");
+            inform!("{complete} of {all} scenes are complete");
         }
         let style = "{prefix:<20} {bar:24} {percent:>3} %  {eta} left";
-        self.total.set_style(ProgressStyle::with_template(style).expect("the template is valid"));
-        self.total.set_length(open.iter().map(|case| case.work()).sum());
-        self.total.set_prefix(format!("{} scenes", open.len()));
-        self.bars.add(self.total.clone());
+        let bar = ProgressBar::new(open.iter().map(|case| case.work()).sum());
+        bar.set_style(ProgressStyle::with_template(style).expect("the template is valid"));
+        bar.set_prefix(format!("{} scenes", open.len()));
+        let bar = self.bars.add(bar);
+        self.total.get_or_init(|| Total::new(bar, open.len()));
     }
 
     fn session(&self) -> Box<dyn run::Observer> {
-        Box::new(SceneProgress::new(self.bars.clone(), Some(self.total.clone())))
+        Box::new(SceneProgress::new(self.bars.clone(), self.total.get().cloned()))
     }
 
     fn damaged(&self, error: DatasetError) {
@@ -136,9 +145,14 @@ impl scheduler::Observer for Progress {
     }
 
     fn ended(&self, case: &Case, outcome: Result<Outcome, SessionError>) {
+        if let Some(total) = self.total.get() {
+            total.scene_ended();
+        }
         let name = case.full_name();
         match outcome {
-            Ok(Outcome::Finished { .. }) => self.print(&format!("{name} done")),
+            Ok(Outcome::Finished { .. } | Outcome::WasFinished) => {
+                self.bars.suspend(|| inform!("{name} done"));
+            }
             Ok(Outcome::Interrupted { step, steps }) => {
                 self.print(&format!("{name} interrupted at step {step} of {steps}"));
             }
@@ -147,6 +161,8 @@ impl scheduler::Observer for Progress {
     }
 
     fn finish(&self) {
-        self.total.finish_and_clear();
+        if let Some(total) = self.total.get() {
+            total.bar.finish_and_clear();
+        }
     }
 }

@@ -1,107 +1,273 @@
 //! `dempm info`: prints a summary of a trajectory file.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::PathBuf;
 
 use files::print_result;
+use serde::Serialize;
 
-use super::start::start_profile;
+use super::start::{Layer, start_profile, table};
+use super::terminal::print_json;
 use crate::fronts::mass_front;
 use crate::trajectory::{Field, Result, Trajectory};
 
-/// Prints a summary of the trajectory at `path`.
+/// Arguments of `dempm info`.
+#[derive(clap::Args)]
+pub struct InfoArgs {
+    /// Trajectory file (HDF5).
+    pub file: PathBuf,
+    /// Print the summary as one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Prints a summary of a trajectory.
 ///
 /// # Errors
 /// If it cannot be read, or nobody takes the summary.
-pub fn info(path: &Path) -> miette::Result<()> {
-    print_result(format_args!("{}", summary(&Trajectory::open(path)?)?))?;
-    Ok(())
+pub fn info(args: &InfoArgs) -> miette::Result<()> {
+    let info = Info::of(&Trajectory::open(&args.file)?)?;
+    match args.json {
+        true => print_json(&info),
+        false => Ok(print_result(info.text())?),
+    }
 }
 
-/// The text of the summary; reads every frame once.
-fn summary(trajectory: &Trajectory) -> Result<String> {
-    let header = trajectory.header();
-    let mut text = Text::default();
-    text.line("file", trajectory.path().display());
-    text.line("scene", format_args!("{} (seed {})", header.title, header.seed));
-    text.line("status", trajectory.status());
-    for warning in trajectory.warnings().unwrap_or_default() {
-        text.line("warning", warning);
-    }
-    text.line("created", &header.created);
-    text.line("made by", pairs(&header.versions, |version| version.clone()));
-    text.line("device", format_args!("{}, precision {}", header.device, header.precision));
-    text.line("material", &header.material);
-    let mass: f64 = trajectory.points().mass.iter().sum();
-    text.line(
-        "points",
-        format_args!(
-            "{}, {} m apart, {} kg/m",
-            trajectory.points().mass.len(),
-            number(header.point_spacing),
-            number(mass)
-        ),
-    );
-    if let (Some(count), Some(every)) = (trajectory.grain_count(), trajectory.grain_interval()) {
-        let size = trajectory.stored_grain_bytes() as f64 / 1e6;
-        text.line("grains", format_args!("{count}, in every {}, {size:.2} MB", nth(every)));
-    }
-    text.line(
-        "domain",
-        format_args!(
-            "{} m x {} m, grid cell {} m",
-            number(header.domain[0]),
-            number(header.domain[1]),
-            number(header.grid_cell)
-        ),
-    );
-    if !header.parameters.is_empty() {
-        text.line("parameters", pairs(&header.parameters, |&value| number(value)));
-    }
-    text.line("frames", frames(trajectory));
-    if let Some(last) = trajectory.frames().checked_sub(1) {
-        // From the positions, as trajectories of other programs may lack these scalars.
-        let position = trajectory.frame(last)?.position;
-        // The edge of the outermost point, as in the summary of `dempm run`.
-        let most = |axis: usize| {
-            let finite = position.iter().map(|x| x[axis]).filter(|x| x.is_finite());
-            finite.fold(f64::NAN, f64::max) + 0.5 * header.point_spacing
+/// A trajectory in numbers, in SI units.
+#[derive(Debug, Serialize)]
+struct Info {
+    file: PathBuf,
+    title: String,
+    seed: u64,
+    status: String,
+    warnings: Vec<String>,
+    created: String,
+    versions: BTreeMap<String, String>,
+    device: String,
+    precision: String,
+    material: String,
+    /// Number of points.
+    points: usize,
+    /// Initial distance between them (m).
+    point_spacing: f64,
+    /// Mass of all (kg/m).
+    mass: f64,
+    grains: Option<Grains>,
+    /// Width and height (m).
+    domain: [f64; 2],
+    grid_cell: f64,
+    parameters: BTreeMap<String, f64>,
+    /// Number of frames.
+    frames: usize,
+    /// Times of the first frame and the last (s).
+    time: Option<[f64; 2]>,
+    frame_interval: f64,
+    time_step: f64,
+    end: Option<End>,
+    /// Wall time of each phase (s).
+    wall_time: BTreeMap<String, f64>,
+    /// Bytes of the file, and of its fields without compression.
+    file_size: u64,
+    field_size: u64,
+    /// The state at the start by height.
+    start: Vec<Layer>,
+    fields: Vec<FieldRange>,
+    /// Least and largest value of each scalar of the whole scene.
+    budget: BTreeMap<String, [f64; 2]>,
+}
+
+/// The grains of a trajectory.
+#[derive(Debug, Serialize)]
+struct Grains {
+    count: usize,
+    /// Frames from one with grains to the next.
+    every: usize,
+    /// Bytes in the file.
+    size: u64,
+}
+
+/// The last frame. Fronts and height are those of the edges of points (m).
+#[derive(Debug, Serialize)]
+struct End {
+    front: f64,
+    /// Of 99 % of the mass.
+    mass_front: f64,
+    /// Of what a layer connects to the pile.
+    connected_front: Option<f64>,
+    height: f64,
+}
+
+/// The values of a field over all frames.
+#[derive(Debug, Serialize)]
+struct FieldRange {
+    name: &'static str,
+    unit: &'static str,
+    components: Vec<ComponentRange>,
+    /// Bytes in the file.
+    size: u64,
+    /// Values that are not finite, but for infinite inertial numbers.
+    not_finite: usize,
+    /// Frame and point of the first of them.
+    first_not_finite: Option<(usize, usize)>,
+}
+
+/// The values of a component of a field.
+#[derive(Debug, Serialize)]
+struct ComponentRange {
+    name: &'static str,
+    min: f64,
+    max: f64,
+}
+
+impl Info {
+    /// Reads every frame once.
+    fn of(trajectory: &Trajectory) -> Result<Self> {
+        let header = trajectory.header().clone();
+        let grains = match (trajectory.grain_count(), trajectory.grain_interval()) {
+            (Some(count), Some(every)) => {
+                Some(Grains { count, every, size: trajectory.stored_grain_bytes() })
+            }
+            _ => None,
         };
-        text.line("final front", format_args!("{} m", number(most(0))));
-        // It, too, ends half a spacing ahead of its point.
-        let front = mass_front(&position, &trajectory.points().mass) + 0.5 * header.point_spacing;
-        text.line("front of 99 %", format_args!("{} m", number(front)));
-        let connected =
-            trajectory.budget().get("front_connected").and_then(|front| front.get(last));
-        if let Some(&front) = connected {
-            text.line("front of pile", format_args!("{} m", number(front)));
-        }
-        text.line("final height", format_args!("{} m", number(most(1))));
+        let warnings = trajectory.warnings().unwrap_or_default();
+        let bounds = |values: &Vec<f64>| {
+            [f64::min, f64::max].map(|pick| values.iter().copied().fold(f64::NAN, pick))
+        };
+        let budget = trajectory.budget().iter().map(|(name, v)| (name.clone(), bounds(v)));
+        let (first, last) = (trajectory.time().first(), trajectory.time().last());
+        Ok(Self {
+            file: trajectory.path().to_owned(),
+            status: trajectory.status().to_owned(),
+            warnings: warnings.into_iter().map(str::to_owned).collect(),
+            points: trajectory.points().mass.len(),
+            mass: trajectory.points().mass.iter().sum(),
+            grains,
+            frames: trajectory.frames(),
+            time: first.zip(last).map(|(&first, &last)| [first, last]),
+            end: end(trajectory)?,
+            wall_time: trajectory.wall_time().clone(),
+            file_size: trajectory.file_size(),
+            field_size: raw_bytes(trajectory),
+            start: start_profile(trajectory)?,
+            fields: fields(trajectory)?,
+            budget: budget.collect(),
+            title: header.title,
+            seed: header.seed,
+            created: header.created,
+            versions: header.versions,
+            device: header.device,
+            precision: header.precision,
+            material: header.material,
+            point_spacing: header.point_spacing,
+            domain: header.domain,
+            grid_cell: header.grid_cell,
+            parameters: header.parameters,
+            frame_interval: header.frame_interval,
+            time_step: header.time_step,
+        })
     }
-    text.line("wall time", wall_time(trajectory));
-    let bytes: u64 = raw_bytes(trajectory);
-    let size = trajectory.file_size();
-    text.line(
-        "file size",
-        format_args!("{:.2} MB for {:.2} MB of data", size as f64 / 1e6, bytes as f64 / 1e6),
-    );
-    text.0 += &start_profile(trajectory)?;
-    ranges(trajectory, &mut text)?;
-    Ok(text.0)
+
+    /// The summary for people.
+    fn text(&self) -> String {
+        let mut text = Text::default();
+        text.line("file", self.file.display());
+        text.line("scene", format_args!("{} (seed {})", self.title, self.seed));
+        text.line("status", &self.status);
+        for warning in &self.warnings {
+            text.line("warning", warning);
+        }
+        text.line("created", &self.created);
+        text.line("made by", pairs(&self.versions, Clone::clone));
+        text.line("device", format_args!("{}, precision {}", self.device, self.precision));
+        text.line("material", &self.material);
+        let [spacing, mass] = [self.point_spacing, self.mass].map(number);
+        text.line("points", format_args!("{}, {spacing} m apart, {mass} kg/m", self.points));
+        if let Some(Grains { count, every, size }) = &self.grains {
+            let (every, size) = (nth(*every), *size as f64 / 1e6);
+            text.line("grains", format_args!("{count}, in every {every}, {size:.2} MB"));
+        }
+        let [width, height, cell] = [self.domain[0], self.domain[1], self.grid_cell].map(number);
+        text.line("domain", format_args!("{width} m x {height} m, grid cell {cell} m"));
+        if !self.parameters.is_empty() {
+            text.line("parameters", pairs(&self.parameters, |&value| number(value)));
+        }
+        text.line("frames", self.frames_text());
+        if let Some(end) = &self.end {
+            text.line("final front", format_args!("{} m", number(end.front)));
+            text.line("front of 99 %", format_args!("{} m", number(end.mass_front)));
+            if let Some(front) = end.connected_front {
+                text.line("front of pile", format_args!("{} m", number(front)));
+            }
+            text.line("final height", format_args!("{} m", number(end.height)));
+        }
+        text.line("wall time", wall_time(&self.wall_time));
+        let [size, raw] = [self.file_size, self.field_size].map(|bytes| bytes as f64 / 1e6);
+        text.line("file size", format_args!("{size:.2} MB for {raw:.2} MB of data"));
+        text.0 += &table(&self.start);
+        self.ranges(&mut text);
+        text.0
+    }
+
+    fn frames_text(&self) -> String {
+        let span = self.time.map_or(String::new(), |time| {
+            let [first, last] = time.map(number);
+            format!(" from {first} to {last} s")
+        });
+        let [interval, step] = [self.frame_interval, self.time_step].map(number);
+        format!("{}{span}, one every {interval} s, time step {step} s", self.frames)
+    }
+
+    /// Least and largest value of every component of every field, and of every scalar.
+    fn ranges(&self, text: &mut Text) {
+        let _ = writeln!(
+            text.0,
+            "\n{:<24}{:>14}{:>14}  {:<5}{:>12}",
+            "field", "min", "max", "", "size"
+        );
+        for field in &self.fields {
+            for (index, component) in field.components.iter().enumerate() {
+                let name = format!("{} {}", field.name, component.name);
+                let size = match index {
+                    0 => format!("{:.2} MB", field.size as f64 / 1e6),
+                    _ => String::new(),
+                };
+                let [low, high] = [component.min, component.max].map(number);
+                let line = format!("{name:<24}{low:>14}{high:>14}  {:<5}{size:>12}", field.unit);
+                let _ = writeln!(text.0, "{}", line.trim_end());
+            }
+            if let Some((frame, point)) = field.first_not_finite {
+                let _ = writeln!(
+                    text.0,
+                    "{:<24}{:>14} values are not finite, the first at frame {frame}, point {point}",
+                    "", field.not_finite
+                );
+            }
+        }
+        for (name, bounds) in &self.budget {
+            let (name, [low, high]) = (name.replace(char::is_control, " "), bounds.map(number));
+            let _ = writeln!(text.0, "{name:<24}{low:>14}{high:>14}");
+        }
+    }
 }
 
-fn frames(trajectory: &Trajectory) -> String {
-    let (header, time) = (trajectory.header(), trajectory.time());
-    let span = match (time.first(), time.last()) {
-        (Some(&first), Some(&last)) => format!(" from {} to {} s", number(first), number(last)),
-        _ => String::new(),
+/// The state of the last frame, from the positions, as trajectories of other programs may lack these scalars.
+fn end(trajectory: &Trajectory) -> Result<Option<End>> {
+    let Some(last) = trajectory.frames().checked_sub(1) else { return Ok(None) };
+    let position = trajectory.frame(last)?.position;
+    // The edge of the outermost point, as in the summary of `dempm run`.
+    let half = 0.5 * trajectory.header().point_spacing;
+    let most = |axis: usize| {
+        let finite = position.iter().map(|x| x[axis]).filter(|x| x.is_finite());
+        finite.fold(f64::NAN, f64::max) + half
     };
-    format!(
-        "{}{span}, one every {} s, time step {} s",
-        time.len(),
-        number(header.frame_interval),
-        number(header.time_step)
-    )
+    let connected = trajectory.budget().get("front_connected");
+    Ok(Some(End {
+        front: most(0),
+        mass_front: mass_front(&position, &trajectory.points().mass) + half,
+        connected_front: connected.and_then(|front| front.get(last)).copied(),
+        height: most(1),
+    }))
 }
 
 /// "frame", or such as "10th frame".
@@ -117,8 +283,7 @@ fn nth(every: usize) -> String {
 }
 
 /// Total wall time, and the share of each phase.
-fn wall_time(trajectory: &Trajectory) -> String {
-    let phases = trajectory.wall_time();
+fn wall_time(phases: &BTreeMap<String, f64>) -> String {
     if phases.is_empty() {
         return "not recorded".to_owned();
     }
@@ -127,53 +292,38 @@ fn wall_time(trajectory: &Trajectory) -> String {
     format!("{total:.2} s: {}", pairs(phases, share))
 }
 
-/// Smallest and largest value of every component of every field.
-fn ranges(trajectory: &Trajectory, text: &mut Text) -> Result<()> {
-    let _ =
-        writeln!(text.0, "\n{:<24}{:>14}{:>14}  {:<5}{:>12}", "field", "min", "max", "", "size");
-    for field in trajectory.fields() {
-        let components = field.components();
-        let mut bounds = vec![[f64::NAN; 2]; components.len()];
-        let (mut broken, mut first) = (0, None);
-        for index in 0..trajectory.frames() {
-            let values = trajectory.field::<f64>(field, index..index + 1)?;
-            for (place, &value) in values.iter().flatten().enumerate() {
-                let [low, high] = &mut bounds[place % components.len()];
-                *low = low.min(value);
-                *high = high.max(value);
-                // Where a point deforms without pressure its inertial number is infinite.
-                if value.is_nan() || value.is_infinite() && field != Field::InertialNumber {
-                    broken += 1;
-                    first.get_or_insert((index, place / components.len()));
-                }
+/// The values of every field; reads every frame once.
+fn fields(trajectory: &Trajectory) -> Result<Vec<FieldRange>> {
+    trajectory.fields().map(|field| field_range(trajectory, field)).collect()
+}
+
+fn field_range(trajectory: &Trajectory, field: Field) -> Result<FieldRange> {
+    let names = field.components();
+    let mut bounds = vec![[f64::NAN; 2]; names.len()];
+    let (mut not_finite, mut first_not_finite) = (0, None);
+    for index in 0..trajectory.frames() {
+        let values = trajectory.field::<f64>(field, index..index + 1)?;
+        for (place, &value) in values.iter().flatten().enumerate() {
+            let [low, high] = &mut bounds[place % names.len()];
+            *low = low.min(value);
+            *high = high.max(value);
+            // Where a point deforms without pressure its inertial number is infinite.
+            if value.is_nan() || value.is_infinite() && field != Field::InertialNumber {
+                not_finite += 1;
+                first_not_finite.get_or_insert((index, place / names.len()));
             }
         }
-        let megabytes = trajectory.stored_bytes(field) as f64 / 1e6;
-        for (index, (component, [low, high])) in std::iter::zip(components, bounds).enumerate() {
-            let name = format!("{} {component}", field.name());
-            let size = if index == 0 { format!("{megabytes:.2} MB") } else { String::new() };
-            let line = format!(
-                "{name:<24}{:>14}{:>14}  {:<5}{size:>12}",
-                number(low),
-                number(high),
-                field.unit()
-            );
-            let _ = writeln!(text.0, "{}", line.trim_end());
-        }
-        if let Some((frame, point)) = first {
-            let _ = writeln!(
-                text.0,
-                "{:<24}{broken:>14} values are not finite, the first at frame {frame}, point {point}",
-                ""
-            );
-        }
     }
-    for (name, values) in trajectory.budget() {
-        let bound = |pick: fn(f64, f64) -> f64| number(values.iter().copied().fold(f64::NAN, pick));
-        let name = name.replace(char::is_control, " ");
-        let _ = writeln!(text.0, "{name:<24}{:>14}{:>14}", bound(f64::min), bound(f64::max));
-    }
-    Ok(())
+    let component =
+        |(&name, [min, max]): (&&'static str, [f64; 2])| ComponentRange { name, min, max };
+    Ok(FieldRange {
+        name: field.name(),
+        unit: field.unit(),
+        components: std::iter::zip(names, bounds).map(component).collect(),
+        size: trajectory.stored_bytes(field),
+        not_finite,
+        first_not_finite,
+    })
 }
 
 /// The size of the fields without compression.
@@ -203,7 +353,7 @@ impl Text {
     }
 }
 
-fn pairs<T>(map: &std::collections::BTreeMap<String, T>, value: impl Fn(&T) -> String) -> String {
+fn pairs<T>(map: &BTreeMap<String, T>, value: impl Fn(&T) -> String) -> String {
     let pairs: Vec<String> =
         map.iter().map(|(name, entry)| format!("{name} {}", value(entry))).collect();
     pairs.join(", ")

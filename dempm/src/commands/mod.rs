@@ -12,5 +12,7 @@ mod outputs;
 pub mod plot;
 mod progress;
 pub mod run;
+pub mod shell_files;
 mod start;
 mod summary;
+pub mod terminal;

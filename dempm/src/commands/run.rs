@@ -1,21 +1,23 @@
 //! `dempm run`: simulates a scene into a trajectory file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use files::{INTERRUPTED, Interrupt, note, print_result, refuse_input};
+use files::{INTERRUPTED, Interrupt, announce, note, refuse_input, set_json};
 use gpu::ranks::{Environment, Ranks};
-use indicatif::{MultiProgress, ProgressDrawTarget};
 use miette::{IntoDiagnostic, bail};
+use serde::Serialize;
 
 use super::device::report;
 use super::outputs::default_output;
-use super::progress::SceneProgress;
-use super::summary::summary;
+use super::progress::{SceneProgress, bars};
+use super::summary::Summary;
+use super::terminal::print_json;
 use crate::device::Device;
-use crate::run::{Options, Outcome, checkpoint, checkpoint_interval, run_scene};
+use crate::run::{Observer, Options, Outcome, checkpoint, checkpoint_interval, run_scene};
 use crate::scene::{Material, Scene};
+use crate::trajectory::Trajectory;
 
 /// Arguments of `dempm run`.
 #[derive(clap::Args)]
@@ -28,7 +30,8 @@ pub struct RunArgs {
     /// Device to run on: auto (the first GPU, else the CPU), cpu, cuda or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
-    /// Continue an interrupted run, or begin it; the result is bitwise that of an uninterrupted one.
+    /// Continue an interrupted run, begin one that is not there, and leave a finished one; the result is bitwise that of
+    /// an uninterrupted run.
     #[arg(long)]
     resume: bool,
     /// Start again even if the trajectory file exists.
@@ -37,6 +40,34 @@ pub struct RunArgs {
     /// Least time between checkpoints, which never take more than 2 % of the time; 0: every frame.
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0)]
     checkpoint_interval: f64,
+    /// Print the summary as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Status {
+    Finished,
+    /// There was nothing to resume.
+    FinishedBefore,
+    Interrupted,
+}
+
+/// How a run ended, and its summary.
+#[derive(Serialize)]
+struct Report<'a> {
+    /// The trajectory file.
+    output: &'a Path,
+    status: Status,
+    /// Macro steps made, and those of the whole run.
+    step: usize,
+    steps: usize,
+    /// Warnings about the state of the run.
+    warnings: Vec<&'a str>,
+    /// Of a run that finished now.
+    summary: Option<Summary>,
 }
 
 /// Runs a scene, as one of several ranks if a launcher started more than one.
@@ -44,6 +75,7 @@ pub struct RunArgs {
 /// # Errors
 /// If the scene is invalid, the output exists, a step fails or a file cannot be written.
 pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
+    set_json(args.json);
     let interrupt = Interrupt::install()?;
     let environment = Environment::read().into_diagnostic()?;
     let is_first = environment.rank == 0;
@@ -56,10 +88,6 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         refuse_input(path, [&args.scene])?;
     }
     let Place { device, ranks } = place(&scene, args.device, &environment, verbose)?;
-    let bars = MultiProgress::new();
-    if !is_first {
-        bars.set_draw_target(ProgressDrawTarget::hidden());
-    }
     let options = Options {
         device,
         ranks,
@@ -67,20 +95,42 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         overwrite: args.overwrite,
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
     };
-    let mut progress = SceneProgress::new(bars, None);
-    match run_scene(scene, output.clone(), &options, &mut progress, &interrupt)? {
+    // Other ranks would repeat what the first reports.
+    let mut progress: Box<dyn Observer> = match is_first {
+        true => Box::new(SceneProgress::new(bars(), None)),
+        false => Box::new(()),
+    };
+    let steps = scene.steps();
+    let outcome = run_scene(scene, output.clone(), &options, progress.as_mut(), &interrupt)?;
+    let (status, step, summary) = match outcome {
         Outcome::Finished { simulation, stable_step } => {
-            if is_first {
-                let _ = print_result(summary(&simulation, stable_step, &output));
-            }
-            Ok(ExitCode::SUCCESS)
+            (Status::Finished, steps, Some(Summary::of(&simulation, stable_step)))
         }
-        Outcome::Interrupted { step, steps } => {
-            if is_first {
-                note!("interrupted at step {step} of {steps}; --resume continues");
-            }
-            Ok(ExitCode::from(INTERRUPTED))
+        Outcome::WasFinished => (Status::FinishedBefore, steps, None),
+        Outcome::Interrupted { step, .. } => (Status::Interrupted, step, None),
+    };
+    if is_first {
+        if status == Status::Interrupted {
+            note!("interrupted at step {step} of {steps}; --resume continues");
         }
+        let trajectory = Trajectory::open(&output)?;
+        let warnings = trajectory.warnings().unwrap_or_default();
+        let report = Report { output: &output, status, step, steps, warnings, summary };
+        if args.json { print_json(&report)? } else { print(&report) }
+    }
+    Ok(match status {
+        Status::Interrupted => ExitCode::from(INTERRUPTED),
+        _ => ExitCode::SUCCESS,
+    })
+}
+
+/// Prints a report for people.
+fn print(report: &Report<'_>) {
+    let output = report.output.display();
+    match &report.summary {
+        Some(summary) => announce!("{summary}  {:<22}{output}", "written"),
+        None if report.status == Status::Interrupted => {}
+        None => announce!("{output}: finished already"),
     }
 }
 

@@ -2,29 +2,43 @@
 
 use std::fmt::Write;
 
+use serde::Serialize;
+
 use crate::trajectory::{Field, Result, Trajectory};
 
 /// Most layers of a profile.
 const LAYERS: usize = 10;
 
-/// Means over the points of a horizontal layer.
+/// Sums over the points of a horizontal layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Layer {
+struct Sums {
     points: usize,
-    /// Sums over the points.
     solid_fraction: f64,
     coordination: f64,
     /// Horizontal and vertical normal stress (Pa), tension positive.
     stress: [f64; 2],
 }
 
-/// A table of solid fraction, coordination number, vertical stress and K0 over the height of the first frame,
-/// one line a layer from the top; empty without these fields.
-pub(super) fn start_profile(trajectory: &Trajectory) -> Result<String> {
+/// Means over the points of a horizontal layer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Layer {
+    /// Lower and upper end (m).
+    height: [f64; 2],
+    solid_fraction: f64,
+    coordination: f64,
+    /// Vertical stress (Pa), tension positive.
+    stress_yy: f64,
+    /// Horizontal over vertical stress.
+    k0: f64,
+}
+
+/// Solid fraction, coordination number, vertical stress and K0 over the height of the first frame, from the lowest layer
+/// to the highest; empty without these fields.
+pub(super) fn start_profile(trajectory: &Trajectory) -> Result<Vec<Layer>> {
     let fields = [Field::Stress, Field::SolidFraction, Field::Coordination];
     let recorded = |field: &Field| trajectory.fields().any(|f| f == *field);
     if trajectory.frames() == 0 || !fields.iter().all(recorded) {
-        return Ok(String::new());
+        return Ok(Vec::new());
     }
     let height: Vec<f64> = trajectory.frame(0)?.position.iter().map(|x| x[1]).collect();
     let values = |field: Field| -> Result<Vec<f64>> {
@@ -40,7 +54,7 @@ pub(super) fn start_profile(trajectory: &Trajectory) -> Result<String> {
     let spacing = trajectory.header().point_spacing;
     let rows = ((top - bottom) / spacing).round() + 1.0;
     let count = (rows as usize).clamp(1, LAYERS);
-    let mut layers = vec![Layer::default(); count];
+    let mut layers = vec![Sums::default(); count];
     for (point, y) in height.iter().enumerate() {
         let row = ((y - bottom) / spacing).round();
         let layer = &mut layers[((row / rows * count as f64) as usize).min(count - 1)];
@@ -50,26 +64,41 @@ pub(super) fn start_profile(trajectory: &Trajectory) -> Result<String> {
         layer.stress[0] += stress[4 * point];
         layer.stress[1] += stress[4 * point + 3];
     }
-    Ok(table(&layers, bottom - 0.5 * spacing, rows * spacing / count as f64))
+    Ok(means(&layers, bottom - 0.5 * spacing, rows * spacing / count as f64))
 }
 
-/// The table of layers from the lowest to the highest, each `step` (m) high, above `bottom` (m).
-fn table(layers: &[Layer], bottom: f64, step: f64) -> String {
+/// The means of layers from the lowest to the highest, each `step` (m) high, above `bottom` (m).
+fn means(layers: &[Sums], bottom: f64, step: f64) -> Vec<Layer> {
+    let filled = layers.iter().enumerate().filter(|(_, layer)| layer.points > 0);
+    let layer = |(k, layer): (usize, &Sums)| {
+        let mean = |sum: f64| sum / layer.points as f64;
+        Layer {
+            height: [k, k + 1].map(|k| bottom + k as f64 * step),
+            solid_fraction: mean(layer.solid_fraction),
+            coordination: mean(layer.coordination),
+            stress_yy: mean(layer.stress[1]),
+            k0: layer.stress[0] / layer.stress[1],
+        }
+    };
+    filled.map(layer).collect()
+}
+
+/// The table of a profile, one line a layer from the top; empty without layers.
+pub(super) fn table(layers: &[Layer]) -> String {
+    if layers.is_empty() {
+        return String::new();
+    }
     let mut text = format!(
         "\n{:<24}{:>14}{:>14}{:>14}{:>8}\n",
         "start, height [m]", "solid fraction", "coordination", "sigma_yy [Pa]", "K0"
     );
-    for (k, layer) in layers.iter().enumerate().rev().filter(|(_, layer)| layer.points > 0) {
-        let mean = |sum: f64| sum / layer.points as f64;
-        let range =
-            format!("{:.3} to {:.3}", bottom + k as f64 * step, bottom + (k + 1) as f64 * step);
+    for layer in layers.iter().rev() {
+        let Layer { height: [low, high], solid_fraction, coordination, stress_yy, k0 } = layer;
+        // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "{range:<24}{:>14.3}{:>14.2}{:>14.0}{:>8.2}",
-            mean(layer.solid_fraction),
-            mean(layer.coordination),
-            mean(layer.stress[1]),
-            layer.stress[0] / layer.stress[1]
+            "{:<24}{solid_fraction:>14.3}{coordination:>14.2}{stress_yy:>14.0}{k0:>8.2}",
+            format!("{low:.3} to {high:.3}"),
         );
     }
     text
@@ -81,15 +110,11 @@ mod tests {
 
     #[test]
     fn layers_are_listed_from_the_top() {
-        let lower = Layer {
-            points: 2,
-            solid_fraction: 1.68,
-            coordination: 7.8,
-            stress: [-1800.0, -2000.0],
-        };
+        let lower =
+            Sums { points: 2, solid_fraction: 1.68, coordination: 7.8, stress: [-1800.0, -2000.0] };
         let upper =
-            Layer { points: 1, solid_fraction: 0.8, coordination: 3.5, stress: [-90.0, -100.0] };
-        let text = table(&[lower, Layer::default(), upper], 0.0, 0.1);
+            Sums { points: 1, solid_fraction: 0.8, coordination: 3.5, stress: [-90.0, -100.0] };
+        let text = table(&means(&[lower, Sums::default(), upper], 0.0, 0.1));
         let lines: Vec<Vec<&str>> =
             text.lines().skip(2).map(|line| line.split_whitespace().collect()).collect();
         assert_eq!(lines[0], ["0.200", "to", "0.300", "0.800", "3.50", "-100", "0.90"]);

@@ -63,6 +63,15 @@ pub fn check_intervals(cases: &[Case], scenes: &Path) -> Result<(), DatasetError
     }
 }
 
+/// Refuses a folder that has trajectories of the cases already, finished or not.
+///
+/// # Errors
+/// With the first of them.
+pub fn refuse_existing(cases: &[Case], folder: &Path) -> Result<(), DatasetError> {
+    let existing = cases.iter().map(|case| case.file(folder)).find(|path| path.exists());
+    existing.map_or(Ok(()), |path| Err(DatasetError::Exists { path }))
+}
+
 /// The finished trajectories in `folder`; `rows` are those of `cases`.
 pub fn finished(cases: &[Case], rows: &[Row], folder: &Path) -> DataSet {
     let files = |split| {

@@ -95,6 +95,15 @@ pub enum DatasetError {
         /// Their frame intervals (s).
         values: (f64, f64),
     },
+    /// A trajectory exists that is neither to be resumed nor overwritten.
+    #[error("{}: is there already", path.display())]
+    #[diagnostic(help(
+        "--resume keeps what is finished and makes the rest, --overwrite starts again"
+    ))]
+    Exists {
+        /// The trajectory file.
+        path: PathBuf,
+    },
     /// An existing trajectory was made from a different scene.
     #[error("{}: made from a scene that differs from the one in the list", path.display())]
     #[diagnostic(help("write to another folder, or start again with --overwrite"))]
@@ -104,7 +113,7 @@ pub enum DatasetError {
     },
     /// An existing trajectory cannot be read.
     #[error("{}: cannot be read, it may be damaged", path.display())]
-    #[diagnostic(help("delete it, and the same command makes it again"))]
+    #[diagnostic(help("delete it, and --resume makes it again"))]
     Damaged {
         /// The trajectory file.
         path: PathBuf,

@@ -16,7 +16,7 @@ mod split;
 mod statistics;
 
 pub use case::Case;
-pub use catalogue::{cases, check_intervals, finished, select};
+pub use catalogue::{cases, check_intervals, finished, refuse_existing, select};
 pub use error::DatasetError;
 pub use metadata::Metadata;
 pub(crate) use metadata::write_metadata;

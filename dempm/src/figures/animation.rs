@@ -1,4 +1,4 @@
-//! Animations of a trajectory.
+//! Animations of trajectories.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -10,13 +10,12 @@ use image::RgbImage;
 use plot::{Gif, Palette};
 use rayon::prelude::*;
 
-use super::bodies::Bodies;
 use super::error::FigureError;
-use super::figure::{Figure, Panel};
+use super::figure::Figure;
 use super::options::Options;
 use super::panels::panels;
-use super::quantity::Evaluator;
 use super::select;
+use super::shown::Shown;
 use super::undrawn::Undrawn;
 use super::view::View;
 use crate::trajectory::Trajectory;
@@ -28,13 +27,13 @@ const LAST_FRAME: u16 = 200;
 /// Frames that determine the range of the colours.
 const SAMPLES: usize = 60;
 
-/// Writes an animation of the selected frames, by default all: a GIF, or an MP4 by ffmpeg. Returns the
-/// points left out.
+/// Writes an animation of the selected frames, by default all, of one run or of several in comparison with the
+/// first: a GIF, or an MP4 by ffmpeg.
 ///
 /// # Errors
-/// If a frame or its field is missing, ffmpeg fails or the file cannot be written.
+/// If a frame or its field is missing, the runs cannot be compared, ffmpeg fails or the file cannot be written.
 pub fn animate(
-    trajectory: &Trajectory,
+    trajectories: &[Trajectory],
     options: &Options,
     fps: u32,
     output: &Path,
@@ -44,64 +43,59 @@ pub fn animate(
         Some("mp4") => false,
         _ => return Err(FigureError::AnimationFormat { path: output.to_owned() }),
     };
-    let bodies = Bodies::of(trajectory, options.grains)?;
-    let chosen = select::frames(&bodies, &options.frames)?.unwrap_or_else(|| select::all(&bodies));
-    let (figure, undrawn) = layout(&bodies, options, &chosen)?;
+    let shown = Shown::new(trajectories, options)?;
+    let chosen = select::places(&shown, &options.frames)?
+        .unwrap_or_else(|| (0..shown.frames.len()).collect());
+    let (figure, undrawn) = layout(&shown, options, &chosen)?;
     write_atomically(output, |temporary| {
         if is_gif {
-            let mut palette = Palette::new(figure.scale());
+            let (scale, others) = figure.colours();
+            let mut palette = Palette::new(&scale, &others);
             let file = File::create(temporary).map_err(WriteError::at(output, "write it"))?;
             // GIF counts in hundredths of a second.
             let delay = (100.0 / f64::from(fps)).round().max(2.0) as u16;
             let mut gif = Gif::new(BufWriter::new(file), figure.size(), palette.colours(), delay)?;
-            draw_all(&bodies, options, &figure, &chosen, |image| {
-                Ok(gif.push(palette.indexed(image))?)
-            })?;
+            draw_all(&shown, &figure, &chosen, |image| Ok(gif.push(palette.indexed(image))?))?;
             gif.hold(LAST_FRAME)?;
             Ok(gif.finish()?)
         } else {
             let mut ffmpeg = Ffmpeg::start(temporary, figure.size(), fps)?;
-            draw_all(&bodies, options, &figure, &chosen, |image| ffmpeg.push(image))?;
+            draw_all(&shown, &figure, &chosen, |image| ffmpeg.push(image))?;
             ffmpeg.finish()
         }
     })?;
     Ok(undrawn)
 }
 
-/// A layout for one panel in which all frames fit, and the points that it leaves out.
+/// A figure of one time in which all frames fit, and what it leaves out.
 fn layout(
-    bodies: &Bodies<'_>,
+    shown: &Shown<'_>,
     options: &Options,
     chosen: &[usize],
 ) -> Result<(Figure, Undrawn), FigureError> {
-    let mut view = View::EMPTY;
-    let mut undrawn = Undrawn::default();
-    for &index in chosen {
-        let frame = bodies.frame(index)?;
-        view.include(&frame);
-        undrawn.add(index, &frame);
+    let (mut view, mut undrawn) = (View::EMPTY, Undrawn::unlike(&shown.unlike()));
+    for &place in chosen {
+        shown.look(place, &mut view, &mut undrawn)?;
     }
     let samples: Vec<usize> =
         select::evenly(chosen.len(), SAMPLES).into_iter().map(|place| chosen[place]).collect();
-    let samples = panels(bodies, options.quantity, &samples)?;
+    let samples = panels(shown, &samples)?;
     let width = options.width.unwrap_or(960);
-    let figure = Figure::with_view(bodies, options, &samples, view, 1, width);
+    let figure = Figure::new(shown, options, &samples, view, shown.panels_a_time(), width);
     Ok((figure, undrawn))
 }
 
 /// Draws frames on all cores and passes the images on in order.
 fn draw_all(
-    bodies: &Bodies<'_>,
-    options: &Options,
+    shown: &Shown<'_>,
     figure: &Figure,
     chosen: &[usize],
     mut push: impl FnMut(&RgbImage) -> Result<(), FigureError>,
 ) -> Result<(), FigureError> {
-    let evaluator = Evaluator::new(bodies, options.quantity)?;
     for batch in chosen.chunks(BATCH) {
         let images: Vec<Result<RgbImage, FigureError>> = batch
             .par_iter()
-            .map(|&index| figure.draw(&[Panel::new(bodies.frame(index)?, &evaluator)]))
+            .map(|&place| figure.draw(&shown.panels(place)?, &[shown.time(place)]))
             .collect();
         for image in images {
             push(&image?)?;

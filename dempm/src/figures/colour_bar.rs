@@ -3,14 +3,16 @@
 use plot::{Anchor, ColourScale, INK, Pen, PenError, Range, tick_texts, ticks};
 
 use super::layout::Layout;
-use super::quantity::Quantity;
 
-/// Draws the colour bar below the panels: colours, ticks, label, and a note if the range is cut.
+/// Draws the colour bar below the panels: colours, ticks, label, a note if the range is cut, and what `grey` points
+/// are if there are any.
 pub(super) fn draw_colour_bar(
     pen: &Pen<'_, '_>,
     layout: &Layout,
     scale: &ColourScale,
-    quantity: Quantity,
+    name: &str,
+    unit: &str,
+    grey: Option<&str>,
 ) -> Result<(), PenError> {
     let (font, thin) = (layout.font, 0.06 * layout.font);
     let range = scale.range;
@@ -40,7 +42,6 @@ pub(super) fn draw_colour_bar(
     outline.push([left, top]);
     pen.line(&outline, thin, INK)?;
 
-    let (name, unit) = quantity.label();
     // Thousands of pascals are easier to read as kilopascals.
     let kilo = unit == "Pa" && !scale.log && range.low.abs().max(range.high) >= 2000.0;
     let factor = if kilo { 1e-3 } else { 1.0 };
@@ -56,6 +57,8 @@ pub(super) fn draw_colour_bar(
     };
     let x = right + 2.2 * font;
     pen.text(&label, [x, middle], font, Anchor::Left)?;
+    let mut y = middle;
+    let small = 0.75 * font;
     let note = match range.cut {
         [false, false] => None,
         [true, true] => Some("colours from the 1st to the 99th percentile"),
@@ -63,7 +66,13 @@ pub(super) fn draw_colour_bar(
         [false, true] => Some("colours end at the 99th percentile"),
     };
     if let Some(note) = note {
-        pen.text(note, [x, middle + 1.35 * font], 0.75 * font, Anchor::Left)?;
+        y += 1.25 * font;
+        pen.text(note, [x, y], small, Anchor::Left)?;
+    }
+    if let Some(grey) = grey {
+        y += 1.15 * font;
+        pen.disc([x + 0.4 * font, y], 0.35 * font, ColourScale::UNKNOWN)?;
+        pen.text(grey, [x + 1.1 * font, y], small, Anchor::Left)?;
     }
     Ok(())
 }

@@ -50,6 +50,27 @@ pub enum FigureError {
         /// The trajectory file.
         path: PathBuf,
     },
+    /// Means of grains, which belong to no cell.
+    #[error("--average takes means over points, not over grains")]
+    AverageOfGrains,
+    /// Differences of grains, which are other grains in each run.
+    #[error("differences are those of points, not of grains")]
+    DifferenceOfGrains,
+    /// Runs without frames at the same time.
+    #[error("the runs have no time in common")]
+    NoCommonTime,
+    /// Runs that do not start with the same material.
+    #[error("{} does not start with the material of {}", one.display(), other.display())]
+    #[diagnostic(help("--compare side and overlay show any two runs"))]
+    OtherMaterial {
+        /// The run to compare.
+        one: PathBuf,
+        /// The one to compare it with.
+        other: PathBuf,
+    },
+    /// A frame that not all runs have.
+    #[error("another run has no frame at the time of frame {0}")]
+    NotCommon(usize),
     /// A frame without grains.
     #[error("frame {frame} has no grains: {}", interval(*every))]
     NoGrainsAt {

@@ -1,104 +1,69 @@
-//! Panels with common axes above one colour bar.
+//! Panels with common axes above one key.
 
 use image::RgbImage;
 use plot::{
-    Anchor, Canvas, ColourScale, INK, Pen, PenError, RGBColor, Range, minus, tick_texts, ticks,
+    Anchor, Canvas, ColourScale, Curve, Graph, INK, Pen, PenError, RGBColor, Range, series_colour,
+    tick_texts, ticks,
 };
 
-use super::bodies::Bodies;
-use super::colour_bar::draw_colour_bar;
 use super::error::FigureError;
-use super::layout::Layout;
-use super::options::Options;
-use super::quantity::{Evaluator, Quantity};
-use super::undrawn::is_drawn;
+use super::key::{Key, draw_names};
+use super::layout::{Contents, Layout};
+use super::options::{Compare, Options};
+use super::panel::{Disc, Paint, Panel};
+use super::shorten::shortened;
+use super::shown::Shown;
 use super::view::View;
-use crate::trajectory::Frame;
 
 const WALL: RGBColor = RGBColor(70, 70, 70);
 const BOX: RGBColor = RGBColor(196, 196, 196);
 /// Radius in pictures over that of a grain.
 const SHRUNK: f64 = 0.95;
-/// Characters of a title that are looked at: more than fit into the widest figure.
-const MOST_TITLE: usize = 512;
-
-/// A frame and the values of its colours.
-pub(super) struct Panel {
-    frame: Frame,
-    values: Vec<f64>,
-}
-
-impl Panel {
-    pub(super) fn new(frame: Frame, evaluator: &Evaluator) -> Self {
-        let values = evaluator.values(&frame);
-        Self { frame, values }
-    }
-
-    pub(super) fn frame(&self) -> &Frame {
-        &self.frame
-    }
-}
 
 /// The layout of a figure: everything but the frames in it.
 pub(super) struct Figure {
     title: String,
-    quantity: Quantity,
-    walls: Vec<[f64; 4]>,
-    /// Radii of points or grains (m).
-    radii: Vec<f64>,
+    key: Key,
     /// Grains are drawn with exact edges.
     grains: bool,
     view: View,
-    scale: ColourScale,
-    /// Pixels; see [`Layout`].
     layout: Layout,
+    /// The graph over time, if runs are compared.
+    graph: Option<TimeGraph>,
+}
+
+/// Distances of runs from the first over time.
+struct TimeGraph {
+    curves: Vec<Curve>,
+    /// Colours and names of the runs.
+    names: Vec<(RGBColor, String)>,
+    /// Name of the first run.
+    first: String,
 }
 
 impl Figure {
-    /// A layout for `panels`, in which other frames of the trajectory fit too.
+    /// A figure of `count` panels with a `view`, for the values of `panels` and others like them.
     pub(super) fn new(
-        bodies: &Bodies<'_>,
-        options: &Options,
-        panels: &[Panel],
-        width: u32,
-    ) -> Self {
-        let mut view = View::EMPTY;
-        for panel in panels {
-            view.include(&panel.frame);
-        }
-        Self::with_view(bodies, options, panels, view, panels.len(), width)
-    }
-
-    /// As [`new`](Self::new), for figures of `count` panels with a given view.
-    pub(super) fn with_view(
-        bodies: &Bodies<'_>,
+        shown: &Shown<'_>,
         options: &Options,
         panels: &[Panel],
         view: View,
         count: usize,
         width: u32,
     ) -> Self {
-        let header = bodies.trajectory.header();
-        let view = view.framed(header);
-        let values = || panels.iter().flat_map(|panel| panel.values.iter().copied());
-        let classes =
-            options.quantity.is_class().then(|| values().fold(0.0, f64::max) as usize + 1);
-        let range = match classes {
-            Some(classes) => Range { low: -0.5, high: classes as f64 - 0.5, cut: [false; 2] },
-            None if options.log => Range::robust_log(values()),
-            None => Range::robust(values(), options.quantity.is_signed()),
-        };
-        let log = options.log && classes.is_none();
-        let signed = options.quantity.is_signed() && !log;
+        let view = view.framed(shown.runs[0].bodies.trajectory.header());
+        let graph = TimeGraph::of(shown);
+        // A row for each time.
+        let a_time = shown.panels_a_time();
+        let columns = (a_time > 1 && count > a_time).then_some(a_time);
+        let contents = Contents { count, columns, graph: graph.is_some() };
         Self {
-            title: header.title.replace(char::is_control, " "),
-            quantity: options.quantity,
-            walls: header.walls.clone(),
-            radii: bodies.radii(),
-            grains: bodies.are_grains(),
+            title: shown.title(),
+            key: key(shown, options, panels),
+            grains: options.grains,
             view,
-            scale: ColourScale { range, log, signed, classes },
-            layout: Layout::new(f64::from(width), view, count),
+            layout: Layout::new(f64::from(width), view, contents),
+            graph,
         }
     }
 
@@ -108,12 +73,21 @@ impl Figure {
         (even(self.layout.width), even(self.layout.height))
     }
 
-    pub(super) const fn scale(&self) -> &ColourScale {
-        &self.scale
+    /// The colour scale, which a figure of runs in one colour each does not show, and all other colours but greys.
+    pub(super) fn colours(&self) -> (ColourScale, Vec<RGBColor>) {
+        let curves = self.graph.iter().flat_map(|graph| &graph.curves).map(|curve| curve.colour);
+        match &self.key {
+            Key::Bar { scale, .. } => (*scale, curves.collect()),
+            Key::Runs(runs) => {
+                let range = Range { low: 0.0, high: 1.0, cut: [false; 2] };
+                let scale = ColourScale { range, log: false, signed: false, classes: None };
+                (scale, runs.iter().map(|run| run.0).collect())
+            }
+        }
     }
 
-    /// Draws as many panels as the layout is for.
-    pub(super) fn draw(&self, panels: &[Panel]) -> Result<RgbImage, FigureError> {
+    /// Draws as many panels as the layout is for; `times` (s) are those of the panels.
+    pub(super) fn draw(&self, panels: &[Panel], times: &[f64]) -> Result<RgbImage, FigureError> {
         let (width, height) = self.size();
         let mut canvas = Canvas::new(width, height)?;
         if self.grains {
@@ -126,23 +100,17 @@ impl Figure {
             for (index, panel) in panels.iter().enumerate() {
                 self.draw_panel(pen, index, panels.len(), panel)?;
             }
-            draw_colour_bar(pen, &self.layout, &self.scale, self.quantity)
+            self.key.draw(pen, &self.layout)?;
+            self.draw_graph(pen, times)
         })?;
         Ok(canvas.finish())
     }
 
-    /// Draws as much of the title as fits.
     fn draw_title(&self, pen: &Pen<'_, '_>) -> Result<(), PenError> {
         let layout = &self.layout;
         let size = 1.25 * layout.font;
         let room = layout.width - layout.left - layout.font;
-        let mut title: String = self.title.chars().take(MOST_TITLE).collect();
-        while pen.text_width(&title, size) > room && title.pop().is_some() {
-            if pen.text_width(&format!("{title}…"), size) <= room {
-                title.push('…');
-                break;
-            }
-        }
+        let title = shortened(pen, &self.title, size, room);
         pen.text(&title, [layout.left, 1.45 * layout.font], size, Anchor::Left)
     }
 
@@ -156,24 +124,19 @@ impl Figure {
         ]
     }
 
-    /// Place, radius (pixels) and colour of points or grains in a panel.
-    fn discs<'a>(
-        &'a self,
-        index: usize,
-        panel: &'a Panel,
-    ) -> impl Iterator<Item = ([f64; 2], f64, RGBColor)> + 'a {
-        let bodies = panel.frame.position.iter().zip(&self.radii).zip(&panel.values);
-        bodies.filter(|((position, _), _)| is_drawn(position)).map(
-            move |((&position, radius), &value)| {
-                let radius = radius * self.layout.scale;
-                (self.place(index, position), radius, self.scale.colour(value))
-            },
-        )
+    /// Place, radius (pixels) and colour of a disc in a panel.
+    fn disc(&self, index: usize, disc: &Disc) -> ([f64; 2], f64, RGBColor) {
+        let colour = match (disc.paint, &self.key) {
+            (Paint::Value(value), Key::Bar { scale, .. }) => scale.colour(value),
+            (Paint::Run(run), Key::Runs(runs)) => runs[run].0,
+            _ => ColourScale::UNKNOWN,
+        };
+        (self.place(index, disc.at), disc.radius * self.layout.scale, colour)
     }
 
     /// Draws grains a little smaller than they are: a light line remains between neighbours.
     fn draw_grains(&self, canvas: &mut Canvas, index: usize, panel: &Panel) {
-        for (at, radius, colour) in self.discs(index, panel) {
+        for (at, radius, colour) in panel.discs.iter().map(|disc| self.disc(index, disc)) {
             canvas.disc(at, SHRUNK * radius, colour);
         }
     }
@@ -189,12 +152,12 @@ impl Figure {
         let [left, top] = layout.corner(index);
         let place = |x: [f64; 2]| self.place(index, x);
         if !self.grains {
-            for (at, radius, colour) in self.discs(index, panel) {
+            for (at, radius, colour) in panel.discs.iter().map(|disc| self.disc(index, disc)) {
                 pen.disc(at, radius.max(0.75), colour)?;
             }
         }
         let thin = 0.06 * layout.font;
-        for &solid in &panel.frame.boxes {
+        for &solid in &panel.boxes {
             if let Some([low, high]) = self.view.clip_box(solid) {
                 let (low, high) = (place(low), place(high));
                 pen.rectangle([low, high], BOX)?;
@@ -202,14 +165,14 @@ impl Figure {
                 pen.line(&outline, 1.5 * thin, WALL)?;
             }
         }
-        for &wall in &self.walls {
+        for &wall in &panel.walls {
             if let Some(ends) = self.view.clip_segment(wall) {
                 pen.line(&ends.map(place), 3.0 * thin, WALL)?;
             }
         }
         self.draw_axes(pen, index, count)?;
-        let time = format!("t = {:.*} s", decimals(panel.frame.time), panel.frame.time);
-        pen.text(&minus(&time), [left, top - 0.35 * layout.font], layout.font, Anchor::AboveLeft)
+        let label = shortened(pen, &panel.label, layout.font, layout.pitch[0]);
+        pen.text(&label, [left, top - 0.35 * layout.font], layout.font, Anchor::AboveLeft)
     }
 
     /// Frame, ticks and, at the left and the bottom of the picture, their numbers.
@@ -250,21 +213,77 @@ impl Figure {
         }
         Ok(())
     }
+
+    /// Distances over time, with a line at the times of the panels.
+    fn draw_graph(&self, pen: &Pen<'_, '_>, times: &[f64]) -> Result<(), PenError> {
+        let (Some(graph), Some(frame)) = (&self.graph, self.layout.graph) else { return Ok(()) };
+        let font = self.layout.font;
+        let title = format!("distance of the points from {}, root mean square:", graph.first);
+        let title = shortened(pen, &title, font, 0.6 * (frame[1][0] - frame[0][0]));
+        let at = [frame[0][0], frame[0][1] - 1.1 * font];
+        pen.text(&title, at, font, Anchor::Left)?;
+        let beside = [at[0] + pen.text_width(&title, font) + 1.5 * font, at[1]];
+        draw_names(pen, &self.layout, &graph.names, beside)?;
+        Graph {
+            frame,
+            font,
+            x: "time (s)",
+            y: "RMS (m)",
+            curves: &graph.curves,
+            marks: times,
+            from_zero: true,
+        }
+        .draw(pen)
+    }
 }
 
-/// Decimals of a time: hundredths of a second, or finer if needed.
-fn decimals(time: f64) -> usize {
-    (2..5)
-        .find(|&n| (time * 10_f64.powi(n) - (time * 10_f64.powi(n)).round()).abs() < 1e-3)
-        .unwrap_or(5) as usize
+impl TimeGraph {
+    /// `None` of a single run, and where no other has the material of the first.
+    fn of(shown: &Shown<'_>) -> Option<Self> {
+        let curves = shown.curves();
+        let name = |(run, curve): &(usize, Curve)| (curve.colour, shown.runs[*run].name.clone());
+        (!curves.is_empty()).then(|| Self {
+            names: curves.iter().map(name).collect(),
+            curves: curves.into_iter().map(|(_, curve)| curve).collect(),
+            first: shown.runs[0].name.clone(),
+        })
+    }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn times_show_what_tells_them_apart() {
-        assert_eq!([0.0, 0.5, 0.01, 0.005, 1.0 / 3.0].map(decimals), [2, 2, 2, 3, 5]);
+/// What the colours mean.
+fn key(shown: &Shown<'_>, options: &Options, panels: &[Panel]) -> Key {
+    if shown.compare == Compare::Overlay && shown.runs.len() > 1 {
+        let names = shown.runs.iter().map(|run| run.name.clone());
+        return Key::Runs(names.enumerate().map(|(k, name)| (series_colour(k), name)).collect());
+    }
+    let is_difference = shown.compare == Compare::Difference && shown.runs.len() > 1;
+    let values = || panels.iter().flat_map(Panel::values);
+    let quantity = shown.quantity;
+    let is_class = quantity.is_class() && !is_difference;
+    let classes = is_class.then(|| values().fold(0.0, f64::max) as usize + 1);
+    let is_signed = match is_difference {
+        true => !shown.shows_distance,
+        false => quantity.is_signed(),
+    };
+    let range = match classes {
+        Some(classes) => Range { low: -0.5, high: classes as f64 - 0.5, cut: [false; 2] },
+        None if options.log => Range::robust_log(values()),
+        None => Range::robust(values(), is_signed),
+    };
+    let log = options.log && classes.is_none();
+    let (name, unit) = quantity.label();
+    let first = &shown.runs[0].name;
+    let (name, unit) = match (is_difference, shown.shows_distance) {
+        (false, _) if options.average.is_some() => (format!("{name}, mean over cells"), unit),
+        (false, _) => (name.to_owned(), unit),
+        (true, true) => (format!("distance from {first}"), "m"),
+        (true, false) => (format!("{name} minus that of {first}"), unit),
+    };
+    let grey = values().any(|value| !value.is_finite());
+    Key::Bar {
+        scale: ColourScale { range, log, signed: is_signed && !log, classes },
+        grey: grey.then(|| format!("no finite {}", quantity.label().0)),
+        name,
+        unit,
     }
 }

@@ -4,64 +4,61 @@ use std::path::Path;
 
 use files::write_atomically;
 
-use super::bodies::Bodies;
 use super::error::FigureError;
-use super::figure::{Figure, Panel};
+use super::figure::Figure;
 use super::options::Options;
-use super::quantity::{Evaluator, Quantity};
+use super::panel::Panel;
 use super::select;
+use super::shown::Shown;
 use super::undrawn::Undrawn;
+use super::view::View;
 use crate::trajectory::Trajectory;
 
-/// Panels of a figure by default.
-const PANELS: usize = 4;
+/// Times of a figure by default.
+const TIMES: usize = 4;
 /// Most panels of a figure.
 const MOST_PANELS: usize = 64;
 
-/// Writes a PNG of the selected frames, by default four over the whole run. Returns the points left out.
+/// Writes a PNG of the selected frames, by default four over the whole run, of one run or of several in comparison
+/// with the first.
 ///
 /// # Errors
-/// If a frame or its field is missing or the file cannot be written.
+/// If a frame or its field is missing, the runs cannot be compared or the file cannot be written.
 pub fn draw(
-    trajectory: &Trajectory,
+    trajectories: &[Trajectory],
     options: &Options,
     output: &Path,
 ) -> Result<Undrawn, FigureError> {
     if output.extension().is_some_and(|suffix| !suffix.eq_ignore_ascii_case("png")) {
         return Err(FigureError::FigureFormat { path: output.to_owned() });
     }
-    if trajectory.frames() == 0 {
+    if let Some(trajectory) = trajectories.iter().find(|trajectory| trajectory.frames() == 0) {
         return Err(FigureError::Empty { path: trajectory.path().to_owned() });
     }
-    let bodies = Bodies::of(trajectory, options.grains)?;
-    let chosen = select::frames(&bodies, &options.frames)?.unwrap_or_else(|| {
-        let all = select::all(&bodies);
-        select::evenly(all.len(), PANELS).into_iter().map(|place| all[place]).collect()
-    });
-    if chosen.len() > MOST_PANELS {
-        return Err(FigureError::TooManyPanels(chosen.len()));
+    let shown = Shown::new(trajectories, options)?;
+    let chosen = select::places(&shown, &options.frames)?
+        .unwrap_or_else(|| select::evenly(shown.frames.len(), TIMES));
+    let count = chosen.len() * shown.panels_a_time();
+    if count > MOST_PANELS {
+        return Err(FigureError::TooManyPanels(count));
     }
-    let panels = panels(&bodies, options.quantity, &chosen)?;
-    let width = options.width.unwrap_or(1600);
-    let figure = Figure::new(&bodies, options, &panels, width);
-    let image = figure.draw(&panels)?;
+    let panels = panels(&shown, &chosen)?;
+    let (mut view, mut undrawn) = (View::EMPTY, Undrawn::unlike(&shown.unlike()));
+    for &place in &chosen {
+        shown.look(place, &mut view, &mut undrawn)?;
+    }
+    let figure = Figure::new(&shown, options, &panels, view, count, options.width.unwrap_or(1600));
+    let times: Vec<f64> = chosen.iter().map(|&place| shown.time(place)).collect();
+    let image = figure.draw(&panels, &times)?;
     // The temporary name has no suffix that tells the format.
     write_atomically(output, |temporary| {
         Ok::<_, FigureError>(image.save_with_format(temporary, image::ImageFormat::Png)?)
     })?;
-    let mut undrawn = Undrawn::default();
-    for (&index, panel) in std::iter::zip(&chosen, &panels) {
-        undrawn.add(index, panel.frame());
-    }
     Ok(undrawn)
 }
 
-/// Reads frames and evaluates the quantity in them.
-pub(super) fn panels(
-    bodies: &Bodies<'_>,
-    quantity: Quantity,
-    chosen: &[usize],
-) -> Result<Vec<Panel>, FigureError> {
-    let evaluator = Evaluator::new(bodies, quantity)?;
-    chosen.iter().map(|&index| Ok(Panel::new(bodies.frame(index)?, &evaluator))).collect()
+/// The panels of several times, one time after the other.
+pub(super) fn panels(shown: &Shown<'_>, places: &[usize]) -> Result<Vec<Panel>, FigureError> {
+    let panels = places.iter().map(|&place| shown.panels(place)).collect::<Result<Vec<_>, _>>()?;
+    Ok(panels.into_iter().flatten().collect())
 }

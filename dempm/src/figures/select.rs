@@ -1,56 +1,57 @@
 //! The frames to show.
 
-use super::bodies::Bodies;
 use super::error::FigureError;
 use super::options::Selection;
-use crate::trajectory::Trajectory;
+use super::shown::Shown;
 
-/// The indices of the selected frames; `None` for the default selection.
-pub(super) fn frames(
-    bodies: &Bodies<'_>,
+/// The places of the selected frames among the common ones; `None` for the default selection.
+pub(super) fn places(
+    shown: &Shown<'_>,
     selection: &Selection,
 ) -> Result<Option<Vec<usize>>, FigureError> {
-    let (trajectory, every) = (bodies.trajectory, bodies.every());
     match selection {
         Selection::Default => Ok(None),
         Selection::Frames(names) => {
-            let frames = names.iter().map(|name| frame(name, trajectory.frames(), every));
-            frames.collect::<Result<_, _>>().map(Some)
+            let first = &shown.runs[0].bodies;
+            let frames: Vec<usize> = shown.frames.iter().map(|frames| frames[0]).collect();
+            let (count, every) = (first.trajectory.frames(), first.every());
+            let places = names.iter().map(|name| place(name, &frames, count, every));
+            places.collect::<Result<_, _>>().map(Some)
         }
         Selection::Times(times) => {
-            let frames = times.iter().map(|&time| nearest(time, trajectory, every));
-            frames.collect::<Result<_, _>>().map(Some)
+            let all: Vec<f64> = (0..shown.frames.len()).map(|place| shown.time(place)).collect();
+            times.iter().map(|&time| nearest(time, &all)).collect::<Result<_, _>>().map(Some)
         }
     }
 }
 
-/// All frames that can be shown.
-pub(super) fn all(bodies: &Bodies<'_>) -> Vec<usize> {
-    (0..bodies.trajectory.frames()).step_by(bodies.every()).collect()
-}
-
-/// The frame nearest to a time (s) among every `every`-th.
-fn nearest(time: f64, trajectory: &Trajectory, every: usize) -> Result<usize, FigureError> {
+/// The time nearest to `time` (s).
+fn nearest(time: f64, all: &[f64]) -> Result<usize, FigureError> {
     if !time.is_finite() {
         return Err(FigureError::NotATime(time));
     }
-    let distance = |index: &usize| (trajectory.time()[*index] - time).abs();
-    let nearest =
-        (0..trajectory.frames()).step_by(every).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    nearest.ok_or_else(|| FigureError::Empty { path: trajectory.path().to_owned() })
+    let distance = |place: &usize| (all[*place] - time).abs();
+    let nearest = (0..all.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    nearest.ok_or(FigureError::NoCommonTime)
 }
 
-/// A frame by its number, or `first` or `last` of every `every`-th.
-fn frame(name: &str, frames: usize, every: usize) -> Result<usize, FigureError> {
+/// The place of a frame by its number, or `first` or `last`, among `frames`: those of `count` that can be shown, which
+/// have grains if they are an `every`-th.
+fn place(name: &str, frames: &[usize], count: usize, every: usize) -> Result<usize, FigureError> {
     match name.trim() {
         "first" => Ok(0),
-        "last" => Ok((frames - 1) / every * every),
-        number => match number.parse::<usize>() {
-            Ok(frame) if frame < frames && frame.is_multiple_of(every) => Ok(frame),
-            Ok(frame) if frame < frames => Err(FigureError::NoGrainsAt { frame, every }),
-            Ok(frame) => Err(FigureError::NoSuchFrame { frame, frames }),
-            Err(_) => Err(FigureError::NotAFrame(number.to_owned())),
-        },
+        "last" => Ok(frames.len() - 1),
+        number => {
+            let frame: usize =
+                number.parse().map_err(|_| FigureError::NotAFrame(number.to_owned()))?;
+            frames.iter().position(|shown| *shown == frame).ok_or(if frame >= count {
+                FigureError::NoSuchFrame { frame, frames: count }
+            } else if frame.is_multiple_of(every) {
+                FigureError::NotCommon(frame)
+            } else {
+                FigureError::NoGrainsAt { frame, every }
+            })
+        }
     }
 }
 
@@ -77,12 +78,26 @@ mod tests {
 
     #[test]
     fn names_of_frames() {
-        assert_eq!(frame("last", 7, 1).unwrap(), 6);
-        assert_eq!(frame(" 3", 7, 1).unwrap(), 3);
-        assert!(frame("7", 7, 1).unwrap_err().to_string().contains("from 0 to 6"));
-        assert!(frame("-1", 7, 1).unwrap_err().to_string().contains("`-1`"));
-        assert_eq!(frame("last", 8, 3).unwrap(), 6);
-        let error = frame("4", 8, 3).unwrap_err().to_string();
-        assert!(error.contains("frame 4 has no grains: only frames 0, 3, 6, ... have"), "{error}");
+        let all = [0, 1, 2, 3, 4, 5, 6];
+        assert_eq!(place("last", &all, 7, 1).unwrap(), 6);
+        assert_eq!(place(" 3", &all, 7, 1).unwrap(), 3);
+        let error = |name: &str, frames: &[usize], count, every| {
+            place(name, frames, count, every).unwrap_err().to_string()
+        };
+        assert!(error("7", &all, 7, 1).contains("from 0 to 6"));
+        assert!(error("-1", &all, 7, 1).contains("`-1`"));
+        assert_eq!(place("last", &[0, 3, 6], 8, 3).unwrap(), 2);
+        let grains = error("4", &[0, 3, 6], 8, 3);
+        assert!(
+            grains.contains("frame 4 has no grains: only frames 0, 3, 6, ... have"),
+            "{grains}"
+        );
+        assert!(error("1", &[0, 2], 4, 1).contains("no frame at the time of frame 1"));
+    }
+
+    #[test]
+    fn times_pick_the_nearest_frame() {
+        assert_eq!(nearest(0.26, &[0.0, 0.1, 0.3]).unwrap(), 2);
+        assert!(nearest(f64::NAN, &[0.0]).unwrap_err().to_string().contains("not a time"));
     }
 }

@@ -1,7 +1,7 @@
 //! The window of space that a picture shows.
 
 use super::undrawn::is_drawn;
-use crate::trajectory::{Frame, Header};
+use crate::trajectory::Header;
 
 /// A rectangle in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,9 +15,9 @@ impl View {
     pub(super) const EMPTY: Self =
         Self { x: [f64::INFINITY, f64::NEG_INFINITY], y: [f64::INFINITY, f64::NEG_INFINITY] };
 
-    /// Grows the view to where the material of a frame is.
-    pub(super) fn include(&mut self, frame: &Frame) {
-        for &[x, y] in frame.position.iter().filter(|x| is_drawn(x)) {
+    /// Grows the view to where the points of a frame are.
+    pub(super) fn include(&mut self, position: &[[f64; 2]]) {
+        for &[x, y] in position.iter().filter(|x| is_drawn(x)) {
             self.x = [self.x[0].min(x), self.x[1].max(x)];
             self.y = [self.y[0].min(y), self.y[1].max(y)];
         }
@@ -98,7 +98,7 @@ mod tests {
     fn view(positions: &[[f64; 2]]) -> View {
         let header = Header { domain: [10.0, 4.0], point_spacing: 0.1, ..Header::default() };
         let mut view = View::EMPTY;
-        view.include(&Frame { position: positions.to_vec(), ..Frame::default() });
+        view.include(positions);
         view.framed(&header)
     }
 

@@ -20,6 +20,9 @@ pub fn beyond_bound(step: f64, bound: f64) -> Option<String> {
     })
 }
 
+/// Share of RVE steps with a cell too thin to follow that is worth a warning: the tip of a collapse has 1 %.
+const THIN_SHARE: f64 = 0.05;
+
 /// The warning for an overlap above `warning`, both in radii.
 pub fn overlap(largest: f64, warning: f64) -> String {
     format!("discs overlap by {largest:.2} of a radius, more than overlap_warning = {warning}")
@@ -123,7 +126,7 @@ impl Monitor {
                 self.overlap = true;
                 warn(overlap(tally.max_overlap, p.grains.overlap_warning));
             }
-            if tally.thin_steps > 0 && !self.thin {
+            if tally.thin_steps as f64 > THIN_SHARE * tally.steps as f64 && !self.thin {
                 self.thin = true;
                 warn(thin(p.thin_width, tally.min_width));
             }

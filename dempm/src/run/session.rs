@@ -27,7 +27,8 @@ pub struct Options {
     pub device: Option<Arc<gpu::Device>>,
     /// The ranks that share the packings or discs; `None` for a run in one process.
     pub ranks: Option<Arc<Ranks>>,
-    /// Continue from the checkpoint beside the trajectory file; begin if nothing is there yet.
+    /// Continue from the checkpoint beside the trajectory file; begin if nothing is there yet, and leave a finished
+    /// trajectory as it is.
     pub resume: bool,
     /// Replace an existing trajectory file.
     pub overwrite: bool,
@@ -44,6 +45,8 @@ pub enum Outcome {
         /// Smallest stable macro step of any frame (s).
         stable_step: f64,
     },
+    /// The run to resume was finished before.
+    WasFinished,
     /// The run was interrupted and left a checkpoint.
     Interrupted {
         /// Completed macro steps.
@@ -54,7 +57,8 @@ pub enum Outcome {
 }
 
 /// Runs a scene into the trajectory file `output`, from the start or a checkpoint, until it ends or
-/// an interrupt is requested. During preparations an interrupt ends the process.
+/// an interrupt is requested. During preparations an interrupt ends the process. A run to resume that is finished
+/// already stays as it is.
 ///
 /// # Errors
 /// If the output exists, a step fails or a file cannot be written.
@@ -66,6 +70,14 @@ pub fn run_scene(
     interrupt: &Interrupt,
 ) -> Result<Outcome, SessionError> {
     let ranks = options.ranks.as_deref();
+    let was_finished = options.resume && options.writes() && is_finished(&scene, &output);
+    // Only the first rank looks at the files.
+    if ranks.map_or(Ok(was_finished), |ranks| ranks.any(was_finished))? {
+        if let Some(ranks) = ranks {
+            ranks.all_done();
+        }
+        return Ok(Outcome::WasFinished);
+    }
     let mut session = agreed_result(ranks, Session::start(scene, output, options, observer))?;
     // Until here there is nothing to save.
     let _guard = interrupt.guard();
@@ -84,6 +96,14 @@ pub fn run_scene(
         ranks.all_done();
     }
     Ok(outcome)
+}
+
+/// Whether the trajectory at `path` is the finished run of a scene. One with a checkpoint beside it was killed before
+/// its end was settled.
+fn is_finished(scene: &Scene, path: &Path) -> bool {
+    let finished =
+        |file: Trajectory| file.header().scene == scene.text && file.status() == "finished";
+    !checkpoint::path_beside(path).exists() && Trajectory::open(path).is_ok_and(finished)
 }
 
 /// This rank's result if all ranks have succeeded; otherwise an error on each, so that none waits for
@@ -129,7 +149,7 @@ impl<'a> Session<'a> {
         observer: &'a mut dyn Observer,
     ) -> Result<Self, SessionError> {
         let checkpoint = checkpoint::path_beside(&path);
-        let writes = options.ranks.as_ref().is_none_or(|ranks| ranks.is_first());
+        let writes = options.writes();
         let lock = writes.then(|| FileLock::take(&path)).transpose()?;
         if let Some(lock) = &lock {
             lock.remove_leftovers_of(&checkpoint);
@@ -345,6 +365,11 @@ fn create(simulation: &Simulation, path: &Path) -> Result<TrajectoryWriter, Sess
 }
 
 impl Options {
+    /// Whether this process writes the files: only the first rank does.
+    fn writes(&self) -> bool {
+        self.ranks.as_ref().is_none_or(|ranks| ranks.is_first())
+    }
+
     /// Whether a run of `scene` may begin at `path`: nothing is there, or it is to be replaced, or to be
     /// resumed and was killed before its first checkpoint.
     fn check_place(

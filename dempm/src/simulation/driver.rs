@@ -8,6 +8,7 @@ use gpu::Device;
 use gpu::ranks::Ranks;
 use mpm::Points;
 
+use super::cuda::compile_ahead;
 use super::discs::DiscModel;
 use super::error::SimulationError;
 use super::initial::initial_model;
@@ -46,8 +47,8 @@ impl Simulation {
         Self::prepare(scene, None, None)
     }
 
-    /// As [`new`](Self::new), but discs are prepared on a GPU, by several ranks together. It is left where it is:
-    /// [`move_to`](Self::move_to) follows.
+    /// As [`new`](Self::new), but discs are prepared on a GPU, by several ranks together, and kernels are compiled
+    /// meanwhile. It is left where it is: [`move_to`](Self::move_to) follows.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -57,6 +58,9 @@ impl Simulation {
         ranks: Option<&Ranks>,
     ) -> Result<Self, SimulationError> {
         let start = Instant::now();
+        if let Some(device) = device {
+            compile_ahead(device, &scene);
+        }
         let (model, points) = initial_model(&scene, device, ranks)?;
         let prepared = start.elapsed().as_secs_f64();
         let wall_time = BTreeMap::from([("preparation".to_owned(), prepared)]);
@@ -111,6 +115,8 @@ impl Simulation {
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<(), SimulationError> {
         let start = Instant::now();
+        // Side by side, unless that has begun before.
+        compile_ahead(device, &self.scene);
         match &mut self.model {
             Model::Mpm(mpm) => mpm.move_to(device, ranks, &self.scene, self.step, &self.points)?,
             Model::Discs(discs) => discs.move_to(device, ranks)?,

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use assert_cmd::cargo::cargo_bin_cmd;
 use clap::Parser;
 use dempm::commands::export::{ExportArgs, export};
-use dempm::commands::info::info;
+use dempm::commands::info::{InfoArgs, info};
 use dempm::commands::plot::{PlotArgs, plot};
-use dempm::trajectory::{Header, TrajectoryWriter};
+use dempm::trajectory::{Frame, Header, Points, TrajectoryWriter};
 use tempfile::{TempDir, tempdir};
 
 use crate::python;
@@ -36,6 +36,29 @@ fn trajectory() -> (TempDir, PathBuf) {
 fn run_plot(path: &Path, options: &[&str]) -> miette::Result<()> {
     let words = ["plot", path.to_str().unwrap()].into_iter().chain(options.iter().copied());
     plot(&Plot::try_parse_from(words).unwrap().args)
+}
+
+/// As `run.h5` of [`trajectory`], with all points `d` (m) to the right from the second frame on, and slower.
+fn write_moved(path: &Path, d: f64) {
+    let collapse = Collapse::new(8);
+    let mut writer =
+        TrajectoryWriter::create(path, &collapse.header(), &collapse.points()).unwrap();
+    for index in 0..5 {
+        let mut frame = collapse.frame(index * 75);
+        if index > 0 {
+            frame.position.iter_mut().for_each(|x| x[0] += d);
+        }
+        frame.velocity.iter_mut().flatten().for_each(|v| *v *= 0.5);
+        writer.push(frame).unwrap();
+    }
+    writer.finish("finished").unwrap();
+}
+
+/// Pixels of a picture that are about of a colour.
+fn pixels_like(path: &Path, colour: [u8; 3]) -> usize {
+    let picture = image::open(path).unwrap().to_rgb8();
+    let near = |pixel: [u8; 3]| pixel.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 12);
+    picture.pixels().filter(|pixel| near(pixel.0)).count()
 }
 
 fn run_export(path: &Path, format: &str) {
@@ -105,6 +128,125 @@ fn a_film_has_a_picture_for_every_frame() {
     assert_eq!(frames, 5 + 1);
 }
 
+/// The second and third colour of series: the first of the other runs, and the next.
+const ORANGE: [u8; 3] = [0xD5, 0x5E, 0x00];
+const GREEN: [u8; 3] = [0x00, 0x8F, 0x68];
+
+/// Every way to compare has the distances over time as a curve for each run after the first, in its colour.
+#[test]
+fn runs_are_compared_in_one_picture() {
+    let (directory, path) = trajectory();
+    let at = |name: &str| directory.path().join(name);
+    write_moved(&at("moved.h5"), 0.25);
+    write_moved(&at("far.h5"), 0.5);
+    let others = [at("moved.h5"), at("far.h5")];
+    let others = others.each_ref().map(|path| path.to_str().unwrap());
+    let picture = |options: &[&str]| {
+        let words = [&others[..], &["--width", "800"], options].concat();
+        run_plot(&path, &words).unwrap();
+        image::open(at("run-and-moved-and-far.png")).unwrap().to_rgb8()
+    };
+    let [side, overlay, difference] =
+        ["side", "overlay", "difference"].map(|how| picture(&["--compare", how]));
+    // Three runs side by side at four times are higher than four times two by two.
+    assert!(side.height() > overlay.height());
+    assert!(side != difference);
+    for how in ["side", "overlay", "difference"] {
+        picture(&["--compare", how]);
+        for colour in [ORANGE, GREEN] {
+            let found = pixels_like(&at("run-and-moved-and-far.png"), colour);
+            assert!(found > 200, "{how}: {found} pixels of {colour:?}");
+        }
+    }
+    // Speeds are halved, so their difference is not the distance.
+    assert!(picture(&["--compare", "difference", "--field", "speed"]) != difference);
+
+    let film = at("film.gif");
+    let options = ["--compare", "overlay", "--width", "320", "--animate", film.to_str().unwrap()];
+    run_plot(&path, &[&others[..1], &options].concat()).unwrap();
+    let mut decoder = gif::Decoder::new(std::fs::File::open(&film).unwrap()).unwrap();
+    let palette = decoder.global_palette().unwrap().as_chunks::<3>().0.to_vec();
+    assert!(palette.contains(&ORANGE), "the colour of the second run is kept");
+    assert!(decoder.read_next_frame().unwrap().is_some());
+}
+
+#[test]
+fn what_cannot_be_compared_is_explained() {
+    let (directory, path) = trajectory();
+    let at = |name: &str| directory.path().join(name);
+    let explained = |options: &[&str], words: &str| {
+        let report = format!("{:?}", run_plot(&path, options).unwrap_err());
+        assert!(report.replace("\n  │ ", " ").contains(words), "{report}");
+    };
+    // Only the lower half of the points.
+    let collapse = Collapse::new(8);
+    let Points { mut mass, mut column } = collapse.points();
+    mass.truncate(32);
+    column.truncate(32);
+    let half = Points { mass, column };
+    let mut writer = TrajectoryWriter::create(&at("other.h5"), &collapse.header(), &half).unwrap();
+    let Frame { mut position, mut velocity, .. } = collapse.frame(0);
+    position.truncate(32);
+    velocity.truncate(32);
+    writer.push(Frame { position, velocity, ..Frame::default() }).unwrap();
+    writer.finish("finished").unwrap();
+    let other = at("other.h5");
+    let other = other.to_str().unwrap();
+    explained(&[other, "--compare", "difference"], "does not start with the material");
+    run_plot(&path, &[other]).unwrap();
+    let header = Header { title: "Late".to_owned(), ..Collapse::new(8).header() };
+    let mut writer =
+        TrajectoryWriter::create(&at("late.h5"), &header, &Collapse::new(8).points()).unwrap();
+    writer.push(Collapse::new(8).frame(1)).unwrap();
+    writer.finish("finished").unwrap();
+    explained(&[at("late.h5").to_str().unwrap()], "no time in common");
+    write_moved(&at("moved.h5"), 0.1);
+    std::fs::write(at("path.csv"), "t\n").unwrap();
+    explained(&[at("path.csv").to_str().unwrap()], "do not share a picture");
+    assert!(
+        run_plot(&at("path.csv"), &[])
+            .unwrap_err()
+            .chain()
+            .any(|e| { e.to_string().contains("no column `exx`") })
+    );
+}
+
+/// Means over cells of 2 x 2 points: in each cell of the grid one colour.
+#[test]
+fn an_average_smooths_a_field() {
+    let (directory, path) = trajectory();
+    let picture = |options: &[&str]| {
+        run_plot(&path, &[&["--field", "pressure", "--frames", "0"], options].concat()).unwrap();
+        std::fs::read(directory.path().join("run.png")).unwrap()
+    };
+    assert!(picture(&[]) != picture(&["--average", "cell"]));
+}
+
+/// An infinite inertial number is grey, and the key says so.
+#[test]
+fn grey_points_have_a_legend() {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("grey.h5");
+    let collapse = Collapse::new(8);
+    let mut writer =
+        TrajectoryWriter::create(&path, &collapse.header(), &collapse.points()).unwrap();
+    let mut frame = collapse.frame(30);
+    let grey = |path: &Path| {
+        run_plot(path, &["--field", "inertial-number", "--width", "800"]).unwrap();
+        pixels_like(&path.with_extension("png"), [150; 3])
+    };
+    writer.push(frame.clone()).unwrap();
+    writer.finish("finished").unwrap();
+    let before = grey(&path);
+    frame.inertial_number.as_mut().unwrap()[0] = f32::INFINITY;
+    let mut writer =
+        TrajectoryWriter::create(&path, &collapse.header(), &collapse.points()).unwrap();
+    writer.push(frame).unwrap();
+    writer.finish("finished").unwrap();
+    // A point more than 25 pixels across, and the mark of the legend.
+    assert!(grey(&path) > before + 500);
+}
+
 #[test]
 fn what_cannot_be_drawn_is_explained() {
     let (directory, path) = trajectory();
@@ -128,7 +270,7 @@ fn what_cannot_be_drawn_is_explained() {
     writer.commit().unwrap();
     let report = format!("{:?}", run_plot(&bare, &["--field", "pressure"]).unwrap_err());
     assert!(report.contains("no stress"), "{report}");
-    info(&bare).unwrap();
+    info(&InfoArgs { file: bare, json: false }).unwrap();
 }
 
 #[test]
@@ -167,6 +309,24 @@ fn points_lost_to_nan_do_not_stop_a_picture() {
         assert!(error.contains(named), "{error}");
     }
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 2, "an export was begun");
+}
+
+/// The summary as JSON has the numbers of the file, and nothing else is on the standard output.
+#[test]
+fn info_is_one_json_object() {
+    let (_directory, path) = trajectory();
+    let output = cargo_bin_cmd!("dempm").args(["info", "--json"]).arg(&path).assert().success();
+    let json: serde_json::Value = serde_json::from_slice(&output.get_output().stdout).unwrap();
+    assert_eq!(json["points"], 64);
+    assert_eq!(json["frames"], 5);
+    assert_eq!(json["time"], serde_json::json!([0.0, 3.0]));
+    assert_eq!(json["status"], "finished");
+    let position = &json["fields"][0];
+    assert_eq!((&position["name"], &position["unit"]), (&"position".into(), &"m".into()));
+    // A heap of 7.5 m ends half a spacing before its front.
+    let front = json["end"]["front"].as_f64().unwrap();
+    let x = position["components"][0]["max"].as_f64().unwrap();
+    assert!((front - x - 0.5 * 3.0 / 8.0).abs() < 1e-6, "{front} {x}");
 }
 
 #[test]

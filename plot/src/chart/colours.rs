@@ -22,6 +22,11 @@ pub(super) const COLOURS: [(RGBColor, &str); 10] = [
     (RGBColor(0x00, 0x9F, 0xC0), "#6ADDF2"),
 ];
 
+/// The colour of a series, counted from 0, on a light page.
+pub fn series_colour(index: usize) -> RGBColor {
+    COLOURS[index % COLOURS.len()].0
+}
+
 /// CSS that exchanges the colours of charts on dark screens.
 pub fn dark_style() -> String {
     let hex = |RGBColor(r, g, b): RGBColor| format!("#{r:02X}{g:02X}{b:02X}");

@@ -7,7 +7,7 @@ use plotters::prelude::*;
 use plotters::style::RGBColor;
 
 use super::area::{Drawn, HEIGHT, TEXT, WIDTH};
-use super::colours::{COLOURS, GRID, INK, dark_style};
+use super::colours::{GRID, INK, dark_style, series_colour};
 use super::labels::offsets;
 use super::legend::{self, Entry};
 use super::series::{Axis, Mark, Series};
@@ -192,7 +192,7 @@ impl Chart {
                 return INK;
             }
             next += 1;
-            COLOURS[(next - 1) % COLOURS.len()].0
+            series_colour(next - 1)
         };
         self.series.iter().map(colour).collect()
     }

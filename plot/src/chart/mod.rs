@@ -7,6 +7,6 @@ mod labels;
 mod legend;
 mod series;
 
-pub use colours::{dark_style, inlined};
+pub use colours::{dark_style, inlined, series_colour};
 pub use drawing::Chart;
 pub use series::{Axis, Mark, Series};

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
-from typing import Iterator, NamedTuple, Sequence
+from typing import Any, Iterator, NamedTuple, Sequence
 
 import numpy as np
 import torch
@@ -61,7 +62,7 @@ def collate(windows: Sequence[Window]) -> Batch:
     return Batch(graphs, torch.cat([window.target for window in windows]), points)
 
 
-class Windows(Dataset):
+class Windows(Dataset[Window]):
     """All windows of the trajectories below a folder, as graphs with targets: a `torch.utils.data.Dataset`.
 
     `frames` is the length of a window. `config` states the network's features where they are not the paper's; its
@@ -134,7 +135,7 @@ class Windows(Dataset):
     def __iter__(self) -> Iterator[Window]:
         return (self[index] for index in range(len(self)))
 
-    def __getstate__(self) -> dict:
+    def __getstate__(self) -> dict[str, Any]:
         # Each worker of a loader opens the files itself.
         return {**self.__dict__, "_runs": [None] * len(self.files)}
 
@@ -253,7 +254,7 @@ def _noisy(positions: Tensor, sigma: float) -> Tensor:
 
 
 def _files(folder: FilePath | Sequence[FilePath]) -> list[Path]:
-    if isinstance(folder, (str, Path)):
+    if isinstance(folder, (str, os.PathLike)):
         files = sorted(Path(folder).rglob("*.h5"))
         if not files:
             raise Error(f"{folder}: there are no trajectories (*.h5) in it")

@@ -3,14 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use dempm::commands::terminal::print_json;
 use dempm::device::Device;
-use files::{announce, note, print_result, refuse_input, write_text};
+use files::{announce, announces, inform, print_result, refuse_input, set_json, write_text};
 use miette::bail;
+use serde::Serialize;
 
 use super::rollout::select_device;
 use crate::data::trajectories_in;
 use crate::diagnostics::Accuracy;
-use crate::evaluation::{Case, chart, compare, frames_table, noise_floor, report, summary_table};
+use crate::evaluation::{
+    Case, Summary, chart, compare, frames_table, noise_floor, report, summaries, summary_table,
+};
 use crate::network::Precision;
 use crate::simulator::Simulator;
 
@@ -45,16 +49,33 @@ pub struct EvalArgs {
     /// has not learnt from
     #[arg(long)]
     record: bool,
+    /// Print the summary as one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was evaluated, and the errors in a few numbers for each trajectory.
+#[derive(Serialize)]
+struct Report<'a> {
+    /// The model.
+    model: &'a Path,
+    /// The folder of trajectories.
+    data: &'a Path,
+    /// The folder of the tables.
+    output: &'a Path,
+    /// A row for each rollout and noise floor, then the means of both.
+    rows: Vec<Summary>,
 }
 
 /// Evaluates a model.
 ///
 /// # Errors
 /// If a file cannot be used, or the results cannot be written.
-pub fn eval(args: &EvalArgs) -> miette::Result<()> {
+pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
+    set_json(args.json);
     let (mirror, precision) = (args.mirror, args.precision);
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
-    select_device(&mut simulator, args.device)?;
+    select_device(&mut simulator, args.device, verbose)?;
     let paths = trajectories_in(&args.data)?;
     let outputs = ["frames.csv", "summary.csv", "errors.svg"].map(|name| args.output.join(name));
     for output in &outputs {
@@ -77,7 +98,12 @@ pub fn eval(args: &EvalArgs) -> miette::Result<()> {
     write_text(frames, &frames_table(&cases))?;
     write_text(summary, &summary_table(&cases))?;
     write_text(errors, &chart(&cases).svg()?)?;
-    let _ = print_result(report(&cases));
+    if args.json {
+        let (model, data, output) = (&*args.model, &*args.data, &*args.output);
+        print_json(&Report { model, data, output, rows: summaries(&cases) })?;
+    } else if announces() {
+        let _ = print_result(report(&cases));
+    }
     announce!("written: {}/{{summary.csv, frames.csv, errors.svg}}", args.output.display());
     if args.record { record_accuracy(simulator, &cases, args) } else { Ok(()) }
 }
@@ -94,7 +120,7 @@ fn evaluate(args: &EvalArgs, simulator: &Simulator, path: PathBuf) -> miette::Re
         );
     }
     let per_frame = began.elapsed().as_secs_f64() / rollout.errors.len().max(1) as f64;
-    note!("{}: {} frames, {per_frame:.3} s each", rollout.case, rollout.errors.len());
+    inform!("{}: {} frames, {per_frame:.3} s each", rollout.case, rollout.errors.len());
     let twin = |folder: &PathBuf| folder.join(path.file_name().unwrap_or_default());
     let floor = match args.noise_floor.as_ref().map(twin).filter(|twin| twin.exists()) {
         Some(twin) => Some(noise_floor(simulator, &path, &twin, args.frames)?),

@@ -7,10 +7,9 @@ use std::time::Instant;
 use dempm::device::Device;
 use dempm::scene::Scene;
 use files::{FileLock, INTERRUPTED, Interrupt, announce, note, refuse_input};
-use indicatif::ProgressBar;
 use miette::{Context, IntoDiagnostic, Report, bail};
 
-use super::progress::rollout_bar;
+use super::progress::Progress;
 use crate::cuda::CudaError;
 use crate::diagnostics::{asymmetry, start_checks};
 use crate::network::Precision;
@@ -56,7 +55,7 @@ pub struct RolloutArgs {
 /// # Errors
 /// If a file cannot be used or written, or the prediction fails; the output then holds the frames
 /// before.
-pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
+pub fn rollout(args: &RolloutArgs, verbose: bool) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
@@ -66,7 +65,7 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     let _lock = FileLock::take(&args.output)?;
     let (mirror, precision) = (args.mirror, args.precision);
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
-    select_device(&mut simulator, args.device)?;
+    select_device(&mut simulator, args.device, verbose)?;
     let began = Instant::now();
     let initial = initial_frames(args, &simulator)?;
     let frames = args.frames.unwrap_or(initial.frames);
@@ -80,11 +79,12 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
 
     let output = args.output.display();
     let options = RecordingOptions { model: &args.model, output: &args.output, frames, began };
-    let bar = rollout_bar(frames as u64);
+    let progress = Progress::of_rollout(frames as u64);
     // From here on there is something to save.
     let _guard = interrupt.guard();
-    let recorded = record(&simulator, &initial, &options, interrupt.flag(), &mut Progress(&bar))?;
-    bar.finish_and_clear();
+    let recorded =
+        record(&simulator, &initial, &options, interrupt.flag(), &mut Observer(&progress))?;
+    progress.finish();
     let made = recorded.frames;
     if let Some(error) = recorded.failure {
         return Err(Report::new(error).wrap_err(format!("{output} holds the {made} frames before")));
@@ -98,12 +98,21 @@ pub fn rollout(args: &RolloutArgs) -> miette::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Selects the device of a model, and reports a GPU that is there but cannot be used.
-pub(super) fn select_device(simulator: &mut Simulator, device: Device) -> miette::Result<()> {
+/// Selects the device of a model, and reports a GPU that is there but cannot be used; with `verbose` also the one
+/// that is used.
+pub(super) fn select_device(
+    simulator: &mut Simulator,
+    device: Device,
+    verbose: bool,
+) -> miette::Result<()> {
     let unused = simulator.select_device(device);
     let unused: Option<CudaError> = unused.into_diagnostic().wrap_err("--device, --precision")?;
     if let Some(reason) = unused {
         note!("running on the CPU: {reason}");
+    }
+    if verbose {
+        let name = simulator.gpu.as_ref().map_or("the CPU", |gpu| gpu.name());
+        note!("running on {name}");
     }
     Ok(())
 }
@@ -124,15 +133,15 @@ fn initial_frames(args: &RolloutArgs, simulator: &Simulator) -> miette::Result<I
     }
 }
 
-/// Shows the progress of a rollout in a bar, and its warnings above.
-struct Progress<'a>(&'a ProgressBar);
+/// Shows the progress of a rollout, and its warnings above.
+struct Observer<'a>(&'a Progress);
 
-impl RolloutObserver for Progress<'_> {
+impl RolloutObserver for Observer<'_> {
     fn recorded(&mut self, frames: usize) {
-        self.0.set_position(frames as u64);
+        self.0.set(frames as u64);
     }
 
     fn warning(&mut self, text: &str) {
-        self.0.suspend(|| note!("{text}"));
+        self.0.warn(text);
     }
 }

@@ -5,10 +5,9 @@ use std::process::ExitCode;
 
 use dempm::device::Device;
 use dempm::run::checkpoint_interval;
-use files::{INTERRUPTED, Interrupt, announce, note};
-use indicatif::ProgressBar;
+use files::{INTERRUPTED, Interrupt, announce, inform, note};
 
-use super::progress::training_bar;
+use super::progress::Progress;
 use crate::train::{
     Outcome, Report, Session, SessionOptions, Summary, TrainConfig, TrainObserver, WARM_UP_STEPS,
     check_new, checkpoint_in,
@@ -25,7 +24,8 @@ pub struct TrainArgs {
     /// Folder for models, log and checkpoint
     #[arg(short, long)]
     output: PathBuf,
-    /// Continue an interrupted training; the result is the same to the bit
+    /// Continue an interrupted training, begin one that is not there, and leave a finished one; the result is the same
+    /// to the bit as that of an uninterrupted one
     #[arg(long)]
     resume: bool,
     /// Replace a training that is in the folder already
@@ -67,17 +67,26 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
         print_summary(&summary);
     }
     let _lock = session.take_folder(resume)?;
-    let bar = if is_leader { training_bar(steps, summary.step) } else { ProgressBar::hidden() };
+    // Other ranks would repeat what the first reports.
+    let progress = is_leader.then(|| Progress::of_training(steps, summary.step));
     // From here on there is something to save.
     let _guard = interrupt.guard();
-    let outcome = session.run(interrupt.flag(), interval, &mut Progress(&bar))?;
-    bar.finish_and_clear();
+    let outcome = session.run(interrupt.flag(), interval, &mut Observer(progress.as_ref()))?;
+    if let Some(progress) = progress {
+        progress.finish();
+    }
     match outcome {
         Outcome::Interrupted(step) => {
             if is_leader {
                 note!("interrupted at step {step} of {steps}; --resume continues");
             }
             Ok(ExitCode::from(INTERRUPTED))
+        }
+        Outcome::Finished(Report { made: 0, .. }) => {
+            if is_leader {
+                announce!("{}: finished already", args.output.display());
+            }
+            Ok(ExitCode::SUCCESS)
         }
         Outcome::Finished(report) => {
             if is_leader {
@@ -89,19 +98,23 @@ pub fn train(args: &TrainArgs) -> miette::Result<ExitCode> {
     }
 }
 
-/// Shows the progress of a training in a bar.
-struct Progress<'a>(&'a ProgressBar);
+/// Shows the progress of a training.
+struct Observer<'a>(Option<&'a Progress>);
 
-impl TrainObserver for Progress<'_> {
+impl TrainObserver for Observer<'_> {
     fn step(&mut self, step: u64) {
-        self.0.set_position(step);
+        if let Some(progress) = self.0 {
+            progress.set(step);
+        }
     }
 
     fn logged(&mut self, loss: f64, best: Option<f64>) {
-        self.0.set_message(match best {
-            Some(best) => format!("loss {loss:.3e}  best MSE {best:.2e}"),
-            None => format!("loss {loss:.3e}"),
-        });
+        if let Some(progress) = self.0 {
+            progress.set_message(match best {
+                Some(best) => format!("loss {loss:.3e}  best MSE {best:.2e}"),
+                None => format!("loss {loss:.3e}"),
+            });
+        }
     }
 }
 
@@ -109,9 +122,9 @@ fn print_summary(summary: &Summary) {
     let Summary { ranks, parameters, windows, train_files, valid_files, .. } = summary;
     if let Some(gpu) = &summary.gpu {
         let count = if *ranks > 1 { format!("{ranks} x ") } else { String::new() };
-        note!("training on {count}{gpu}");
+        inform!("training on {count}{gpu}");
     }
-    note!(
+    inform!(
         "{parameters} parameters; {windows} windows in {train_files} training files, {valid_files} \
          validation files"
     );

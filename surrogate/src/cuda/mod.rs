@@ -10,6 +10,7 @@
 
 mod activations;
 mod advance;
+mod ahead;
 mod backward_pass;
 mod batch;
 mod error;
@@ -29,6 +30,9 @@ mod trainer;
 mod upload;
 mod weight_gradient;
 
+pub use gpu::Source;
+
+pub use ahead::compile_ahead;
 pub use batch::{BatchBuilder, DeviceBatch, EDGES_PER_POINT, HostWindows, PredictionInput};
 pub use error::CudaError;
 pub use frame_builder::{FrameBuilder, NewFrame};
@@ -41,7 +45,6 @@ pub use ops::graph::graph_source;
 pub use ops::integrate::integrate_source;
 pub use ops::kernels::network_sources;
 pub use ops::push_forward::push_forward_source;
-pub use ops::source::Source;
 pub use rollout_graph::{CudaRollout, Network, Past};
 pub use rollout_thread::RolloutThread;
 pub use support::{Capacity, supports};

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError};
+use dempm::trajectory::{Trajectory, TrajectoryError};
 
-use super::metrics::{Errors, FrameError};
+use super::metrics::{Errors, Measure};
 use crate::rollout::{InitialFrames, InitialFramesError, Rollout, stride};
 use crate::simulator::Simulator;
 
@@ -56,6 +56,7 @@ pub fn compare(
     let header = truth.header();
     let stride = stride(simulator.training.frame_interval, header.frame_interval, || name(path))?;
     let mut errors = Errors { case: name(path), ..Errors::default() };
+    let measure = measure(&truth);
     let mut rollout = Rollout::new(simulator, &initial);
     let last = frames.unwrap_or(initial.frames).min(initial.frames);
     while rollout.frame() + 1 < last {
@@ -69,7 +70,7 @@ pub fn compare(
         };
         let truth = truth.frame(frame * stride)?;
         errors.frames.push(frame);
-        errors.errors.push(error_of(predicted, &truth, header));
+        errors.errors.push(measure.between(predicted, &truth.position, truth.time));
     }
     Ok(errors)
 }
@@ -94,20 +95,21 @@ pub fn noise_floor(
         return Err(EvaluationError::OtherScene { path: path.to_owned(), twin: twin.to_owned() });
     }
     let stride = stride(simulator.training.frame_interval, header.frame_interval, || name(path))?;
+    let measure = measure(&truth);
     let made = truth.frames().min(other.frames()).div_ceil(stride);
     let mut errors = Errors { case: format!("{} floor", name(path)), ..Errors::default() };
     for frame in simulator.first_frames()..frames.unwrap_or(made).min(made) {
         let (one, another) = (truth.frame(frame * stride)?, other.frame(frame * stride)?);
         errors.frames.push(frame);
-        errors.errors.push(error_of(&another.position, &one, header));
+        errors.errors.push(measure.between(&another.position, &one.position, one.time));
     }
     Ok(errors)
 }
 
-/// The error of positions that should be those of a frame.
-fn error_of(positions: &[[f64; 2]], truth: &Frame, header: &Header) -> FrameError {
-    let (width, spacing) = (header.domain[0], header.point_spacing);
-    FrameError::between(positions, &truth.position, truth.time, width, spacing)
+fn measure(truth: &Trajectory) -> Measure {
+    let header = truth.header();
+    let mass = truth.points().mass.clone();
+    Measure { mass, spacing: header.point_spacing, width: header.domain[0] }
 }
 
 fn name(path: &Path) -> String {

@@ -2,8 +2,10 @@
 
 mod compare;
 mod metrics;
+mod profile;
 mod tables;
 
 pub use compare::{Case, EvaluationError, compare, noise_floor};
-pub use metrics::{Errors, FrameError, mean_square_distance};
-pub use tables::{chart, frames_table, report, summary_table};
+pub use metrics::{Errors, FrameError, Measure, mean_square_distance};
+pub use profile::overlaps;
+pub use tables::{Summary, chart, frames_table, report, summaries, summary_table};

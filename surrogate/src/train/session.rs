@@ -18,7 +18,7 @@ use super::log::Log;
 use super::pretrained::{Lineage, Pretrained};
 use super::ranks;
 use super::state::State;
-use crate::cuda::CudaError;
+use crate::cuda::{CudaError, compile_ahead};
 use crate::data::{DataFolder, DataSet, Examples, Prefetch, Recipe, Shard, WindowShape};
 use crate::diagnostics::TrainingRange;
 use crate::network::parameters::weights;
@@ -183,6 +183,9 @@ impl Session {
         let device = open_device(options.device, &environment)?;
         if device.is_none() && config.precision == Precision::Bf16 {
             return Err(TrainError::Bf16OnCpu { config: options.config_file.clone() });
+        }
+        if let Some(device) = &device {
+            compile_ahead(device, config.precision)?;
         }
         let beginning = Beginning::find(options, &config, &identity, pretrained.as_ref())?;
         let step = beginning.step();

@@ -57,6 +57,16 @@ impl Session {
         let (began, first) = (Instant::now(), self.backend.step_number());
         let mut saved = Instant::now();
         let mut warm = None;
+        if first >= steps {
+            self.leave()?;
+            return Ok(Outcome::Finished(Report {
+                made: 0,
+                seconds: 0.0,
+                seconds_per_step: None,
+                loss: self.log.losses().last(),
+                best: self.best,
+            }));
+        }
         while self.backend.step_number() < steps {
             if self.must_stop(interrupted)? {
                 self.save()?;
@@ -75,7 +85,7 @@ impl Session {
         let timed = warm.map(|warm| warm.elapsed().as_secs_f64());
         self.save()?;
         self.leave()?;
-        let made = steps - first.min(steps);
+        let made = steps - first;
         let timed = timed.filter(|_| made > WARM_UP_STEPS);
         Ok(Outcome::Finished(Report {
             made,

@@ -23,15 +23,15 @@ pub struct CompareArgs {
     /// With --truth: times in the table, s
     #[arg(long, requires = "truth", value_delimiter = ',', default_values_t = TIMES)]
     times: Vec<f64>,
-    /// With --truth: write all times to this file, too
-    #[arg(long, requires = "truth", value_name = "FILE")]
-    json: Option<PathBuf>,
+    /// Print the numbers at all times as one JSON object
+    #[arg(long)]
+    json: bool,
 }
 
-/// Prints the comparison as tables in Markdown.
+/// Prints the comparison as tables in Markdown, or as JSON.
 ///
 /// # Errors
-/// If a file cannot be read or written, starts with other material or has no time in common with the
+/// If a file cannot be read, starts with other material or has no time in common with the
 /// reference.
 pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
     for path in args.runs.iter().chain(&args.truth) {
@@ -41,9 +41,11 @@ pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
         }
     }
     match (&args.runs[..], &args.truth[..]) {
-        ([reference, runs @ ..], []) if !runs.is_empty() => print_differences(reference, runs)?,
+        ([reference, runs @ ..], []) if !runs.is_empty() => {
+            print_differences(reference, runs, args.json)?
+        }
         (_, []) => bail!("a single run: name another to compare it with, or the --truth"),
-        (runs, truth) => print_distances(runs, truth, &args.times, args.json.as_deref())?,
+        (runs, truth) => print_distances(runs, truth, &args.times, args.json)?,
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -1,30 +1,39 @@
 //! Distances of runs from the truth.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use files::{out, refuse_input};
+use dempm::commands::terminal::print_json;
+use files::{is_quiet, out};
 use miette::miette;
+use serde::Serialize;
 
-use crate::run_cache::write_json;
 use crate::text::{number, percent};
 use crate::truth::{Comparison, Motion, Reference, Row, Seeds, compare};
 
 /// Times of the table unless others are asked for, s.
 pub(super) const TIMES: [f64; 6] = [0.2, 0.5, 1.0, 1.5, 2.0, 3.0];
 
-/// Prints the distances as tables in Markdown; writes all times to `json` if it is given.
+/// Runs against the truth.
+#[derive(Serialize)]
+struct Distances {
+    /// Material of the truth, such as `discs`.
+    truth: String,
+    /// Its seeds.
+    seeds: Vec<u64>,
+    /// The runs at all times.
+    runs: Vec<Comparison>,
+}
+
+/// Prints the distances as tables in Markdown, or those at all times as one JSON object.
 ///
 /// # Errors
-/// If a file cannot be read or written, or a run cannot be compared with the truth.
+/// If a file cannot be read, or a run cannot be compared with the truth.
 pub(super) fn print_distances(
     runs: &[PathBuf],
     truth: &[PathBuf],
     times: &[f64],
-    json: Option<&Path>,
+    json: bool,
 ) -> miette::Result<()> {
-    if let Some(json) = json {
-        refuse_input(json, runs.iter().chain(truth))?;
-    }
     let read = |path: &PathBuf| Motion::read(path);
     let truth = truth.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let truth = Reference::of(truth).map_err(|problem| miette!("{problem}"))?;
@@ -33,17 +42,24 @@ pub(super) fn print_distances(
         .map(|path| compare(&read(path)?, &truth).map_err(|problem| miette!("{problem}")))
         .collect::<miette::Result<_>>()?;
     let first = &truth.runs[0];
+    if json {
+        let seeds = truth.runs.iter().map(|run| run.seed).collect();
+        return print_json(&Distances { truth: first.material.clone(), seeds, runs: compared });
+    }
     let seeds: Vec<String> = truth.runs.iter().map(|run| run.seed.to_string()).collect();
     out!("Truth: {}, seeds {}.\n", first.material, seeds.join(", "))?;
     over_time(&compared, times)?;
     out!("")?;
     summaries(&compared)?;
+    if is_quiet() {
+        return Ok(());
+    }
     out!(
         "\nDistance: root mean square over squares of material and seeds of the truth; spread: the same between\n\
          two seeds. In brackets: the truth, mean over seeds ± standard deviation. Misplaced: share of the mass;\n\
          front: of 99 % of the mass. Ratio: distance over spread, the largest from the time on that is given."
     )?;
-    json.map_or(Ok(()), |json| write_json(json, &compared))
+    Ok(())
 }
 
 fn over_time(compared: &[Comparison], times: &[f64]) -> miette::Result<()> {

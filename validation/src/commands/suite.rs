@@ -21,17 +21,17 @@ pub enum SuiteCommand {
 }
 
 impl SuiteCommand {
-    /// Runs the command.
+    /// Runs the command; with `verbose` it names the device.
     ///
     /// # Errors
     /// As the command.
-    pub fn run(&self) -> miette::Result<ExitCode> {
+    pub fn run(&self, verbose: bool) -> miette::Result<ExitCode> {
         match self {
-            Self::Run(args) => dempm::commands::run::run(args, false),
+            Self::Run(args) => dempm::commands::run::run(args, verbose),
             Self::Element(args) => {
                 dempm::commands::element::element(args).map(|()| ExitCode::SUCCESS)
             }
-            Self::Rollout(args) => surrogate::commands::rollout(args),
+            Self::Rollout(args) => surrogate::commands::rollout(args, verbose),
         }
     }
 }

@@ -40,8 +40,8 @@ pub fn table(rollouts: &[Rollout]) -> Table {
     ];
     let mut table = Table::new("Errors of rollouts", columns).note(
         "From frame: the first predicted frame; earlier ones are given. MSE: mean square distance of \
-         points, box width 1, over all predicted frames. Front and height (root mean square over the \
-         profile): differences at the end.",
+         points, box width 1, over all predicted frames. Front and height (root mean square over columns of \
+         fixed width): differences at the end.",
     );
     for rollout in rollouts {
         let Errors { errors, failure, .. } = &rollout.errors;
@@ -58,7 +58,7 @@ pub fn table(rollouts: &[Rollout]) -> Table {
             rollout.model.clone(),
             rollout.first_frame(),
             number(mean(&mse)),
-            number(peak),
+            number(peak.mse),
             frame.to_string(),
             number(last.mse),
             number(last.front),

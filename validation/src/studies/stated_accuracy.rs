@@ -109,7 +109,7 @@ fn error(rollout: &Rollout, when: When) -> Option<f64> {
         }
         // A rollout that ended early has neither.
         _ if errors.failure.is_some() => None,
-        When::Peak => Some(errors.peak()?.0),
+        When::Peak => Some(errors.peak()?.0.mse),
         When::End => Some(errors.last()?.mse),
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use dempm::comparison::{Square, means};
 use serde::{Deserialize, Serialize};
 
 use super::misplaced::{Shares, misplaced};
@@ -9,7 +10,6 @@ use super::motion::{Motion, State};
 use super::pairs::{mean_over_pairs, mean_square};
 use super::reference::Reference;
 use super::row::{Row, Seeds};
-use crate::squares::{Square, means};
 
 /// Least side of the squares in which mass is counted, m.
 const LEAST_CELL: f64 = 0.0625;

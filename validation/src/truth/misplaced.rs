@@ -1,5 +1,7 @@
 //! The share of the mass that is in the wrong place.
 
+use surrogate::evaluation::overlaps;
+
 /// Shares of the mass in the cells of a grid from the origin, row by row from the bottom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shares(Vec<f64>);
@@ -28,17 +30,6 @@ impl Shares {
         }
         Self(shares)
     }
-}
-
-/// Cells that an interval of length `size` about `x` overlaps, with the share of it in each.
-fn overlaps(x: f64, size: f64, cell: f64, cells: usize) -> Vec<(usize, f64)> {
-    let [from, to] = [(x - 0.5 * size) / cell, (x + 0.5 * size) / cell];
-    let last = cells as i64 - 1;
-    let share = |k: i64| {
-        let inside = to.min(k as f64 + 1.0) - from.max(k as f64);
-        (k.clamp(0, last) as usize, inside / (to - from))
-    };
-    (from.floor() as i64..to.ceil() as i64).map(share).collect()
 }
 
 /// Half of the sum of the differences between two distributions on the same grid: the share of the mass

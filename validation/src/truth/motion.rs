@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use dempm::comparison::{Square, by_square};
 use dempm::trajectory::{Frame, Trajectory, TrajectoryError};
 
 use super::arrest::arrest;
 use super::fronts::fronts;
-use crate::squares::{Square, by_square};
 
 /// A run in memory.
 #[derive(Clone, Debug)]

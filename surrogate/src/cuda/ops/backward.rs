@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use gpu::{ConstPointer, Pointer, checks, cuda_struct, definitions, files, kernel};
+use gpu::{ConstPointer, Pointer, Source, checks, cuda_struct, definitions, files, kernel};
 
 use super::geometry::{WARP, blocks};
 use super::gradient::Product;
 use super::launcher::{Launcher, Rows};
 use super::resident_or_streamed::ResidentOrStreamed;
-use super::source::Source;
 use super::tile::{Stored, Word, network_source, stream_threads, vector_bytes};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use gpu::{Function, checks, definitions, files, kernel};
+use gpu::{Function, Source, checks, definitions, files, kernel};
 
 use super::backward::{BACKWARD_BATCH, Backward, BackwardBatch};
 use super::geometry::blocks;
 use super::gradient::Product;
 use super::launcher::Launcher;
-use super::source::Source;
 use super::tile::network_source;
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

@@ -4,13 +4,12 @@
 use std::sync::Arc;
 
 use gpu::{
-    ConstPointer, Device, Error, Function, Kernel, Launch, Pointer, checks, cuda_struct,
+    ConstPointer, Device, Error, Function, Kernel, Launch, Pointer, Source, checks, cuda_struct,
     cuda_types, definitions, files, kernel,
 };
 
 use super::geometry::{WARP, one_thread_each};
 use super::graph::FRAMES;
-use super::source::Source;
 use crate::network::DIMENSIONS;
 
 /// Most frames of a history: more than the GNS has at most.

@@ -3,12 +3,11 @@
 
 use std::sync::Arc;
 
-use gpu::{ConstPointer, Pointer, checks, cuda_struct, definitions, files, kernel};
+use gpu::{ConstPointer, Pointer, Source, checks, cuda_struct, definitions, files, kernel};
 
 use super::geometry::blocks;
 use super::launcher::{Launcher, Rows};
 use super::resident_or_streamed::ResidentOrStreamed;
-use super::source::Source;
 use super::tile::{OTHER_VECTORS, Stored, Word, network_source, stream_threads};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

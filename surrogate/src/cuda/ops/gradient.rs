@@ -4,12 +4,12 @@
 use std::sync::Arc;
 
 use gpu::{
-    ConstPointer, Function, Kernel, Pointer, checks, cuda_struct, definitions, files, kernel,
+    ConstPointer, Function, Kernel, Pointer, Source, checks, cuda_struct, definitions, files,
+    kernel,
 };
 
 use super::geometry::blocks;
 use super::launcher::Launcher;
-use super::source::Source;
 use super::tile::{Stored, network_source};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

@@ -4,12 +4,11 @@
 use std::sync::Arc;
 
 use gpu::{
-    ConstPointer, CudaName, Device, Error, Function, Kernel, Launch, Pointer, checks, cuda_struct,
-    definitions, files, kernel,
+    ConstPointer, CudaName, Device, Error, Function, Kernel, Launch, Pointer, Source, checks,
+    cuda_struct, definitions, files, kernel,
 };
 
 use super::geometry::{WARP, blocks, one_thread_each};
-use super::source::Source;
 use crate::network::DIMENSIONS;
 
 /// Receivers of a thread block, each served by a warp.

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use gpu::{
-    ConstPointer, Device, Error, Function, Pointer, checks, cuda_struct, definitions, files, kernel,
+    ConstPointer, Device, Error, Function, Pointer, Source, checks, cuda_struct, definitions,
+    files, kernel,
 };
 
 use super::constraints::RigidBox;
 use super::geometry::one_thread_each;
-use super::source::Source;
 
 cuda_struct! {
     /// What stays the same in all steps.

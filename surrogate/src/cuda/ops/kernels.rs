@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use gpu::Device;
+use gpu::{Device, Source};
 
 use super::backward::{self, Backward, MlpBackward};
 use super::edges_backward::{self, EdgesBackward};
@@ -11,7 +11,6 @@ use super::gradient::{self, Gradient};
 use super::launcher::{Launcher, Rows};
 use super::optimiser::{self, Optimiser};
 use super::segment::{self, Segment};
-use super::source::Source;
 use super::weights::{self, Weights};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

@@ -5,10 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use cudarc::driver::sys::CUdevice_attribute;
 use cudarc::driver::{CudaModule, CudaStream};
-use gpu::{Device, Function, Kernel, Launch};
+use gpu::{Device, Function, Kernel, Launch, Source};
 
 use super::profile::Profile;
-use super::source::Source;
 use super::tile::ROWS_OF_TEAM;
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

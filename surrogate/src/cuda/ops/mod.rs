@@ -17,6 +17,5 @@ mod profile;
 pub mod push_forward;
 mod resident_or_streamed;
 pub mod segment;
-pub mod source;
 pub mod tile;
 pub mod weights;

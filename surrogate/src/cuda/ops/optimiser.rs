@@ -4,13 +4,12 @@ use std::sync::Arc;
 
 use cudarc::driver::{CudaSlice, CudaStream};
 use gpu::{
-    ConstPointer, Function, Kernel, Launch, Pointer, checks, cuda_struct, definitions, files,
-    kernel,
+    ConstPointer, Function, Kernel, Launch, Pointer, Source, checks, cuda_struct, definitions,
+    files, kernel,
 };
 
 use super::geometry::blocks;
 use super::launcher::Launcher;
-use super::source::Source;
 use super::tile::{WIDTH, network_source};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

@@ -3,10 +3,9 @@
 
 use std::sync::Arc;
 
-use gpu::{ConstPointer, Device, Error, Function, Pointer, checks, files, kernel};
+use gpu::{ConstPointer, Device, Error, Function, Pointer, Source, checks, files, kernel};
 
 use super::geometry::one_thread_each;
-use super::source::Source;
 
 kernel! {
     /// Windows to move on by a frame. A value is a coordinate of a point.

@@ -3,10 +3,9 @@
 
 use std::sync::Arc;
 
-use gpu::{Function, Kernel};
+use gpu::{Function, Kernel, Source};
 
 use super::launcher::Launcher;
-use super::source::Source;
 use super::tile::{Word, stream_shared, vector_bytes};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

@@ -3,13 +3,12 @@
 use std::sync::Arc;
 
 use gpu::{
-    ConstPointer, Function, Kernel, Launch, Pointer, checks, cuda_struct, definitions, files,
-    kernel,
+    ConstPointer, Function, Kernel, Launch, Pointer, Source, checks, cuda_struct, definitions,
+    files, kernel,
 };
 
 use super::geometry::{WARP, blocks};
 use super::launcher::{Launcher, Rows};
-use super::source::Source;
 use super::tile::{Stored, network_source};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;

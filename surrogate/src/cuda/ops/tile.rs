@@ -2,9 +2,8 @@
 //! sources begin with (`ptx.cuh`, `tile.cuh`).
 
 use cudarc::driver::{DeviceRepr, ValidAsZeroBits};
-use gpu::{CudaName, cuda_types, files};
+use gpu::{CudaName, Source, cuda_types, files};
 
-use super::source::Source;
 use crate::network::Precision;
 
 /// Columns of a state; narrower networks are padded with zeros.

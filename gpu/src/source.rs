@@ -13,7 +13,8 @@ pub struct Source {
 
 impl Source {
     /// With another preprocessor definition.
-    pub(super) fn define(mut self, name: &str, value: usize) -> Self {
+    #[must_use]
+    pub fn define(mut self, name: &str, value: usize) -> Self {
         self.defines.push(format!("{name}={value}"));
         self
     }

@@ -1,0 +1,37 @@
+//! What the programs print besides their results.
+
+use clap::Args;
+use files::{print_result, set_json, set_quiet};
+use miette::IntoDiagnostic;
+use serde::Serialize;
+
+/// Options of all commands of a program.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct TerminalArgs {
+    /// Print results, warnings and errors only: no progress, no summary of what was written
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Report the device, and why it is not a GPU
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
+}
+
+impl TerminalArgs {
+    /// Sets the streams up for a command, which may ask for [JSON](files::set_json). Returns whether details are
+    /// wanted.
+    pub fn apply(self) -> bool {
+        set_quiet(self.quiet);
+        set_json(false);
+        self.verbose
+    }
+}
+
+/// Prints a summary as one JSON object. Numbers that are not finite are null.
+///
+/// # Errors
+/// If the standard output is closed or full.
+pub fn print_json(summary: &impl Serialize) -> miette::Result<()> {
+    let text = serde_json::to_string_pretty(summary).into_diagnostic()?;
+    print_result(format_args!("{text}\n"))?;
+    Ok(())
+}

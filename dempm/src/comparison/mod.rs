@@ -1,0 +1,9 @@
+//! What two runs of the same material have in common: times, and parts of the material.
+
+mod parts;
+mod squares;
+mod times;
+
+pub use parts::Parts;
+pub use squares::{Square, by_square, means};
+pub use times::common_frames;
