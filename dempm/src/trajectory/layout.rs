@@ -23,7 +23,7 @@ pub(super) const WARNINGS: &str = "warnings";
 /// Turns HDF5's file locks off. No file is changed under its own name, so there is nothing to lock. A
 /// lock can outlive its owner (a process forked while the file is open inherits it), and network file
 /// systems often have none.
-pub(super) fn unlocked(access: &mut FileAccessBuilder) -> &mut FileAccessBuilder {
+pub(crate) fn unlocked(access: &mut FileAccessBuilder) -> &mut FileAccessBuilder {
     access.file_locking(false)
 }
 

@@ -27,6 +27,7 @@ pub use frame::{Frame, Points};
 pub use grains::{GrainFrame, StaticGrains};
 pub use grid::{GridFrame, StaticGrid};
 pub use header::Header;
+pub(crate) use layout::unlocked;
 pub use layout::{FORMAT, FORMAT_VERSION, Field};
 pub use reader::Trajectory;
 pub(crate) use write_through::{WriteThrough, system_error};
