@@ -1,14 +1,13 @@
 //! `dempm import`: data sets of geoelements/gns and LagrangeBench, as a user has them.
 
-mod common;
 #[path = "../dempm/tests/trajectory/python.rs"]
 mod python;
 
 use std::fs;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
-use common::dempm;
+use assert_cmd::cargo::cargo_bin;
 use dempm::scene::Scene;
 use dempm::trajectory::Trajectory;
 use ndarray::{Array1, Array3, s};
@@ -39,6 +38,12 @@ kind = "mu-i"
 
 const METADATA: &str = r#"{"bounds": [[0.1, 0.9], [0.1, 0.7]], "dim": 2, "dt": 0.0025,
     "default_connectivity_radius": 0.015, "sequence_length": 12}"#;
+
+fn dempm(directory: &Path) -> Command {
+    let mut command = Command::new(cargo_bin("dempm"));
+    command.current_dir(directory).env("DEMPM_CACHE_DIR", directory.join("cache"));
+    command
+}
 
 fn succeeds(directory: &Path, words: &[&str]) -> Output {
     let output = dempm(directory).args(words).output().unwrap();
