@@ -185,6 +185,11 @@ np.save(f"{folder}/expected.npy", np.concatenate([positions(12, 26, 2)[11].ravel
     let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
     assert!(near(header.domain[0], 0.8) && near(header.domain[1], 0.6), "{:?}", header.domain);
     assert!(near(header.point_spacing, 0.005), "{}", header.point_spacing);
+    let metadata = fs::read_to_string(folder.join("set/metadata.json")).unwrap();
+    for (key, count) in [("num_trajs_train", 3), ("num_trajs_valid", 2), ("num_particles_max", 26)]
+    {
+        assert!(metadata.contains(&format!("\"{key}\": {count}")), "{metadata}");
+    }
 }
 
 /// A LagrangeBench file with one trajectory of 6 frames and 12 particles, and its metadata.
@@ -259,6 +264,9 @@ fn what_cannot_be_imported_is_explained() {
     let words = ["import", "none.h5", "--from", "lagrangebench", "-o", "set"];
     assert!(fails(directory.path(), &words).contains("none.h5"));
 
+    let words = ["import", "train.h5", "--from", "lagrangebench", "-o", "."];
+    let error = fails(directory.path(), &words);
+    assert!(error.contains("replace its own input") && error.contains("metadata.json"), "{error}");
     succeeds(directory.path(), &IMPORT);
     assert!(fails(directory.path(), &IMPORT).contains("there are trajectories in it"));
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use files::{ReplacesInput, refuse_input, utc_now};
+use files::{refuse_input, utc_now};
 use ndarray::{Array3, ArrayView2, Axis};
 
 use super::bodies::Bodies;
@@ -15,6 +15,9 @@ use super::{gns, lagrangebench};
 use crate::dataset::{self, DataSet, Split};
 use crate::scene::Scene;
 use crate::trajectory::{Frame, Header, Points, TrajectoryWriter};
+
+/// Read beside the files and written beside the trajectories.
+const METADATA: &str = "metadata.json";
 
 /// Formats of other programs.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,11 +77,12 @@ pub fn import(
     for (path, split) in files {
         let folder = path.parent().unwrap_or(Path::new(""));
         let metadata = Metadata::read(folder, split)?;
+        refuse_input(&output.join(METADATA), [&folder.join(METADATA)])?;
         let target = split.map_or(output.to_owned(), |split| output.join(split.name()));
         refuse_folder(&target, &path)?;
-        targets.push((path, split, metadata, target));
+        targets.push((path, metadata, target));
     }
-    for (path, split, metadata, target) in &targets {
+    for (path, metadata, target) in &targets {
         let mut number = 0;
         let mut write = |foreign: Foreign| {
             let file = target.join(format!("{number:03}.h5"));
@@ -94,9 +98,10 @@ pub fn import(
             let problem = "there is no trajectory in it".to_owned();
             return Err(ImportError::Shape { place: path.display().to_string(), problem });
         }
-        if *split != Some(Split::Valid) && *split != Some(Split::Test) {
-            dataset::Metadata::of(&DataSet::open(output)?)?.write(output)?;
-        }
+    }
+    let set = DataSet::open(output)?;
+    if !set.files(Split::Train).is_empty() {
+        dataset::Metadata::of(&set)?.write(output)?;
     }
     Ok(())
 }
@@ -104,7 +109,8 @@ pub fn import(
 /// The files to import and what they are.
 fn sources(source: &Path, format: Format) -> Result<Vec<(PathBuf, Option<Split>)>, ImportError> {
     let ending = format.ending();
-    if !source.is_dir() {
+    let kind = std::fs::metadata(source).map_err(ImportError::read(source))?;
+    if !kind.is_dir() {
         let stem = source.file_stem().unwrap_or_default();
         let split = Split::ALL.into_iter().find(|split| stem == split.name());
         return Ok(vec![(source.to_owned(), split)]);
@@ -121,7 +127,7 @@ fn sources(source: &Path, format: Format) -> Result<Vec<(PathBuf, Option<Split>)
 
 /// Refuses a folder with trajectories, which could be inputs, or which would be mixed with the new ones.
 fn refuse_folder(folder: &Path, input: &Path) -> Result<(), ImportError> {
-    refuse_input(&folder.join("000.h5"), [input]).map_err(|error: ReplacesInput| error)?;
+    refuse_input(&folder.join("000.h5"), [input])?;
     let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
     let trajectory = |path: PathBuf| path.extension().is_some_and(|ending| ending == "h5");
     match entries.flatten().any(|entry| trajectory(entry.path())) {
