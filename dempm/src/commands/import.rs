@@ -31,7 +31,7 @@ pub fn import(args: &ImportArgs) -> miette::Result<()> {
             1 => ", 1 box".to_owned(),
             more => format!(", {more} boxes"),
         };
-        note!("{}: {frames} frames, {points} points{boxes}", path.display());
+        announce!("{}: {frames} frames, {points} points{boxes}", path.display());
         if !all_in_scene {
             note!("its boxes move other than a plate: they are drawn, but stop no predicted point");
         }
