@@ -8,6 +8,7 @@
 # make build   all programs
 # make completions  completions of shells and manual pages: out/dist, or DIST=folder
 # make wheel   the Python package, for Python 3.9 and later: target/wheels
+# make dist    programs and Python package for Debian 11 and later, with checksums: target/dist
 
 # Programs of the workspace, one crate each.
 PROGRAMS := dempm surrogate validation
@@ -16,7 +17,7 @@ PROGRAMS := dempm surrogate validation
 CARGO := scripts/with-cmake cargo
 RUN := $(CARGO) run --release --quiet --package
 
-.PHONY: demo learn test lint doc docs build completions wheel
+.PHONY: demo learn test lint doc docs build completions wheel dist
 .DELETE_ON_ERROR:
 
 demo: build-dempm
@@ -80,3 +81,6 @@ wheel: $(MATURIN)
 $(MATURIN):
 	python3 -m venv target/python-build
 	target/python-build/bin/pip install --quiet 'maturin>=1.9,<2'
+
+dist:
+	scripts/dist

@@ -545,12 +545,16 @@ fn one_trajectory_is_exported_as_a_training_set_and_an_unfinished_one_is_refused
 
     let file = hdf5::File::open_rw(&valid).unwrap();
     let status: hdf5::types::FixedUnicode<8> = "running".parse().unwrap();
-    file.delete_attr("status").unwrap();
-    file.new_attr::<hdf5::types::FixedUnicode<8>>()
+    let texts = file.group("texts").unwrap();
+    texts.delete_attr("status").unwrap();
+    texts
+        .new_attr::<hdf5::types::FixedUnicode<8>>()
         .create("status")
         .unwrap()
         .write_scalar(&status)
         .unwrap();
+    // An open group keeps the file open.
+    drop(texts);
     file.close().unwrap();
     let words = ["export", "set", "--to", "lagrangebench"];
     let error = fails(&mut dempm(directory.path(), &words));

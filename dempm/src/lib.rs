@@ -48,6 +48,7 @@ pub mod element;
 pub mod export;
 pub mod figures;
 pub mod fronts;
+pub mod import;
 mod memory;
 pub mod packings;
 pub mod program;

@@ -8,7 +8,7 @@ use files::{note, report_size_limits_as_errors};
 
 use crate::commands::shell_files::{ShellFilesArgs, shell_files};
 use crate::commands::terminal::TerminalArgs;
-use crate::commands::{bench, check, dataset, element, export, info, plot, run};
+use crate::commands::{bench, check, dataset, element, export, import, info, plot, run};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
 #[derive(Parser)]
@@ -38,6 +38,8 @@ enum Command {
     Plot(plot::PlotArgs),
     /// Write a trajectory or a data set in another format.
     Export(export::ExportArgs),
+    /// Make trajectories of another learned simulator readable here.
+    Import(import::ImportArgs),
     /// Write completions and manual pages.
     #[command(hide = true)]
     ShellFiles(ShellFilesArgs),
@@ -61,6 +63,7 @@ impl Arguments {
             Command::Info(args) => info::info(&args).map(done),
             Command::Plot(args) => plot::plot(&args).map(done),
             Command::Export(args) => export::export(&args).map(done),
+            Command::Import(args) => import::import(&args).map(done),
             Command::ShellFiles(args) => shell_files(&args, Self::command()).map(done),
         }
     }

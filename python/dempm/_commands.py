@@ -173,7 +173,7 @@ class Picture(NamedTuple):
 
 
 def plot(run: Run | FilePath, other: Run | FilePath | None = None, **options: Any) -> Picture:
-    """Draws frames of a run; with `other` those of two runs of one scene.
+    """Draws frames of a run; with `other` those of both, side by side, overlaid or subtracted (`compare`).
 
     Options are those of [`dempm plot`](commands.md#dempm) with `_` for `-`: `plot(run, field="pressure",
     times=[0.5, 1.0], width=1200)`. Raises `dempm.Error` if a frame or field is missing.

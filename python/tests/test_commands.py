@@ -84,6 +84,13 @@ def test_a_picture_is_that_of_the_command(run, tmp_path):
         dempm.plot(run, colour="red")
 
 
+def test_two_runs_in_a_picture(run, tmp_path):
+    other = dempm.run({**SCENE, "seed": 2}, tmp_path / "other.h5", device="cpu", progress=False)
+    both = dempm.plot(run, other, times=[0.1], compare="overlay", width=400)
+    assert both.png.startswith(b"\x89PNG")
+    assert both.png != run.plot(times=[0.1], width=400).png
+
+
 def test_a_prediction(learned):
     assert learned.attributes["material"].startswith("surrogate")
     assert learned.frames == 30

@@ -14,6 +14,32 @@ use crate::helpers::{
     column, config, data, fails, scene, simulate, succeeds, surrogate, train, warns,
 };
 
+/// From files that geoelements/gns reads.
+#[test]
+fn imported_trajectories_train_a_model() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let (data, foreign) = (data(here), here.join("gns"));
+    dempm::export::write_data_set(&data, &foreign, dempm::export::Format::Gns, true).unwrap();
+    std::fs::remove_dir_all(&data).unwrap();
+    let mut points = Vec::new();
+    let format = dempm::import::Format::Gns;
+    dempm::import::import(&foreign, format, &data, &mut |file| points.push(file.points)).unwrap();
+    assert_eq!(points, [24, 24, 24]);
+    let stats = succeeds(surrogate(here).arg("stats").arg(&data));
+    assert!(stats.contains("2 training files, 1 validation files"), "{stats}");
+
+    let config = config(here, 600, "[data]\nmirror = true\nnoise = 3.0e-4");
+    succeeds(&mut train(here, &config, "run"));
+    let losses = column(&here.join("run/log.csv"), "loss");
+    let last = losses[55..].iter().sum::<f64>() / 5.0;
+    assert!(last < 0.7 * losses[0], "the loss fell from {} to {last} only", losses[0]);
+    let from = ["rollout", "run/best.safetensors", "--from", "data/valid/000.h5", "-o", "out.h5"];
+    succeeds(surrogate(here).args(from));
+    let predicted = Trajectory::open(&here.join("out.h5")).unwrap();
+    assert_eq!((predicted.status(), predicted.frames()), ("finished", 41));
+}
+
 #[test]
 fn trajectories_become_a_model_that_continues_them() {
     let directory = TempDir::new().unwrap();

@@ -7,6 +7,7 @@ pub mod dataset;
 mod device;
 pub mod element;
 pub mod export;
+pub mod import;
 pub mod info;
 mod outputs;
 pub mod plot;

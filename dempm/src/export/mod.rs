@@ -7,6 +7,7 @@ mod lagrangebench;
 mod metadata;
 mod npy;
 mod npz;
+mod outlines;
 mod particles;
 mod rigid;
 mod split_files;

@@ -1,19 +1,25 @@
-//! Grains for ParaView and VTK: a VTKHDF file of one point a grain over time.
+//! Grains for ParaView and VTK: a VTKHDF file of one point a grain over time, with walls and boxes.
 
 use std::path::Path;
 
 use files::{refuse_input, write_atomically};
 use hdf5::{Dataset, Group, H5Type};
-use ndarray::{Array1, ArrayView, s};
+use ndarray::{Array1, Array2, ArrayView, s};
 
 use super::error::ExportError;
-use crate::trajectory::vtk_layout::{create_root, new_group, store, write_cells, write_steps};
+use super::outlines::{box_corners, wall_ends};
+use crate::trajectory::new_group;
+use crate::trajectory::vtk_layout::{Cells, ROOT, create_block, create_root, store, write_steps};
 use crate::trajectory::{GrainFrame, StaticGrains, Trajectory, WriteThrough};
 
 /// Most rows of a chunk.
 const CHUNK: usize = 65_536;
 
-/// Writes the frames with grains of a trajectory: positions, radius, velocity, pressure, column and id.
+/// The block of grains.
+const GRAINS: &str = "grains";
+
+/// Writes the frames with grains of a trajectory: positions, radius, velocity, pressure, column and id,
+/// and the walls and boxes.
 ///
 /// # Errors
 /// If the trajectory has no grains, cannot be read or is itself `output`, a position or velocity is no
@@ -35,8 +41,36 @@ pub fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> 
             check_finite(trajectory, frame, &now)?;
             series.write(index, &now).map_err(&failed)?;
         }
+        let walls = wall_ends(trajectory);
+        let cells = Cells::Lines(walls.len() / 2);
+        write_outlines(&root, "walls", cells, &walls, frames.len(), false).map_err(&failed)?;
+        let mut corners = Vec::new();
+        for &frame in &frames {
+            corners.extend(box_corners(trajectory, frame)?);
+        }
+        let cells = Cells::Rectangles(corners.len() / (4 * frames.len()));
+        write_outlines(&root, "boxes", cells, &corners, frames.len(), true).map_err(&failed)?;
         file.close().map_err(&failed)
     })
+}
+
+/// Writes a block of walls or boxes, if there are any: their points in all frames, or one set for all.
+fn write_outlines(
+    root: &Group,
+    name: &str,
+    cells: Cells,
+    points: &[[f64; 3]],
+    frames: usize,
+    moving: bool,
+) -> hdf5::Result<()> {
+    if points.is_empty() {
+        return Ok(());
+    }
+    let block = create_block(root, name, cells)?;
+    let coordinates = Array2::from_shape_fn((points.len(), 3), |(point, axis)| points[point][axis]);
+    store(&block, "Points", &coordinates)?;
+    write_steps(&block, frames, moving.then_some(cells.points()), &[], &[])?;
+    block.group("Steps")?.link_soft(&format!("/{ROOT}/{GRAINS}/Steps/Values"), "Values")
 }
 
 /// Refuses positions and velocities that are no numbers.
@@ -65,17 +99,18 @@ struct Series {
 impl Series {
     fn create(root: &Group, grains: &StaticGrains, time: Vec<f64>) -> hdf5::Result<Self> {
         let (count, frames) = (grains.radius.len(), time.len());
-        write_cells(root, count)?;
-        write_steps(root, frames, count, &["velocity", "pressure"], &["radius", "column", "id"])?;
-        store(&root.group("Steps")?, "Values", &Array1::from(time))?;
-        let data = new_group(root, "PointData")?;
+        let block = create_block(root, GRAINS, Cells::Vertices(count))?;
+        let (series, fixed) = (["velocity", "pressure"], ["radius", "column", "id"]);
+        write_steps(&block, frames, Some(count), &series, &fixed)?;
+        store(&block.group("Steps")?, "Values", &Array1::from(time))?;
+        let data = new_group(&block, "PointData")?;
         store(&data, "radius", &Array1::from(grains.radius.clone()))?;
         store(&data, "column", &Array1::from(grains.column.clone()))?;
         store(&data, "id", &Array1::from_iter(0..count as u32))?;
         let rows = count * frames;
         Ok(Self {
             grains: count,
-            points: array::<f32>(root, "Points", &[rows, 3])?,
+            points: array::<f32>(&block, "Points", &[rows, 3])?,
             velocity: array::<f32>(&data, "velocity", &[rows, 3])?,
             pressure: array::<f32>(&data, "pressure", &[rows])?,
         })

@@ -1,13 +1,16 @@
-//! VTK's XML files: one `.vtp` of points a frame and a `.pvd` that gives them their times.
+//! VTK's XML files: one `.vtp` of points and one of walls and boxes a frame, and a `.pvd` that gives them
+//! their times.
 
 use std::fmt::Write as _;
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 
 use files::{refuse_input, write_atomically};
 
 use super::error::ExportError;
 use super::finite::check_finite;
+use super::outlines::{box_corners, wall_ends};
 use crate::trajectory::{Field, Frame, Points, Trajectory};
 
 /// Writes `output` (.pvd) and the folder `NAME_frames` of its frames beside it.
@@ -18,21 +21,30 @@ use crate::trajectory::{Field, Frame, Points, Trajectory};
 pub fn write(trajectory: &Trajectory, output: &Path) -> Result<(), ExportError> {
     let stem = output.file_stem().unwrap_or_default().to_string_lossy();
     let folder = format!("{stem}_frames");
-    let frame_file = |index: usize| format!("{folder}/{index:05}.vtp");
+    let frame_files = |index: usize| {
+        [format!("{folder}/{index:05}.vtp"), format!("{folder}/{index:05}_boundary.vtp")]
+    };
     refuse_input(output, [trajectory.path()])?;
-    for index in 0..trajectory.frames() {
-        refuse_input(&output.with_file_name(frame_file(index)), [trajectory.path()])?;
+    for file in (0..trajectory.frames()).flat_map(frame_files) {
+        refuse_input(&output.with_file_name(file), [trajectory.path()])?;
     }
     check_finite(trajectory)?;
     let mut series = String::from(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n",
     );
     for (index, time) in trajectory.time().iter().enumerate() {
-        let name = frame_file(index);
-        let frame = vtp(&trajectory.frame(index)?, trajectory.points());
-        put(&output.with_file_name(&name), &frame)?;
-        // Writing to a string cannot fail.
-        let _ = writeln!(series, "<DataSet timestep=\"{time}\" file=\"{}\"/>", escape(&name));
+        let points = vtp(&trajectory.frame(index)?, trajectory.points());
+        let boundary = boundary(&wall_ends(trajectory), &box_corners(trajectory, index)?);
+        let contents = [("points", points), ("boundary", boundary)];
+        for (part, (file, (name, content))) in frame_files(index).iter().zip(contents).enumerate() {
+            put(&output.with_file_name(file), &content)?;
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                series,
+                "<DataSet timestep=\"{time}\" part=\"{part}\" name=\"{name}\" file=\"{}\"/>",
+                escape(file)
+            );
+        }
     }
     series.push_str("</Collection>\n</VTKFile>\n");
     // Last, so that the series never exists without its frames.
@@ -71,11 +83,33 @@ fn vtp(frame: &Frame, points: &Points) -> Vec<u8> {
     file.array("position", "Float64", 3, in_space(&frame.position));
     file.close("Points");
     file.open("Verts");
-    let indices = |first: u64| (first..first + count as u64).flat_map(u64::to_le_bytes).collect();
-    file.array("connectivity", "Int64", 1, indices(0));
-    file.array("offsets", "Int64", 1, indices(1));
+    file.cells(0..count as u64, 1);
     file.close("Verts");
-    file.finish(count)
+    file.finish(&format!("NumberOfPoints=\"{count}\" NumberOfVerts=\"{count}\""))
+}
+
+/// Walls as lines and boxes as polygons in a `.vtp` file. `walls` are ends and `boxes` corners, m; a box
+/// that is absent is left out.
+fn boundary(walls: &[[f64; 3]], boxes: &[[f64; 3]]) -> Vec<u8> {
+    let present = boxes.as_chunks::<4>().0.iter().filter(|corners| corners[0][0].is_finite());
+    let corners: Vec<[f64; 3]> = present.flatten().copied().collect();
+    let [lines, all] = [walls.len(), walls.len() + corners.len()];
+    let mut file = Vtp::default();
+    file.open("Points");
+    let points = walls.iter().chain(&corners).flatten();
+    file.array("position", "Float64", 3, points.flat_map(|x| x.to_le_bytes()).collect());
+    file.close("Points");
+    file.open("Lines");
+    file.cells(0..lines as u64, 2);
+    file.close("Lines");
+    file.open("Polys");
+    file.cells(lines as u64..all as u64, 4);
+    file.close("Polys");
+    file.finish(&format!(
+        "NumberOfPoints=\"{all}\" NumberOfLines=\"{}\" NumberOfPolys=\"{}\"",
+        lines / 2,
+        corners.len() / 4
+    ))
 }
 
 /// Vectors of the plane in space.
@@ -110,12 +144,23 @@ impl Vtp {
         self.data.extend(bytes);
     }
 
-    fn finish(self, points: usize) -> Vec<u8> {
+    /// Cells of `nodes` points each, which use the `points` in turn.
+    fn cells(&mut self, points: Range<u64>, nodes: usize) {
+        let count = points.end - points.start;
+        let bytes =
+            |numbers: &mut dyn Iterator<Item = u64>| numbers.flat_map(u64::to_le_bytes).collect();
+        self.array("connectivity", "Int64", 1, bytes(&mut points.clone()));
+        let ends = (nodes as u64..=count).step_by(nodes);
+        self.array("offsets", "Int64", 1, bytes(&mut ends.clone()));
+    }
+
+    /// `counts` are attributes of the piece.
+    fn finish(self, counts: &str) -> Vec<u8> {
         let mut file = format!(
             "<?xml version=\"1.0\"?>\n\
              <VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" \
              header_type=\"UInt64\">\n<PolyData>\n\
-             <Piece NumberOfPoints=\"{points}\" NumberOfVerts=\"{points}\">\n\
+             <Piece {counts}>\n\
              {}</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_",
             self.xml
         )

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use hdf5::{Dataset, File, H5Type};
 
-use super::attributes::{has, read_scalar, read_text};
+use super::attributes::{has, read_scalar};
 use super::error::{Result, TrajectoryError};
 use super::layout::{FORMAT, FORMAT_VERSION, MASS, TIME};
 use super::links;
+use super::texts::read_text;
 
 /// Deflate compresses at most 1032 times. A file that claims more is damaged, and allocating the claimed
 /// memory would abort the program.

@@ -6,8 +6,9 @@ use super::attributes::{read_scalar, write_scalar};
 use super::checked_file::{CheckedFile, to_rows};
 use super::error::{Result, TrajectoryError};
 use super::grains::{GrainFrame, StaticGrains};
-use super::layout::{create_growing, new_group, read_frame, set_frames, write_frames, write_whole};
-use super::links;
+use super::links::{self, new_group};
+use super::meaning;
+use super::storage::{create_growing, read_frame, set_frames, write_frames, write_whole};
 
 pub(super) const GROUP: &str = "grains";
 const EVERY: &str = "every";
@@ -23,12 +24,12 @@ pub(super) fn create(file: &File, grains: &StaticGrains) -> hdf5::Result<()> {
     let group = new_group(file, GROUP)?;
     write_scalar(&group, EVERY, &(grains.every as u64))?;
     let count = grains.radius.len();
-    write_whole(file, RADIUS, &[count], &grains.radius)?;
-    write_whole(file, COLUMN, &[count], &grains.column)?;
-    write_whole(file, POINT, &[count], &grains.point)?;
-    create_growing::<f32>(file, POSITION, &[count, 2])?;
-    create_growing::<f32>(file, VELOCITY, &[count, 2])?;
-    create_growing::<f32>(file, PRESSURE, &[count])?;
+    write_whole(file, RADIUS, &[count], &grains.radius, meaning::GRAIN_RADIUS)?;
+    write_whole(file, COLUMN, &[count], &grains.column, meaning::GRAIN_COLUMN)?;
+    write_whole(file, POINT, &[count], &grains.point, meaning::GRAIN_POINT)?;
+    create_growing::<f32>(file, POSITION, &[count, 2], meaning::GRAIN_POSITION)?;
+    create_growing::<f32>(file, VELOCITY, &[count, 2], meaning::GRAIN_VELOCITY)?;
+    create_growing::<f32>(file, PRESSURE, &[count], meaning::GRAIN_PRESSURE)?;
     Ok(())
 }
 

@@ -6,8 +6,9 @@ use super::attributes::{read_scalar, write_scalar};
 use super::checked_file::{CheckedFile, to_rows};
 use super::error::{Result, TrajectoryError};
 use super::grid::{GridFrame, StaticGrid};
-use super::layout::{create_growing, new_group, read_frame, set_frames, write_frames, write_whole};
-use super::links;
+use super::links::{self, new_group};
+use super::meaning;
+use super::storage::{create_growing, read_frame, set_frames, write_frames, write_whole};
 
 pub(super) const GROUP: &str = "grid";
 const WIDTH: &str = "width";
@@ -22,11 +23,11 @@ pub(super) fn create(file: &File, grid: &StaticGrid) -> hdf5::Result<()> {
     let group = new_group(file, GROUP)?;
     write_scalar(&group, WIDTH, &grid.width)?;
     let [rows, columns] = [grid.y.len(), grid.x.len()];
-    write_whole(file, X, &[columns], &grid.x)?;
-    write_whole(file, Y, &[rows], &grid.y)?;
-    create_growing::<f32>(file, DENSITY, &[rows, columns])?;
-    create_growing::<f32>(file, VELOCITY, &[rows, columns, 2])?;
-    create_growing::<f32>(file, STRESS, &[rows, columns, 4])?;
+    write_whole(file, X, &[columns], &grid.x, meaning::GRID_X)?;
+    write_whole(file, Y, &[rows], &grid.y, meaning::GRID_Y)?;
+    create_growing::<f32>(file, DENSITY, &[rows, columns], meaning::GRID_DENSITY)?;
+    create_growing::<f32>(file, VELOCITY, &[rows, columns, 2], meaning::GRID_VELOCITY)?;
+    create_growing::<f32>(file, STRESS, &[rows, columns, 4], meaning::GRID_STRESS)?;
     Ok(())
 }
 

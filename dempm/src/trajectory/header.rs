@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use hdf5::Group;
 use ndarray::ArrayView1;
 
-use super::attributes::{read_all, read_pair, read_scalar, read_text, write_scalar, write_text};
-use super::layout::{FORMAT, FORMAT_VERSION, new_group};
-use super::links;
+use super::attributes::{read_all, read_pair, read_scalar, write_scalar};
+use super::layout::{FORMAT, FORMAT_VERSION};
+use super::links::{self, new_group};
+use super::texts::{read_text, write_text};
 
 /// A description of the run: enough to repeat it and to interpret its numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -109,7 +110,7 @@ impl Header {
             point_spacing: number("point_spacing")?,
             time_step: number("time_step")?,
             frame_interval: number("frame_interval")?,
-            parameters: read_all(&group("parameters")?, read_scalar)?,
+            parameters: read_all(&group("parameters")?, |group, name| read_scalar(group, name))?,
             walls: Vec::new(),
         })
     }

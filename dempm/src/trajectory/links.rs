@@ -27,6 +27,11 @@ pub(super) fn exists(root: &Group, path: &str) -> Result<bool> {
     }
 }
 
+/// Creates a group without time stamps.
+pub(crate) fn new_group(parent: &Group, name: &str) -> Result<Group> {
+    parent.create_group_builder().obj_track_times(false).create(name)
+}
+
 /// Opens the group at `path` below `root`.
 pub(super) fn group(root: &Group, path: &str) -> Result<Group> {
     require(root, path)?;

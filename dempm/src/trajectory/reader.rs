@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use hdf5::{Dataset, File, H5Type};
 use ndarray::{Array3, ArrayD};
 
-use super::attributes::{has, read_all, read_scalar, read_text};
+use super::attributes::{has, read_all, read_scalar};
 use super::checked_file::{CheckedFile, check_format, to_rows};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, Points};
@@ -18,9 +18,11 @@ use super::grid_datasets::GridDatasets;
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, frame_selection, unlocked,
+    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, unlocked,
 };
 use super::links;
+use super::storage::frame_selection;
+use super::texts::read_text;
 
 /// A trajectory file open for reading. Header, points and times are in memory; frames are read on
 /// demand.
@@ -108,7 +110,8 @@ impl Trajectory {
             .map_err(TrajectoryError::at(path, WARNINGS))?;
         let wall_time =
             links::group(&file, WALL_TIME).map_err(TrajectoryError::at(path, WALL_TIME))?;
-        let wall_time = read_all(&wall_time, read_scalar).map_err(located)?;
+        let wall_time =
+            read_all(&wall_time, |group, name| read_scalar(group, name)).map_err(located)?;
         Ok(Self {
             path: path.to_owned(),
             header,

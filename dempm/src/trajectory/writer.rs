@@ -8,7 +8,7 @@ use files::{AtomicFile, WriteError, write_atomically};
 use hdf5::file::{FileAccessBuilder, LibraryVersion};
 use hdf5::{File, H5Type};
 
-use super::attributes::{write_scalar, write_text};
+use super::attributes::write_scalar;
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::grain_datasets;
@@ -18,11 +18,13 @@ use super::grid_datasets;
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, create_growing,
-    new_group, set_frames, unlocked, write_frames, write_whole,
+    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, unlocked,
 };
-use super::links;
+use super::links::{self, new_group};
+use super::meaning;
 use super::reader::Trajectory;
+use super::storage::{create_growing, set_frames, write_frames, write_whole};
+use super::texts::write_text;
 use super::vtk;
 use super::vtk_layout;
 use super::write_through::WriteThrough;
@@ -268,12 +270,19 @@ impl TrajectoryWriter {
         new_group(file, "boundary")?;
         new_group(file, BUDGET)?;
         new_group(file, WALL_TIME)?;
-        write_whole(file, MASS, &[self.points], &points.mass)?;
-        write_whole(file, COLUMN, &[self.points], &points.column)?;
-        write_whole(file, WALLS, &[header.walls.len(), 4], header.walls.as_flattened())?;
-        create_growing::<f64>(file, TIME, &[])?;
+        write_whole(file, MASS, &[self.points], &points.mass, meaning::MASS)?;
+        write_whole(file, COLUMN, &[self.points], &points.column, meaning::COLUMN)?;
+        write_whole(
+            file,
+            WALLS,
+            &[header.walls.len(), 4],
+            header.walls.as_flattened(),
+            meaning::WALLS,
+        )?;
+        create_growing::<f64>(file, TIME, &[], meaning::TIME)?;
         for field in [Field::Position, Field::Velocity] {
-            create_growing::<f64>(file, field.name(), &field.shape(0, self.points)[1..])?;
+            let inner = &field.shape(0, self.points)[1..];
+            create_growing::<f64>(file, field.name(), inner, meaning::of_field(field))?;
         }
         Ok(())
     }
@@ -324,19 +333,20 @@ impl TrajectoryWriter {
                 file.unlink(field.name())?;
             }
             if shape.fields.contains(&field.name()) {
-                create_growing::<f32>(file, field.name(), &field.shape(0, self.points)[1..])?;
+                let inner = &field.shape(0, self.points)[1..];
+                create_growing::<f32>(file, field.name(), inner, meaning::of_field(field))?;
             }
         }
         if links::exists(file, BOXES)? {
             file.unlink(BOXES)?;
         }
         if shape.boxes > 0 {
-            create_growing::<f64>(file, BOXES, &[shape.boxes, 4])?;
+            create_growing::<f64>(file, BOXES, &[shape.boxes, 4], meaning::BOXES)?;
         }
         file.unlink(BUDGET)?;
         let budget = new_group(file, BUDGET)?;
         for name in &shape.budget {
-            create_growing::<f64>(&budget, name, &[])?;
+            create_growing::<f64>(&budget, name, &[], meaning::of_budget(name))?;
         }
         Ok(())
     }

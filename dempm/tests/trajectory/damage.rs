@@ -4,7 +4,7 @@ use std::error::Error as _;
 use std::fs;
 use std::path::Path;
 
-use dempm::trajectory::{Header, Trajectory, TrajectoryError, TrajectoryWriter};
+use dempm::trajectory::{Frame, Header, Trajectory, TrajectoryError, TrajectoryWriter};
 use proptest::prelude::*;
 use tempfile::tempdir;
 
@@ -98,6 +98,50 @@ fn a_file_cut_short_is_refused() {
     for length in (0..bytes.len()).step_by(97) {
         assert!(outcome(&bytes[..length]).is_err(), "accepted at {length} bytes");
     }
+}
+
+/// The heap of texts has no checksums, and a heap of zeros sends HDF5 into an endless loop: nothing is read
+/// from it.
+#[test]
+fn the_heap_of_texts_is_not_needed() {
+    let mut bytes = intact();
+    let whole = outcome(&bytes).unwrap();
+    let starts = |k: &usize| bytes[*k..].starts_with(b"GCOL");
+    let heaps: Vec<usize> = (0..bytes.len()).filter(starts).collect();
+    assert!(!heaps.is_empty());
+    // A heap has 4096 bytes or more, of which 16 are its header.
+    for heap in heaps {
+        bytes[heap + 16..heap + 4096].fill(0);
+    }
+    assert!(outcome(&bytes).unwrap() == whole);
+}
+
+/// Files of earlier versions have texts of fixed length and no copies.
+#[test]
+fn older_files_are_read_and_resumed() {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("old.h5");
+    fs::write(&path, intact()).unwrap();
+    let whole = read_all(&path).unwrap();
+    let file = hdf5::File::open_rw(&path).unwrap();
+    for (place, copies) in [("/", "texts"), ("versions", "texts/versions")] {
+        let (group, copies) = (file.group(place).unwrap(), file.group(copies).unwrap());
+        for name in copies.attr_names().unwrap() {
+            type Text = hdf5::types::FixedUnicode<256>;
+            let text: Text = copies.attr(&name).unwrap().read_scalar().unwrap();
+            group.delete_attr(&name).unwrap();
+            group.new_attr::<Text>().create(&*name).unwrap().write_scalar(&text).unwrap();
+        }
+    }
+    file.unlink("texts").unwrap();
+    file.close().unwrap();
+    assert!(read_all(&path).unwrap() == whole);
+    let mut writer = TrajectoryWriter::resume(&path, 3).unwrap();
+    writer.push(Frame { time: 4.0, ..Collapse::new(3).frame(300) }).unwrap();
+    writer.finish("finished later").unwrap();
+    let resumed = Trajectory::open(&path).unwrap();
+    assert_eq!((resumed.status(), resumed.frames()), ("finished later", 4));
+    assert_eq!(resumed.header().title, "Synthetic column collapse");
 }
 
 /// Wherever a byte changes, the file is refused, or the byte was in a gap and nothing read has changed.

@@ -159,9 +159,9 @@ fn h5py_reads_it_without_our_code() {
 import sys, h5py, numpy as np
 with h5py.File(sys.argv[1], "r") as f:
     a = f.attrs
-    assert a["format"].decode() == "DEMPM trajectory" and a["format_version"] == 1
-    assert "µ, σ" in a["scene"].decode() and a["seed"] == 42 and list(a["domain"]) == [10, 4]
-    assert f["versions"].attrs["dempm"].decode() == "0.1.0"
+    assert a["format"] == "DEMPM trajectory" and a["format_version"] == 1
+    assert "µ, σ" in a["scene"] and a["seed"] == 42 and list(a["domain"]) == [10, 4]
+    assert f["versions"].attrs["dempm"] == "0.1.0" and a["status"] == "finished"
     assert f["parameters"].attrs["thickness"] == 0.0075
     assert f["wall_time"].attrs["rve"] == 12.5
     n = f["points/mass"].shape[0]
@@ -173,12 +173,28 @@ with h5py.File(sys.argv[1], "r") as f:
     assert f["boundary/boxes"].shape == (5, 2, 4) and f["boundary/walls"].shape == (3, 4)
     assert np.allclose(f["budget/front"][:], f["position"][:, :, 0].max(axis=1))
     assert np.allclose(f["time"][:], np.linspace(0, 3, 5))
-    # The views for ParaView show the same numbers.
-    v = f["VTKHDF"]
+    # Every dataset says what it is, and is where its name says.
+    def described(name, item):
+        if isinstance(item, h5py.Dataset) and not name.startswith("VTKHDF"):
+            units, description = item.attrs["units"], item.attrs["description"]
+            assert isinstance(units, str) and units not in ("", "unknown"), (name, units)
+            assert isinstance(description, str) and len(description) > 10, (name, description)
+    f.visititems(described)
+    assert f["points/mass"].attrs["units"] == "kg/m" and f["stress"].attrs["units"] == "Pa"
+    # The views for ParaView show the same numbers, by links to them.
+    for place, target in [("points/Steps/Values", "/time"), ("walls/Steps/Values", "/time"),
+                          ("points/PointData/mass", "/points/mass")]:
+        assert f["VTKHDF"].get(place, getlink=True).path == target
+    v = f["VTKHDF/points"]
     assert np.array_equal(v["Points"][:, :2].reshape(5, n, 2), f["position"][:])
     assert not v["Points"][:, 2].any()
     assert np.array_equal(v["PointData/stress"][:][:, [0, 1, 3, 4]].reshape(5, n, 4), f["stress"][:])
     assert np.array_equal(v["PointData/coordination"][:].reshape(5, n), f["coordination"][:])
+    corners = f["VTKHDF/boxes/Points"][:].reshape(5, 2, 4, 3)
+    assert np.array_equal(corners[:, :, 0, :2], f["boundary/boxes"][:, :, :2], equal_nan=True)
+    assert np.array_equal(corners[:, :, 2, :2], f["boundary/boxes"][:, :, 2:], equal_nan=True)
+    ends = f["VTKHDF/walls/Points"][:].reshape(3, 2, 3)
+    assert np.array_equal(ends[:, :, :2].reshape(3, 4), f["boundary/walls"][:]) and not ends[:, :, 2].any()
 "#;
     python::check("h5py", script, &[&path]);
 }
@@ -199,10 +215,21 @@ reader.SetFileName(sys.argv[1])
 reader.UpdateInformation()
 assert reader.GetNumberOfSteps() == 5, reader.GetNumberOfSteps()
 with h5py.File(sys.argv[1], "r") as f:
-    for step in range(5):
+    for step in (0, 4, 2, 1, 3):
         reader.SetStep(step)
         reader.Update()
-        data = reader.GetOutput()
+        blocks = reader.GetOutputDataObject(0)
+        assert blocks.GetClassName() == "vtkPartitionedDataSetCollection"
+        assert blocks.GetNumberOfPartitionedDataSets() == 3
+        data, walls, boxes = (blocks.GetPartition(k, 0) for k in range(3))
+        ends = vtk_to_numpy(walls.GetPoints().GetData())
+        assert walls.GetNumberOfLines() == 3 and walls.GetCell(1).GetPointId(1) == 3
+        assert np.array_equal(ends[:, :2].reshape(3, 4), f["boundary/walls"][:])
+        corners = vtk_to_numpy(boxes.GetPoints().GetData()).reshape(2, 4, 3)
+        assert boxes.GetNumberOfPolys() == 2 and boxes.GetCell(1).GetPointIds().GetNumberOfIds() == 4
+        low, high = f["boundary/boxes"][step, :, :2], f["boundary/boxes"][step, :, 2:]
+        assert np.array_equal(corners[:, 0, :2], low, equal_nan=True)
+        assert np.array_equal(corners[:, 2, :2], high, equal_nan=True)
         assert data.GetClassName() == "vtkPolyData" and data.GetNumberOfVerts() == 64
         points = vtk_to_numpy(data.GetPoints().GetData())
         assert np.array_equal(points[:, :2], f["position"][step])

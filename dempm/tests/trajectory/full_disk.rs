@@ -38,7 +38,7 @@ fn a_run_says_so_and_goes_on_once_there_is_room() {
     let blocks = std::fs::metadata(&path).unwrap().len() as usize / 512;
     let whole = Trajectory::open(&path).unwrap();
     let mut kept = Vec::new();
-    for limit in (20..blocks).step_by(blocks / 16) {
+    for limit in (30..blocks).step_by(blocks / 16) {
         fails(&dempm(folder.path(), limit, &format!("{run} --overwrite")), "a.h5");
         let files = std::fs::read_dir(folder.path()).unwrap();
         let names = files.map(|file| file.unwrap().file_name().into_string().unwrap());

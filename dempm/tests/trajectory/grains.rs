@@ -187,9 +187,10 @@ fn vtk_reads_exported_grains() {
     let output = folder.path().join("run.vtkhdf");
     write_vtkhdf(&Trajectory::open(&path).unwrap(), &output).unwrap();
     let file = File::open(&output).unwrap();
-    let points: ndarray::Array2<f32> = file.dataset("VTKHDF/Points").unwrap().read_2d().unwrap();
+    let points: ndarray::Array2<f32> =
+        file.dataset("VTKHDF/grains/Points").unwrap().read_2d().unwrap();
     assert_eq!((points.dim(), points[[2 * COUNT + 1, 1]]), ((3 * COUNT, 3), -61.0));
-    let times: Vec<f64> = file.dataset("VTKHDF/Steps/Values").unwrap().read_raw().unwrap();
+    let times: Vec<f64> = file.dataset("VTKHDF/grains/Steps/Values").unwrap().read_raw().unwrap();
     assert_eq!(times, [0.0, 0.03, 0.06]);
     let script = r#"
 import sys, numpy
@@ -202,7 +203,12 @@ assert reader.GetNumberOfSteps() == 3, reader.GetNumberOfSteps()
 for step in (2, 0, 1):
     reader.SetStep(step)
     reader.Update()
-    data = reader.GetOutputDataObject(0)
+    blocks = reader.GetOutputDataObject(0)
+    data, walls, boxes = (blocks.GetPartition(k, 0) for k in range(3))
+    assert walls.GetNumberOfLines() == 3 and boxes.GetNumberOfPolys() == 2
+    # The gate of the synthetic collapse goes up; frames are 0.03 s apart.
+    gate = vtk_to_numpy(boxes.GetPoints().GetData())[4]
+    assert abs(gate[1] - 3.0 * 0.03 * step) < 1e-12, gate
     assert data.GetNumberOfPoints() == data.GetNumberOfVerts() == 5
     x = vtk_to_numpy(data.GetPoints().GetData())
     arrays = data.GetPointData()

@@ -409,7 +409,11 @@ fn vtk_reads_the_vtk_export() {
     let (directory, path) = trajectory();
     run_export(&path, "vtk");
     let series = std::fs::read_to_string(directory.path().join("run.pvd")).unwrap();
-    assert!(series.contains("timestep=\"0.75\" file=\"run_frames/00001.vtp\""), "{series}");
+    assert!(
+        series
+            .contains("timestep=\"0.75\" part=\"0\" name=\"points\" file=\"run_frames/00001.vtp\""),
+        "{series}"
+    );
     let script = r#"
 import sys, h5py, numpy as np
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
@@ -425,6 +429,19 @@ with h5py.File(sys.argv[2], "r") as f:
     arrays = data.GetPointData()
     assert np.array_equal(vtk_to_numpy(arrays.GetArray("stress"))[:, [0, 1, 3, 4]], f["stress"][3])
     assert np.array_equal(vtk_to_numpy(arrays.GetArray("column")), f["points/column"][:])
+    for frame in (0, 3):
+        reader = vtkXMLPolyDataReader()
+        reader.SetFileName(sys.argv[1].replace("00003.vtp", f"0000{frame}_boundary.vtp"))
+        reader.Update()
+        data = reader.GetOutput()
+        boxes = f["boundary/boxes"][frame]
+        boxes = boxes[np.isfinite(boxes[:, 0])]
+        assert data.GetNumberOfLines() == 3 and data.GetNumberOfPolys() == len(boxes) == (2 if frame == 0 else 1)
+        points = vtk_to_numpy(data.GetPoints().GetData())
+        assert np.array_equal(points[:6, :2].reshape(3, 4), f["boundary/walls"][:])
+        assert np.array_equal(points[6:].reshape(-1, 4, 3)[:, 2, :2], boxes[:, 2:])
+        last = data.GetCell(data.GetNumberOfCells() - 1)
+        assert [last.GetPointId(k) for k in range(4)] == list(range(len(points) - 4, len(points)))
 "#;
     let frame = directory.path().join("run_frames/00003.vtp");
     python::check("h5py, vtk", script, &[&frame, &path]);

@@ -193,6 +193,8 @@ __device__ void load_scale(float* to, const Backward& a) {
         to[k] = a.norm >= 0 && k < a.width ? read_early(a.parameters + a.norm + k) : 0.f;
 }
 
+// One of the two kernels, as each takes the compiler seconds.
+#if !STREAMED
 // MLPs side by side, whose weights fit into shared memory.
 extern "C" __global__ void __launch_bounds__(THREADS, 1)
     mlp_backward(const __grid_constant__ BackwardBatch batch) {
@@ -208,7 +210,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1)
     backward(a, weights, scale, rows, sums);
     write_norm_sums((float*)shared, a, sums);
 }
-
+#else
 __device__ Matrix16 matrix_of(const Backward& a, int n) {
     const int parts = a.part_weights ? 2 : 0, matrix = PARTS * UNIT;
     if (n < parts) return {a.part_weights + n * matrix, matrix};
@@ -231,3 +233,4 @@ extern "C" __global__ void __launch_bounds__(STREAM_THREADS, 1)
     backward(a, weights, scale, rows, sums);
     write_norm_sums(sums_of_warps, a, sums);
 }
+#endif

@@ -7,7 +7,7 @@ use gpu::{ConstPointer, Pointer, Source, checks, cuda_struct, definitions, files
 use super::geometry::{WARP, blocks};
 use super::gradient::Product;
 use super::launcher::{Launcher, Rows};
-use super::resident_or_streamed::ResidentOrStreamed;
+use super::resident_or_streamed::{Residence, ResidentOrStreamed};
 use super::tile::{Stored, Word, network_source, stream_threads, vector_bytes};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;
@@ -107,11 +107,15 @@ kernel! {
     }
 }
 
-/// The source of the kernels.
-pub(super) fn source(precision: Precision, shared: usize) -> Source {
+/// The source of one of the kernels.
+pub(super) fn source(precision: Precision, shared: usize, residence: Residence) -> Source {
     let definitions = definitions![Product, Backward, BackwardBatch];
-    let text = [&definitions, files!["backward.cu"], &checks![Resident, Streamed]].concat();
-    network_source("backward.cu", &text, precision, shared)
+    let checks = match residence {
+        Residence::Resident => checks![Resident],
+        Residence::Streamed => checks![Streamed],
+    };
+    let text = [&definitions, files!["backward.cu"], &checks].concat();
+    residence.of(network_source("backward.cu", &text, precision, shared))
 }
 
 /// Differentiates MLPs.

@@ -213,6 +213,8 @@ __device__ __forceinline__ void forward(const Forward& a, Weights& weights, cons
 
 __device__ int vectors_of(const Forward& a) { return (a.layers + 5) * WIDTH; }
 
+// One of the two kernels, as each takes the compiler seconds.
+#if !STREAMED
 // MLPs side by side, whose weights fit into shared memory.
 extern "C" __global__ void __launch_bounds__(THREADS, 1)
     mlp_forward(const __grid_constant__ ForwardBatch batch) {
@@ -226,7 +228,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1)
     weights.wait();
     forward(a, weights, vectors, rows);
 }
-
+#else
 __device__ Matrix16 matrix_of(const Forward& a, int n) {
     const int states = (a.x[0] != nullptr) + (a.x[1] != nullptr), features = a.features != nullptr;
     const int matrix = PARTS * UNIT, feature_matrix = 2 * a.feature_steps * STEP;
@@ -249,3 +251,4 @@ extern "C" __global__ void __launch_bounds__(STREAM_THREADS, 1)
     __syncthreads();
     forward(a, weights, vectors, rows);
 }
+#endif

@@ -7,7 +7,7 @@ use gpu::{ConstPointer, Pointer, Source, checks, cuda_struct, definitions, files
 
 use super::geometry::blocks;
 use super::launcher::{Launcher, Rows};
-use super::resident_or_streamed::ResidentOrStreamed;
+use super::resident_or_streamed::{Residence, ResidentOrStreamed};
 use super::tile::{OTHER_VECTORS, Stored, Word, network_source, stream_threads};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;
@@ -105,11 +105,15 @@ kernel! {
     }
 }
 
-/// The source of the kernels.
-pub(super) fn source(precision: Precision, shared: usize) -> Source {
+/// The source of one of the kernels.
+pub(super) fn source(precision: Precision, shared: usize, residence: Residence) -> Source {
     let definitions = definitions![Forward, ForwardBatch];
-    let text = [&definitions, files!["forward.cu"], &checks![Resident, Streamed]].concat();
-    network_source("forward.cu", &text, precision, shared)
+    let checks = match residence {
+        Residence::Resident => checks![Resident],
+        Residence::Streamed => checks![Streamed],
+    };
+    let text = [&definitions, files!["forward.cu"], &checks].concat();
+    residence.of(network_source("forward.cu", &text, precision, shared))
 }
 
 /// Computes MLPs.

@@ -10,6 +10,7 @@ use super::forward::{self, MlpForward};
 use super::gradient::{self, Gradient};
 use super::launcher::{Launcher, Rows};
 use super::optimiser::{self, Optimiser};
+use super::resident_or_streamed::Residence;
 use super::segment::{self, Segment};
 use super::weights::{self, Weights};
 use crate::cuda::error::CudaError;
@@ -63,16 +64,19 @@ impl Kernels {
     }
 }
 
-/// The sources of a network's kernels for a GPU with `shared` bytes of shared memory for a block.
-pub fn network_sources(precision: Precision, shared: usize) -> [Source; 7] {
-    [
+/// The sources of a network's kernels for a GPU with `shared` bytes of shared memory for a block; those that take the
+/// compiler longest come first.
+pub fn network_sources(precision: Precision, shared: usize) -> Vec<Source> {
+    let in_two = [forward::source, backward::source];
+    let in_two = in_two
+        .into_iter()
+        .flat_map(|source| Residence::BOTH.map(|residence| source(precision, shared, residence)));
+    let others = [
         weights::source,
-        forward::source,
-        backward::source,
         edges_backward::source,
         gradient::source,
         segment::source,
         optimiser::source,
-    ]
-    .map(|source| source(precision, shared))
+    ];
+    in_two.chain(others.map(|source| source(precision, shared))).collect()
 }

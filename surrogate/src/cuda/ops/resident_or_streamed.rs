@@ -10,6 +10,25 @@ use super::tile::{Word, stream_shared, vector_bytes};
 use crate::cuda::error::CudaError;
 use crate::network::Precision;
 
+/// Where a kernel has its weights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Residence {
+    /// All in shared memory.
+    Resident,
+    /// They pass through it.
+    Streamed,
+}
+
+impl Residence {
+    /// Both, in sources of their own: each takes the compiler seconds.
+    pub(super) const BOTH: [Self; 2] = [Self::Resident, Self::Streamed];
+
+    /// The source with the one kernel.
+    pub(super) fn of(self, source: Source) -> Source {
+        source.define("STREAMED", usize::from(self == Self::Streamed))
+    }
+}
+
 /// Kernels for weights that are resident in shared memory (`R`) and for streamed ones (`S`).
 #[derive(Debug)]
 pub(super) struct ResidentOrStreamed<R: Kernel, S: Kernel> {
@@ -21,17 +40,19 @@ pub(super) struct ResidentOrStreamed<R: Kernel, S: Kernel> {
 }
 
 impl<R: Kernel, S: Kernel> ResidentOrStreamed<R, S> {
-    /// Compiles `source`, which is given the precision and the shared memory of a block (bytes).
+    /// Compiles `source`, which is given the precision, the shared memory of a block (bytes) and which of the two
+    /// kernels it is for.
     pub fn load(
         launcher: &Arc<Launcher>,
-        source: fn(Precision, usize) -> Source,
+        source: fn(Precision, usize, Residence) -> Source,
     ) -> Result<Self, CudaError> {
         let (precision, shared) = (launcher.precision, launcher.shared);
         let stream_shared = stream_shared(precision, shared);
-        let module = launcher.load(&source(precision, shared))?;
+        let load = |residence| launcher.load(&source(precision, shared, residence));
+        let (resident, streamed) = (load(Residence::Resident)?, load(Residence::Streamed)?);
         Ok(Self {
-            resident: launcher.kernel(&module)?.with_shared(shared)?,
-            streamed: launcher.kernel(&module)?.with_shared(stream_shared)?,
+            resident: launcher.kernel(&resident)?.with_shared(shared)?,
+            streamed: launcher.kernel(&streamed)?.with_shared(stream_shared)?,
             stream_shared,
             launcher: launcher.clone(),
         })
