@@ -39,6 +39,7 @@
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod bench;
+pub mod calibrate;
 pub mod check;
 pub mod commands;
 pub mod comparison;

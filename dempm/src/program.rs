@@ -8,7 +8,7 @@ use files::{note, report_size_limits_as_errors};
 
 use crate::commands::shell_files::{ShellFilesArgs, shell_files};
 use crate::commands::terminal::TerminalArgs;
-use crate::commands::{bench, check, dataset, element, export, import, info, plot, run};
+use crate::commands::{bench, calibrate, check, dataset, element, export, import, info, plot, run};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
 #[derive(Parser)]
@@ -30,6 +30,8 @@ enum Command {
     Check(check::CheckArgs),
     /// Drive one packing along a path of strain and stress.
     Element(element::ElementArgs),
+    /// Find grains that behave like a measured material, with their uncertainty.
+    Calibrate(calibrate::CalibrateArgs),
     /// Measure the speed of this machine, as tables in Markdown.
     Bench(bench::BenchArgs),
     /// Summarise a trajectory file.
@@ -59,6 +61,7 @@ impl Arguments {
             Command::Dataset(args) => dataset::dataset(&args, verbose),
             Command::Check(args) => check::check(&args).map(done),
             Command::Element(args) => element::element(&args).map(done),
+            Command::Calibrate(args) => calibrate::calibrate(&args),
             Command::Bench(args) => bench::bench(&args, verbose).map(done),
             Command::Info(args) => info::info(&args).map(done),
             Command::Plot(args) => plot::plot(&args).map(done),

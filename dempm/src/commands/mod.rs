@@ -2,6 +2,7 @@
 //! know nothing of the terminal.
 
 pub mod bench;
+pub mod calibrate;
 pub mod check;
 pub mod dataset;
 mod device;
