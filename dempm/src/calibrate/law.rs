@@ -11,7 +11,7 @@ use super::experiment::{prepared, steady_friction};
 /// The law with what it was fitted to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Law {
-    /// Parameters of [mu-i].
+    /// Parameters of `[mu-i]`.
     pub parameters: DruckerPragerParameters,
     /// Inertial number, mean `sin phi` over packings and its standard deviation.
     pub points: Vec<[f64; 3]>,

@@ -1,8 +1,8 @@
 //! Calibration: grains that behave like a measured material.
 //!
-//! Element tests and columns of a laboratory are [targets](Targets). An [ensemble](ensemble) of sets of free parameters
+//! Element tests and columns of a laboratory are [targets](Targets). An [`ensemble`] of sets of free parameters
 //! is simulated side by side, several packings each, and moved towards the targets by ensemble Kalman inversion. A
-//! quadratic [emulator](emulator) of all these simulations then gives the [posterior](Posterior).
+//! quadratic [`emulator`] of all these simulations then gives the [posterior](Posterior).
 
 mod column;
 mod curve;

@@ -3,7 +3,7 @@
 use dem::Grains;
 use serde::Deserialize;
 
-/// Keys of [grains] that can be free.
+/// Keys of `[grains]` that can be free.
 pub(super) const KEYS: [&str; 8] = [
     "friction",
     "rolling_friction",
@@ -36,7 +36,7 @@ pub enum Prior {
 /// A free parameter. Inversion works with a standard normal variable in its place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Free {
-    /// Key of [grains].
+    /// Key of `[grains]`.
     pub key: String,
     /// Smallest and largest value.
     pub range: [f64; 2],

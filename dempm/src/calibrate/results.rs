@@ -9,7 +9,7 @@ use super::posterior::{Determined, Posterior};
 use super::study::Study;
 use super::targets::Targets;
 
-/// Keys of [grains] that are no properties of a material.
+/// Keys of `[grains]` that are no properties of a material.
 const NUMERICS: [&str; 6] =
     ["local_damping", "mass_scale", "step_factor", "skin", "overlap_warning", "overlap_limit"];
 
