@@ -23,7 +23,7 @@ pub struct RveParameters {
     /// thinned further: only the volumetric part and the spin of the velocity gradient act on it.
     pub thin_width: f64,
     /// Above this solid fraction a cell is not compressed further: it keeps the pressure it has. Grains overlap
-    /// by more than a tenth of their radii there; only points alone in a splash come so far.
+    /// by more than a tenth of their radii there; only points alone in a splash come so far. The default is no limit.
     pub max_solid_fraction: f64,
     /// How the initial packing is made, with the grains' friction of preparation.
     pub preparation: Preparation,
@@ -55,7 +55,7 @@ impl Default for RveParameters {
             kinetic_stress: true,
             free_solid_fraction: 0.70,
             thin_width: 3.0,
-            max_solid_fraction: f64::INFINITY,
+            max_solid_fraction: 100.0,
             preparation: Preparation::default(),
         }
     }

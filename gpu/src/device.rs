@@ -302,9 +302,13 @@ mod tests {
         if !nvrtc_for_tests() {
             return;
         }
+        // Kernels know the folder in which they were compiled: another one must not share the cache.
         let source = |k: usize| Source {
             name: "ahead.cu",
-            text: "extern \"C\" __global__ void k(float* x) { x[0] = K; }".to_owned(),
+            text: format!(
+                "// {}\nextern \"C\" __global__ void k(float* x) {{ x[0] = K; }}",
+                env!("CARGO_MANIFEST_DIR")
+            ),
             defines: vec![format!("K={k}")],
         };
         let wrong = Source { text: "not CUDA".to_owned(), ..source(0) };
