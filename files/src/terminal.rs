@@ -30,7 +30,7 @@ pub fn divert_notes(listener: impl Fn(&str) + 'static) {
 #[error("cannot write to the standard output")]
 pub struct PrintError(#[from] io::Error);
 
-/// Whether [`inform!`] and [`announce!`] write nothing from now on, and there are no lines of progress: `--quiet`.
+/// Whether [`inform!`](crate::inform) and [`announce!`](crate::announce) write nothing from now on, and there are no lines of progress: `--quiet`.
 pub fn set_quiet(quiet: bool) {
     QUIET.store(quiet, Ordering::Relaxed);
 }
@@ -40,12 +40,12 @@ pub fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// Whether [`announce!`] writes nothing from now on: the standard output is for [`print_result`] alone.
+/// Whether [`announce!`](crate::announce) writes nothing from now on: the standard output is for [`print_result`] alone.
 pub fn set_json(json: bool) {
     JSON.store(json, Ordering::Relaxed);
 }
 
-/// Whether [`announce!`] writes anything.
+/// Whether [`announce!`](crate::announce) writes anything.
 pub fn announces() -> bool {
     !is_quiet() && !JSON.load(Ordering::Relaxed)
 }
