@@ -4,10 +4,9 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
-use files::{note, report_size_limits_as_errors};
 
 use crate::commands::shell_files::{ShellFilesArgs, shell_files};
-use crate::commands::terminal::TerminalArgs;
+use crate::commands::terminal::{TerminalArgs, exit_code};
 use crate::commands::{bench, calibrate, check, dataset, element, export, import, info, plot, run};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
@@ -75,9 +74,5 @@ impl Arguments {
 /// The program: runs the command of `arguments`, the first of which is the program's name, and prints
 /// its error. `--help` and wrong options end the process.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    report_size_limits_as_errors();
-    Arguments::parse_from(arguments).run().unwrap_or_else(|report| {
-        note!("{report:?}");
-        ExitCode::FAILURE
-    })
+    exit_code(|| Arguments::parse_from(arguments).run())
 }

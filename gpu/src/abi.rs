@@ -177,6 +177,7 @@ macro_rules! cuda_enum {
         #[derive(Clone, Copy, Debug)]
         $vis enum $name {}
 
+        // Some constants are used in CUDA sources only.
         #[allow(dead_code)]
         impl $name {
             $($(#[$constant_doc])* $vis const $constant: $type = $value;)*

@@ -5,8 +5,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use dempm::commands::shell_files::{ShellFilesArgs, shell_files};
-use dempm::commands::terminal::TerminalArgs;
-use files::{note, report_size_limits_as_errors};
+use dempm::commands::terminal::{TerminalArgs, exit_code};
 
 use crate::commands::{EvalArgs, RolloutArgs, StatsArgs, TrainArgs, eval, rollout, stats, train};
 
@@ -57,9 +56,5 @@ impl Arguments {
 /// The program: runs the command of `arguments`, the first of which is the program's name, and prints
 /// its error. `--help` and wrong options end the process.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
-    report_size_limits_as_errors();
-    Arguments::parse_from(arguments).run().unwrap_or_else(|report| {
-        note!("{report:?}");
-        ExitCode::FAILURE
-    })
+    exit_code(|| Arguments::parse_from(arguments).run())
 }

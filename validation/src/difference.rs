@@ -11,22 +11,37 @@ use crate::run_cache::{DIFFERENCE, Run, hash, read_json, write_json};
 /// Relative tolerance on equal times.
 const ROUNDING: f64 = 1e-6;
 
-/// The differences of `path` from `truth` at all common times but the first, over their [`Parts`].
+/// The [`difference`] of two files, named after the first; a failure if they do not start with the same material.
 ///
 /// # Errors
 /// If a file cannot be read.
-pub fn difference(path: &Path, truth: &Path) -> Result<Errors, TrajectoryError> {
+pub fn file_difference(path: &Path, truth: &Path) -> Result<Errors, TrajectoryError> {
     let [one, truth] = [Trajectory::open(path)?, Trajectory::open(truth)?];
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut errors = Errors { case: name, ..Errors::default() };
-    let Some(parts) = Parts::of(&one, &truth)? else {
-        errors.failure = Some("the two do not start with the same material".to_owned());
-        return Ok(errors);
+    let mut errors = match Parts::of(&one, &truth)? {
+        Some(parts) => difference(&one, &truth, &parts)?,
+        None => {
+            let failure = "the two do not start with the same material".to_owned();
+            Errors { failure: Some(failure), ..Errors::default() }
+        }
     };
+    errors.case = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(errors)
+}
+
+/// The differences of `one` from `truth` at all common times but the first, over their `parts`.
+///
+/// # Errors
+/// If a frame cannot be read.
+pub fn difference(
+    one: &Trajectory,
+    truth: &Trajectory,
+    parts: &Parts,
+) -> Result<Errors, TrajectoryError> {
     let (mass, width) = (parts.mass.clone(), truth.header().domain[0]);
     let measure = Measure { mass, spacing: parts.side, width };
+    let mut errors = Errors::default();
     for (frame, place) in common_times(one.time(), truth.time()) {
-        let [a, b] = parts.positions(&positions(&one, frame)?, &positions(&truth, place)?);
+        let [a, b] = parts.positions(&positions(one, frame)?, &positions(truth, place)?);
         errors.frames.push(place);
         errors.errors.push(measure.between(&a, &b, truth.time()[place]));
     }
@@ -36,16 +51,16 @@ pub fn difference(path: &Path, truth: &Path) -> Result<Errors, TrajectoryError> 
     Ok(errors)
 }
 
-/// The [`difference`] of a run's trajectory, kept beside it. `key` identifies the truth.
+/// The [`file_difference`] of a run's trajectory, kept beside it. `key` identifies the truth.
 ///
 /// # Errors
-/// As [`difference`], and if it cannot be written.
+/// As [`file_difference`], and if it cannot be written.
 pub fn kept_difference(run: &Run, truth: &Path, key: &str) -> miette::Result<Errors> {
     let file = run.output.with_file_name(format!("{DIFFERENCE}{}.json", hash(&[key])));
     if let Some(known) = read_json(&file) {
         return Ok(known);
     }
-    let found = difference(&run.output, truth)?;
+    let found = file_difference(&run.output, truth)?;
     write_json(&file, &found)?;
     Ok(found)
 }
@@ -140,7 +155,7 @@ mod tests {
             let parts = Parts::of(&one, &truth).unwrap().unwrap();
             assert_eq!((parts.count(), parts.side), (count, side), "{name}");
             assert_eq!(parts.are_points(), name == "moved.h5");
-            let errors = difference(&at(name), &at("truth.h5")).unwrap().errors;
+            let errors = difference(&one, &truth, &parts).unwrap().errors;
             assert_eq!(errors.len(), 10);
             assert!(errors.iter().all(|e| (e.distance - 0.04).abs() < 1e-6), "{errors:?}");
         }

@@ -1,7 +1,9 @@
 //! What the programs print besides their results.
 
+use std::process::ExitCode;
+
 use clap::Args;
-use files::{print_result, set_json, set_quiet};
+use files::{note, print_result, report_size_limits_as_errors, set_json, set_quiet};
 use miette::IntoDiagnostic;
 use serde::Serialize;
 
@@ -24,6 +26,15 @@ impl TerminalArgs {
         set_json(false);
         self.verbose
     }
+}
+
+/// Runs a program and prints its error.
+pub fn exit_code(run: impl FnOnce() -> miette::Result<ExitCode>) -> ExitCode {
+    report_size_limits_as_errors();
+    run().unwrap_or_else(|report| {
+        note!("{report:?}");
+        ExitCode::FAILURE
+    })
 }
 
 /// Prints a summary as one JSON object. Numbers that are not finite are null.

@@ -69,6 +69,22 @@ impl Summary {
         }
     }
 
+    /// Mean, largest and final distance, and where they are, as cells; empty where nothing was predicted.
+    fn distances(&self, number: fn(f64) -> String) -> [String; 7] {
+        let of = |error: Option<FrameError>, value: fn(&FrameError) -> f64| {
+            error.map_or(String::new(), |error| number(value(&error)))
+        };
+        [
+            number(self.distance_mean),
+            of(self.peak, |peak| peak.distance),
+            self.peak_frame.map_or(String::new(), |frame| frame.to_string()),
+            of(self.last, |last| last.distance),
+            of(self.last, |last| last.front),
+            of(self.last, |last| last.height),
+            of(self.last, |last| last.centre),
+        ]
+    }
+
     /// The mean of several rows, of those that predicted anything; with the latest peak frame and
     /// absolute errors of the front.
     fn mean(case: &str, rows: &[Self]) -> Self {
@@ -128,23 +144,13 @@ pub fn summary_table(cases: &[Case]) -> String {
         .to_owned();
     let number = |x: f64| format!("{x:.6e}");
     for row in summaries(cases) {
-        let of = |error: Option<FrameError>, value: fn(&FrameError) -> f64| {
-            error.map_or(String::new(), |error| number(value(&error)))
-        };
-        let cells = [
-            csv_cell(&row.case),
-            number(row.distance_mean),
-            of(row.peak, |peak| peak.distance),
-            row.peak_frame.map_or(String::new(), |frame| frame.to_string()),
-            of(row.last, |last| last.distance),
-            of(row.last, |last| last.front),
-            of(row.last, |last| last.height),
-            of(row.last, |last| last.centre),
-            number(row.mse_mean),
-            of(row.peak, |peak| peak.mse),
-            of(row.last, |last| last.mse),
-            csv_cell(&row.failure),
-        ];
+        let squares = [Some(row.mse_mean), row.peak.map(|e| e.mse), row.last.map(|e| e.mse)];
+        let cells: Vec<String> = [csv_cell(&row.case)]
+            .into_iter()
+            .chain(row.distances(number))
+            .chain(squares.map(|square| square.map_or(String::new(), number)))
+            .chain([csv_cell(&row.failure)])
+            .collect();
         text += &cells.join(",");
         text.push('\n');
     }
@@ -167,21 +173,8 @@ pub fn report(cases: &[Case]) -> String {
         text.push('\n');
     };
     line(&mut text, "", titles.map(str::to_owned), "");
-    let metres = |x: f64| format!("{x:.4}");
     for row in summaries(cases) {
-        let of = |error: Option<FrameError>, value: fn(&FrameError) -> f64| {
-            error.map_or(String::new(), |error| metres(value(&error)))
-        };
-        let cells = [
-            metres(row.distance_mean),
-            of(row.peak, |peak| peak.distance),
-            row.peak_frame.map_or(String::new(), |frame| frame.to_string()),
-            of(row.last, |last| last.distance),
-            of(row.last, |last| last.front),
-            of(row.last, |last| last.height),
-            of(row.last, |last| last.centre),
-        ];
-        line(&mut text, &row.case, cells, &row.failure);
+        line(&mut text, &row.case, row.distances(|x| format!("{x:.4}")), &row.failure);
     }
     text
 }

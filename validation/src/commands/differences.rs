@@ -7,7 +7,7 @@ use dempm::comparison::Parts;
 use dempm::fronts::mass_front;
 use dempm::trajectory::Trajectory;
 use files::{is_quiet, out};
-use miette::{Context, IntoDiagnostic, bail};
+use miette::{Context, IntoDiagnostic, miette};
 use serde::Serialize;
 use surrogate::evaluation::FrameError;
 
@@ -127,12 +127,14 @@ impl Row {
 fn compared(run: &Path, reference: &Path) -> miette::Result<Compared> {
     let reading = || format!("reading {}", run.display());
     let [one, truth] = [Trajectory::open(run)?, Trajectory::open(reference)?];
+    let cannot =
+        |why: &str| miette!("cannot compare {} with {}: {why}", run.display(), reference.display());
     let parts = Parts::of(&one, &truth).into_diagnostic().wrap_err_with(reading)?;
-    let found = difference(run, reference)?;
-    let Some(parts) = parts.filter(|_| !found.errors.is_empty()) else {
-        let why = found.failure.as_deref().unwrap_or("they have no time in common");
-        bail!("cannot compare {} with {}: {why}", run.display(), reference.display());
-    };
+    let parts = parts.ok_or_else(|| cannot("the two do not start with the same material"))?;
+    let found = difference(&one, &truth, &parts).into_diagnostic().wrap_err_with(reading)?;
+    if found.errors.is_empty() {
+        return Err(cannot(found.failure.as_deref().unwrap_or("they have no time in common")));
+    }
     let fronts = fronts(&one, &truth).wrap_err_with(reading)?;
     let energies = energies(&one, &truth);
     let rows = found.errors.into_iter().zip(fronts).enumerate();

@@ -126,10 +126,8 @@ impl Case {
 
     /// A scene with every model in its defaults.
     pub fn new(scene: &'static TruthScene, suite: Suite) -> Self {
-        let text = merged(scene.text, COMMON);
-        let seed = |number: u64| format!("seed = {number}\nmaterial.kind = \"discs\"");
-        let truth = (1..=suite.pick(4, 8)).map(|number| merged(&text, &seed(number))).collect();
-        let start_of_networks = merged(scene.published.unwrap_or(scene.text), "output.fields = []");
+        let truth = seeds(&merged(scene.text, COMMON), suite.pick(4, 8));
+        let start_of_networks = start_of_networks(scene);
         let mut case = Self { scene, truth, settings: Vec::new(), start_of_networks };
         case.add(Family::Packings, &DEFAULT);
         if let Some(published) = scene.published {
@@ -154,16 +152,15 @@ impl Case {
         let keys = format!("grains.radius_min = {min:?}\ngrains.radius_max = {max:?}");
         let text = merged(&merged(scene.text, COMMON), &keys);
         let with = |keys: &str| merged(&text, keys);
-        let seed = |number: u64| with(&format!("seed = {number}\nmaterial.kind = \"discs\""));
         let setting = |family, name: &str, text| Setting { family, name: name.to_owned(), text };
         Self {
             scene,
-            truth: (1..=SEEDS_OF_GRAINS).map(seed).collect(),
+            truth: seeds(&text, SEEDS_OF_GRAINS),
             settings: vec![
                 setting(Family::Packings, DEFAULT.0, text.clone()),
                 setting(Family::Continuum, MU_I, with("material.kind = \"mu-i\"")),
             ],
-            start_of_networks: String::new(),
+            start_of_networks: start_of_networks(scene),
         }
     }
 
@@ -171,6 +168,18 @@ impl Case {
         let text = merged(&merged(self.scene.text, COMMON), changes);
         self.settings.push(Setting { family, name: (*name).to_owned(), text });
     }
+}
+
+/// A scene as discs, one text for each seed.
+fn seeds(text: &str, count: u64) -> Vec<String> {
+    (1..=count)
+        .map(|number| merged(text, &format!("seed = {number}\nmaterial.kind = \"discs\"")))
+        .collect()
+}
+
+/// The scene as the networks that ship learnt it.
+fn start_of_networks(scene: &TruthScene) -> String {
+    merged(scene.published.unwrap_or(scene.text), "output.fields = []")
 }
 
 /// The cell of the scene's grid, m.
