@@ -1,4 +1,4 @@
-# make demo    build, run a first collapse and draw it: out/column.h5, out/column.png
+# make demo    build, run a column of packings and the same grains one by one, and draw both: out/*.png
 # make learn   train a small network on direct runs, let it predict a column: out/learn
 # make test    the whole test suite; TORCH=1 includes dempm.torch, a download of some gigabytes
 # make lint    links, formatting, clippy, licences and crate documentation, as the continuous
@@ -21,8 +21,10 @@ RUN := $(CARGO) run --release --quiet --package
 .DELETE_ON_ERROR:
 
 demo: build-dempm
+	$(RUN) dempm -- run scenes/discs.toml -o out/discs.h5 --overwrite
 	$(RUN) dempm -- run scenes/column.toml -o out/column.h5 --overwrite
-	$(RUN) dempm -- plot out/column.h5 -o out/column.png
+	$(RUN) dempm -- plot out/discs.h5 --grains -o out/grains.png
+	$(RUN) dempm -- plot out/discs.h5 out/column.h5 -o out/column.png
 
 LEARN := out/learn
 RUNS := train/column train/tall train/wide valid/between other-packing/between

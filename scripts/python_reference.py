@@ -14,13 +14,14 @@ PAGE = ROOT / "docs/python.md"
 MARK = "<!-- From here on written by scripts/python_reference.py. -->\n"
 # Modules and what of them is public, in the order of the page.
 MODULES = {
-    "dempm": ["run", "open", "Run", "plot", "Picture", "check", "Check", "element", "dataset"],
+    "dempm": ["run", "open", "Run", "plot", "Picture", "check", "Check", "element", "dataset", "calibrate",
+              "Calibration"],
     "dempm.surrogate": ["rollout", "train"],
     "dempm.torch": ["Windows", "Window", "Batch", "collate", "TGNNS", "rollout", "Config", "Training", "Normalisation",
                     "Graph", "radius_graph"],
 }
 # Classes whose objects one only gets.
-MADE = {"Run", "Check", "Picture"}
+MADE = {"Run", "Check", "Picture", "Calibration"}
 
 
 def definitions(module):

@@ -4,8 +4,8 @@
     python3 scripts/runout_table.py out/runout
 
 For a column against the left wall, of width L and height H: the front is where 99 % of the mass lies to the
-left of it at the end; run-out (front - L) / L; beside it 2.5 a and 3.25 a^0.7 of Staron & Hinch (2005), J. Fluid
-Mech. 545, 1, for discs. With `output.grains_every` also the slope of the flank, between 20 and 80 % of the final
+left of it at the end, at the last point, or where the last grain is that a layer connects to the pile; run-out
+(front - L) / L; beside it 2.5 a and 3.25 a^0.7 of Staron & Hinch (2005), J. Fluid Mech. 545, 1, for discs. With `output.grains_every` also the slope of the flank, between 20 and 80 % of the final
 height. Needs h5py and numpy.
 """
 
@@ -37,13 +37,14 @@ def slope(file, diameter):
 
 
 def measured(path):
-    """Settings without the seed, and run-out, last point, final height at the wall over H, and slope."""
+    """Settings without the seed; run-out by the three fronts, final height at the wall over H, and slope."""
     with h5py.File(path) as file:
         if text(file.attrs["status"]) != "finished":
             raise SystemExit(f"{path}: {text(file.attrs['status'])}")
         scene = tomllib.loads(text(file.attrs["scene"]))
         position = file["position"][-1]
         mass = file["points/mass"][:]
+        connected = file["budget/front_connected"][-1]
         grains = scene.get("grains", {})
         radii = grains.get("radius_min", 2.5e-3), grains.get("radius_max", 5e-3)
         angle = slope(file, sum(radii))
@@ -61,7 +62,8 @@ def measured(path):
         grains.get("preparation_friction", 1e-3),
         grains.get("radius_max", 5e-3) / 5e-3,
     )
-    return settings, ((front - width) / width, (x[-1] - width) / width, near.max() / height, angle)
+    fronts = front, x[-1], connected
+    return settings, (*((x - width) / width for x in fronts), near.max() / height, angle)
 
 
 def main():
@@ -70,11 +72,11 @@ def main():
         if re.fullmatch(r"\d+\.h5", path.name):
             settings, values = measured(path)
             rows[settings].append(values)
-    print("| a | floor | friction | rolling | preparation | size | runs | run-out, 99 % | last point | height | slope | 2.5 a; 3.25 a^0.7 |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
+    print("| a | floor | friction | rolling | preparation | size | runs | run-out, 99 % | last point | connected | height | slope | 2.5 a; 3.25 a^0.7 |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
     for settings, values in sorted(rows.items()):
         a, floor, friction, rolling, preparation, size = settings
-        mean, spread = np.mean(values, axis=0), np.std(values, axis=0, ddof=1) if len(values) > 1 else [np.nan] * 4
+        mean, spread = np.mean(values, axis=0), np.std(values, axis=0, ddof=1) if len(values) > 1 else [np.nan] * 5
         told = [f"{m:.2f}" + (f" ± {s:.2f}" if np.isfinite(s) else "") for m, s in zip(mean, spread)]
         law = 2.5 * a if a < 2 else 3.25 * a**0.7
         print(f"| {a:g} | {floor} | {friction:g} | {rolling:g} | {preparation:g} | {size:g} | {len(values)} | {' | '.join(told)} | {law:.2f} |")
