@@ -17,8 +17,7 @@ MODULES = {
     "dempm": ["run", "open", "Run", "plot", "Picture", "check", "Check", "element", "dataset", "calibrate",
               "Calibration"],
     "dempm.surrogate": ["rollout", "train"],
-    "dempm.torch": ["Windows", "Window", "Batch", "collate", "TGNNS", "rollout", "Config", "Training", "Normalisation",
-                    "Graph", "radius_graph"],
+    "dempm.torch": ["Windows", "collate", "TGNNS", "rollout", "Config"],
 }
 # Classes whose objects one only gets.
 MADE = {"Run", "Check", "Picture", "Calibration"}

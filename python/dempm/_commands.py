@@ -116,8 +116,9 @@ def dataset(
 ) -> list[Run]:
     """Simulates many scenes into the folder `output`: `paper`, or a [list](datasets.md), a file or a dictionary.
 
-    In a dictionary, base scenes are files relative to the current folder or dictionaries themselves. What is there stays, what was interrupted continues. `only` picks splits or scenes, such as `test/col2x2`. Returns
-    the runs, in the order of their files. Raises `dempm.Error` if the list is wrong or scenes failed.
+    In a dictionary, base scenes are files relative to the current folder or dictionaries themselves. What is there
+    stays, what was interrupted continues. `only` picks splits or scenes, such as `test/col2x2`. Returns the runs, in the
+    order of their files. Raises `dempm.Error` if the list is wrong or scenes failed.
     """
     options: list[str] = [f"--device={device}", *(f"--only={name}" for name in only)]
     if jobs is not None:
