@@ -5,7 +5,8 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use files::{
-    INTERRUPTED, Interrupt, announce, announces, inform, note, print_result, refuse_input,
+    INTERRUPTED, Interrupt, announce, announces, duration, inform, note, out, print_result,
+    refuse_input,
 };
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Report, bail};
@@ -13,7 +14,7 @@ use miette::{IntoDiagnostic, Report, bail};
 use super::device::report as report_device;
 use super::progress::{SceneProgress, Total, bars};
 use crate::dataset::scheduler::{self, Done};
-use crate::dataset::{self, Case, DatasetError, Metadata, Selection, Split, report};
+use crate::dataset::{self, Case, DatasetError, Estimate, Metadata, Selection, Split, report};
 use crate::device::Device;
 use crate::run::{self, Outcome, SessionError, checkpoint_interval};
 
@@ -26,8 +27,11 @@ pub struct DatasetArgs {
     /// `paper` for the 39 scenes of Zhao, Chen & Zhao (2025), or a list of scenes (TOML).
     scenes: PathBuf,
     /// Folder of the data set.
-    #[arg(short, long)]
-    output: PathBuf,
+    #[arg(short, long, required_unless_present = "list")]
+    output: Option<PathBuf>,
+    /// Print the scenes and what they cost, and run nothing.
+    #[arg(long)]
+    list: bool,
     /// Only this split or these scenes of it: test, test/col2x2, test/col* (may be repeated).
     #[arg(long, value_name = "SPLIT[/NAME]")]
     only: Vec<Selection>,
@@ -58,12 +62,16 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     let all = dataset::cases(&args.scenes)?;
     dataset::check_intervals(&all, &args.scenes)?;
     let selected = dataset::select(&all, &args.only, &args.scenes)?;
-    let tables = ["scenes.csv", "metadata.json"].map(|name| args.output.join(name));
-    for output in tables.into_iter().chain(selected.iter().map(|case| case.file(&args.output))) {
+    let Some(folder) = args.output.as_deref().filter(|_| !args.list) else {
+        let jobs = args.jobs.map_or(JOBS_ON_A_GPU, usize::from);
+        return list(&selected, jobs).map(|()| ExitCode::SUCCESS);
+    };
+    let tables = ["scenes.csv", "metadata.json"].map(|name| folder.join(name));
+    for output in tables.into_iter().chain(selected.iter().map(|case| case.file(folder))) {
         refuse_input(&output, [&args.scenes])?;
     }
     if !args.resume && !args.overwrite {
-        dataset::refuse_existing(&selected, &args.output)?;
+        dataset::refuse_existing(&selected, folder)?;
     }
     let selection = args.device.select_all().into_diagnostic()?;
     report_device(&selection, verbose);
@@ -75,20 +83,20 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
     };
     let progress = Progress::new();
-    let done = scheduler::run(&selected, &args.output, &options, &progress, &interrupt)?;
+    let done = scheduler::run(&selected, folder, &options, &progress, &interrupt)?;
     // What is done by now is reported even after an interrupt.
     let _guard = interrupt.guard();
 
-    let rows = report::rows(&all, &args.output);
+    let rows = report::rows(&all, folder);
     if announces() {
         let _ = print_result(report::table(&rows));
     }
-    report::write_csv(&rows, &args.output.join("scenes.csv"))?;
+    report::write_csv(&rows, &folder.join("scenes.csv"))?;
     let trained = |row: &report::Row| row.split != Split::Train || row.is_finished();
     if rows.iter().all(trained) && rows.iter().any(|row| row.split == Split::Train) {
-        let finished = dataset::finished(&all, &rows, &args.output);
-        Metadata::of(&finished)?.write(&args.output)?;
-        announce!("{}", args.output.join("metadata.json").display());
+        let finished = dataset::finished(&all, &rows, folder);
+        Metadata::of(&finished)?.write(folder)?;
+        announce!("{}", folder.join("metadata.json").display());
     } else {
         announce!("no metadata.json yet: the training set is not complete");
     }
@@ -104,6 +112,30 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     let damaged = rows.iter().filter(|row| row.damaged).map(|row| row.split.case(&row.name));
     failed.extend(damaged.filter(|name| !failed.contains(name)).collect::<Vec<_>>());
     if failed.is_empty() { Ok(ExitCode::SUCCESS) } else { bail!("failed: {}", failed.join(", ")) }
+}
+
+/// Prints the scenes and what they cost.
+fn list(cases: &[Case], jobs: usize) -> miette::Result<()> {
+    print_result(report::list(cases))?;
+    let of = |split: Split| {
+        let count = cases.iter().filter(|case| case.split == split).count();
+        (count > 0).then(|| format!("{count} {}", split.name()))
+    };
+    let counts: Vec<String> = Split::ALL.into_iter().filter_map(of).collect();
+    out!("\n{} runs: {}", cases.len(), counts.join(", "))?;
+    let refused: u32 = cases.iter().map(|case| case.refused).sum();
+    if refused > 0 {
+        out!("{refused} invalid draws were replaced")?;
+    }
+    let estimate = Estimate::of(cases, jobs);
+    if estimate.disc_steps > 0.0 {
+        out!(
+            "{:.1e} disc-steps: about {} on one H200, {jobs} scenes at a time",
+            estimate.disc_steps,
+            duration(estimate.gpu_seconds)
+        )?;
+    }
+    Ok(())
 }
 
 /// Progress of the scenes being run, and of all together.

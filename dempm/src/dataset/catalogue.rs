@@ -23,7 +23,7 @@ pub fn cases(scenes: &Path) -> Result<Vec<Case>, DatasetError> {
         .iter()
         .map(|&(split, name, text)| {
             let scene = Scene::parse(text, &format!("paper/{}/{name}.toml", split.name()))?;
-            Ok(Case { split, name: name.to_owned(), scene, values: String::new() })
+            Ok(Case::new(split, name.to_owned(), scene, String::new()))
         })
         .collect()
 }

@@ -1,4 +1,4 @@
-//! Lists of scenes: base scenes with values for some of their keys, as lists or grids.
+//! Lists of scenes: base scenes with values for some of their keys, as lists or grids, or drawn at random.
 
 use std::path::Path;
 
@@ -7,6 +7,8 @@ use toml::{Table, Value};
 
 use super::case::Case;
 use super::error::DatasetError;
+use super::keys::{Assignment, assign, leaves};
+use super::random::{Class, Random, Source, read_toml};
 use super::split::Split;
 use crate::scene::Scene;
 
@@ -15,7 +17,7 @@ use crate::scene::Scene;
 #[serde(deny_unknown_fields)]
 struct ListFile {
     /// Base scene, relative to the list file.
-    scene: String,
+    scene: Option<String>,
     /// Values for all cases.
     #[serde(default)]
     set: Table,
@@ -25,6 +27,11 @@ struct ListFile {
     valid: Vec<Block>,
     #[serde(default)]
     test: Vec<Block>,
+    /// Seed of the scenes that are drawn at random.
+    seed: Option<u64>,
+    /// Classes of scenes that are drawn at random.
+    #[serde(default)]
+    random: Vec<Random>,
 }
 
 /// Cases that vary the same keys.
@@ -43,16 +50,29 @@ struct Block {
     grid: Table,
 }
 
-/// A dotted key and a value for it.
-type Assignment = (String, Value);
+/// Lists that draw from each other can be so many.
+const DEEPEST: usize = 8;
 
 /// Reads a list file and the scenes of all its cases.
 ///
 /// # Errors
 /// If a file cannot be read or has another form, or a case is not a valid scene.
 pub(super) fn read(path: &Path) -> Result<Vec<Case>, DatasetError> {
-    let file: ListFile = toml::from_str(&text_of(path)?)
-        .map_err(|source| DatasetError::Syntax { path: path.to_owned(), source })?;
+    let file = read_toml::<ListFile>(path)?;
+    let classes = file.classes(path, 0)?;
+    let error = |key: &str, reason: &str| {
+        let (path, key, reason) = (path.to_owned(), key.to_owned(), reason.to_owned());
+        Err(DatasetError::Key { path, key, reason })
+    };
+    let seed = match file.seed {
+        None if !classes.is_empty() => {
+            return error(
+                "seed",
+                "is missing: a whole number from which [[random]] scenes are drawn",
+            );
+        }
+        seed => seed.unwrap_or(0),
+    };
     let mut cases = Vec::new();
     for (split, blocks) in
         [(Split::Train, &file.train), (Split::Valid, &file.valid), (Split::Test, &file.test)]
@@ -60,9 +80,12 @@ pub(super) fn read(path: &Path) -> Result<Vec<Case>, DatasetError> {
         let mut number = 0;
         for (index, block) in blocks.iter().enumerate() {
             let here = Place { path, block: format!("{}[{index}]", split.name()) };
-            let base = path.with_file_name(block.scene.as_ref().unwrap_or(&file.scene));
-            let base_table: Table = toml::from_str(&text_of(&base)?)
-                .map_err(|source| DatasetError::Syntax { path: base.clone(), source })?;
+            let name = block.scene.as_ref().or(file.scene.as_ref());
+            let Some(name) = name else {
+                return error("scene", "is missing: the base scene of all cases");
+            };
+            let base = path.with_file_name(name);
+            let base_table: Table = read_toml(&base)?;
             let fixed: Vec<Assignment> =
                 [&file.set, &block.set].into_iter().flat_map(leaves).collect();
             for varied in here.combinations(block)? {
@@ -81,16 +104,51 @@ pub(super) fn read(path: &Path) -> Result<Vec<Case>, DatasetError> {
                     .map_err(|error| here.error("scene", error.to_string()))?;
                 let shown = format!("{}: {}/{name}", path.display(), split.name());
                 let scene = Scene::parse(&text, &shown)?;
-                cases.push(Case { split, name, scene, values: values(block, &varied) });
+                cases.push(Case::new(split, name, scene, values(block, &varied)));
             }
+        }
+        for (random, class) in file.random.iter().zip(&classes) {
+            cases.extend(random.cases(class, path, seed, split)?);
         }
     }
     if cases.is_empty() {
-        let (path, key) = (path.to_owned(), "train".to_owned());
-        let reason = "is missing, as are `valid` and `test`: there is nothing to run".to_owned();
-        return Err(DatasetError::Key { path, key, reason });
+        let reason = "is missing, as are `valid`, `test` and `random`: there is nothing to run";
+        return error("train", reason);
     }
     Ok(cases)
+}
+
+impl ListFile {
+    /// What its random scenes are drawn from, in their order. Lists draw from lists, `depth` deep so far.
+    fn classes(&self, path: &Path, depth: usize) -> Result<Vec<Class>, DatasetError> {
+        let source = Source { path, scene: self.scene.as_deref(), set: &self.set };
+        let like = |other: &Path, class: &str| {
+            let key = |reason: String| {
+                let (path, key) = (path.to_owned(), "random.like".to_owned());
+                DatasetError::Key { path, key, reason }
+            };
+            if depth == DEEPEST {
+                return Err(key("leads from list to list without end".to_owned()));
+            }
+            let file = read_toml::<Self>(other)?;
+            let index = file.random.iter().position(|random| random.is(class));
+            let missing = || key(format!("finds no class {class} in {}", other.display()));
+            let index = index.ok_or_else(missing)?;
+            Ok(file.classes(other, depth + 1)?.swap_remove(index))
+        };
+        let of = |(index, random): (usize, &Random)| random.class(&source, index, &like);
+        let classes: Vec<Class> =
+            self.random.iter().enumerate().map(of).collect::<Result<_, _>>()?;
+        for (index, random) in self.random.iter().enumerate() {
+            if let Some(twice) = self.random[..index].iter().position(|other| random.shares(other))
+            {
+                let (path, key) = (path.to_owned(), format!("random[{index}].class"));
+                let reason = format!("is that of random[{twice}], and names the same files");
+                return Err(DatasetError::Key { path, key, reason });
+            }
+        }
+        Ok(classes)
+    }
 }
 
 /// The assignments of a case, each key once: varied keys come after `set` and replace it.
@@ -100,11 +158,6 @@ fn values(block: &Block, varied: &[Assignment]) -> String {
     fixed.retain(|(key, _)| !varied.iter().any(|(other, _)| other == key));
     let all = fixed.iter().chain(varied).map(|(key, value)| format!("{key} = {value}"));
     all.collect::<Vec<_>>().join(", ")
-}
-
-fn text_of(path: &Path) -> Result<String, DatasetError> {
-    std::fs::read_to_string(path)
-        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })
 }
 
 fn stem(path: &Path) -> String {
@@ -181,79 +234,13 @@ impl Place<'_> {
     }
 }
 
-/// All values of a table that are not tables themselves, with their dotted keys.
-fn leaves(table: &Table) -> Vec<Assignment> {
-    let mut found = Vec::new();
-    for (key, value) in table {
-        match value {
-            Value::Table(inner) => {
-                found.extend(leaves(inner).into_iter().map(|(k, v)| (format!("{key}.{k}"), v)));
-            }
-            other => found.push((key.clone(), other.clone())),
-        }
-    }
-    found
-}
-
-/// Sets a dotted key, in which numbers index lists: `column.0.size`. Creates missing tables.
-fn assign(table: &mut Table, key: &str, value: Value) -> Result<(), String> {
-    let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
-    let mut place: &mut Table = table;
-    let mut rest = path.split('.').filter(|part| !part.is_empty());
-    while let Some(part) = rest.next() {
-        let entry = place.entry(part).or_insert_with(|| Value::Table(Table::new()));
-        place = match entry {
-            Value::Table(inner) => inner,
-            Value::Array(items) => {
-                let count = items.len();
-                rest.next()
-                    .and_then(|index| index.parse::<usize>().ok())
-                    .and_then(|index| items.get_mut(index))
-                    .and_then(Value::as_table_mut)
-                    .ok_or_else(|| {
-                        format!(
-                            "names no entry of [[{part}]]: the scene has {count}, counted from 0"
-                        )
-                    })?
-            }
-            _ => return Err(format!("reaches into `{part}`, which is a value and not a table")),
-        };
-    }
-    place.insert(last.to_owned(), value);
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn table(text: &str) -> Table {
-        toml::from_str(text).unwrap()
-    }
-
     fn block(text: &str) -> Result<Vec<Vec<Assignment>>, DatasetError> {
         let place = Place { path: Path::new("list.toml"), block: "train[0]".to_owned() };
         place.combinations(&toml::from_str(text).unwrap())
-    }
-
-    #[test]
-    fn keys_reach_tables_lists_and_what_is_not_there_yet() {
-        let mut scene = table("duration = 1.0\n[[column]]\nsize = [1.0, 1.0]\n");
-        assign(&mut scene, "duration", Value::Float(2.0)).unwrap();
-        assign(&mut scene, "column.0.velocity", Value::Integer(3)).unwrap();
-        assign(&mut scene, "rve.preparation.pressure", Value::Float(0.5)).unwrap();
-        let expected = "duration = 2.0\n[[column]]\nsize = [1.0, 1.0]\nvelocity = 3\n\
-                        [rve.preparation]\npressure = 0.5\n";
-        assert_eq!(scene, table(expected));
-        for (key, part) in [
-            ("column.1.size", "column"),
-            ("column.x.size", "column"),
-            ("column.0", "column"),
-            ("duration.x", "duration"),
-        ] {
-            let reason = assign(&mut scene, key, Value::Float(0.0)).unwrap_err();
-            assert!(reason.contains(part), "{reason}");
-        }
     }
 
     #[test]

@@ -5,10 +5,14 @@
 
 mod case;
 mod catalogue;
+mod distribution;
 mod error;
+mod estimate;
+mod keys;
 mod list;
 mod metadata;
 mod paper;
+mod random;
 pub mod report;
 pub mod scheduler;
 mod selection;
@@ -18,6 +22,7 @@ mod statistics;
 pub use case::Case;
 pub use catalogue::{cases, check_intervals, finished, refuse_existing, select};
 pub use error::DatasetError;
+pub use estimate::Estimate;
 pub use metadata::Metadata;
 pub(crate) use metadata::write_metadata;
 pub use paper::paper_scene;

@@ -8,6 +8,7 @@ use files::{WriteError, csv_cell, write_text};
 use super::case::Case;
 use super::error::DatasetError;
 use super::split::Split;
+use crate::scene::Scene;
 use crate::trajectory::{Field, Trajectory};
 
 /// The result of one scene.
@@ -19,6 +20,10 @@ pub struct Row {
     pub name: String,
     /// Its keys and values, as in [`Case::values`].
     pub values: String,
+    /// Its class, as in [`Case::class`].
+    pub class: String,
+    /// The case of the same scene, as in [`Case::same_as`].
+    pub same_as: Option<String>,
     /// Material points.
     pub points: usize,
     /// Discs of all points; 0 for a continuum law.
@@ -55,17 +60,13 @@ impl Row {
     fn not_begun(case: &Case) -> Self {
         let scene = &case.scene;
         let points = scene.point_count();
-        let discs = match &scene.material {
-            crate::scene::Material::Rve(rve) => points * rve.parameters.discs,
-            crate::scene::Material::Discs(discs) => {
-                discs.count_in(points as f64 * scene.point_area()).round() as usize
-            }
-            _ => 0,
-        };
+        let discs = case.discs();
         Self {
             split: case.split,
             name: case.name.clone(),
             values: case.values.clone(),
+            class: case.class.clone(),
+            same_as: case.same_as.clone(),
             points,
             discs,
             steps: scene.steps(),
@@ -134,6 +135,38 @@ fn doubts(trajectory: &Trajectory) -> Result<Vec<String>, DatasetError> {
     Ok(doubts)
 }
 
+/// Cases that have not been run, as an aligned table.
+pub fn list(cases: &[Case]) -> String {
+    let head = ["scene", "seed", "points", "discs", "duration [s]", "bodies"];
+    let mut lines = vec![head.map(str::to_owned)];
+    lines.extend(cases.iter().map(|case| {
+        [
+            case.full_name(),
+            case.scene.seed.to_string(),
+            case.scene.point_count().to_string(),
+            case.discs().to_string(),
+            case.scene.duration.to_string(),
+            bodies(&case.scene),
+        ]
+    }));
+    aligned(&lines)
+}
+
+/// The bodies of a scene in words.
+fn bodies(scene: &Scene) -> String {
+    let count = |n: usize, one: &str, many: &str| match n {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        n => Some(format!("{n} {many}")),
+    };
+    let parts = [
+        count(scene.columns.len(), "column", "columns"),
+        count(scene.obstacles.len(), "box", "boxes"),
+        scene.plate.map(|_| "plate".to_owned()),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
 /// The rows as an aligned table.
 pub fn table(rows: &[Row]) -> String {
     let number = |value: Option<f64>, digits: usize| {
@@ -152,15 +185,20 @@ pub fn table(rows: &[Row]) -> String {
             row.checks.clone(),
         ]
     }));
+    aligned(&lines)
+}
+
+/// Lines of cells: the first and last column begin alike, the others end alike.
+fn aligned<const N: usize>(lines: &[[String; N]]) -> String {
     let width = |column: usize| lines.iter().map(|line| line[column].len()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..head.len()).map(width).collect();
+    let widths: Vec<usize> = (0..N).map(width).collect();
     let mut text = String::new();
-    for [scene, numbers @ .., checks] in &lines {
-        write!(text, "{scene:<0$}", widths[0]).expect("writing to a string cannot fail");
-        for (number, width) in numbers.iter().zip(&widths[1..]) {
+    for line in lines {
+        write!(text, "{:<1$}", line[0], widths[0]).expect("writing to a string cannot fail");
+        for (number, width) in line[1..N - 1].iter().zip(&widths[1..]) {
             write!(text, "  {number:>width$}").expect("writing to a string cannot fail");
         }
-        writeln!(text, "  {checks}").expect("writing to a string cannot fail");
+        writeln!(text, "  {}", line[N - 1]).expect("writing to a string cannot fail");
     }
     text
 }
@@ -171,7 +209,8 @@ pub fn table(rows: &[Row]) -> String {
 /// If the file cannot be written.
 pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), WriteError> {
     let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
-    let mut text = "split,scene,points,discs,steps,seconds,front,checks,values\n".to_owned();
+    let mut text =
+        "split,scene,points,discs,steps,seconds,front,checks,values,class,same_as\n".to_owned();
     for row in rows {
         let fields = [
             row.split.name().to_owned(),
@@ -183,6 +222,8 @@ pub fn write_csv(rows: &[Row], path: &Path) -> Result<(), WriteError> {
             number(row.front),
             csv_cell(&row.checks),
             csv_cell(&row.values),
+            csv_cell(&row.class),
+            csv_cell(row.same_as.as_deref().unwrap_or("")),
         ];
         text += &(fields.join(",") + "\n");
     }
