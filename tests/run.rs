@@ -8,7 +8,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use common::{bits, dempm, kill, wait_for_frames};
-use dempm::trajectory::Trajectory;
+use dempm::trajectory::{Frame, Trajectory};
 use tempfile::TempDir;
 
 /// A collapse small enough to run in a second.
@@ -108,6 +108,61 @@ fn a_killed_run_resumes_bitwise() {
     // What it says of all frames holds for those before, too.
     assert_eq!(summary(child.wait_with_output().unwrap()), whole);
     assert_eq!(bits(&cut), bits(&directory.path().join("whole.h5")));
+}
+
+/// A run ends when everything is at rest: until then its frames are those of a run to the end, then copies, which the file
+/// states. Interrupted before, it ends with the same bits; the option turns it off.
+#[test]
+fn a_run_ends_at_rest() {
+    let directory = TempDir::new().unwrap();
+    let scene = directory.path().join("rest.toml");
+    let text = "duration = 2.0\nframe_interval = 0.02\n[domain]\nsize = [1.0, 0.5]\ncell = 0.0625\n\
+                [[column]]\nsize = [0.25, 0.25]\n[material]\nkind = \"mu-i\"\n";
+    std::fs::write(&scene, text).unwrap();
+    let run = |output: &str, more: &[&str]| {
+        let mut command = dempm(directory.path());
+        command
+            .arg("run")
+            .arg(&scene)
+            .args(["-o", output, "--checkpoint-interval", "0"])
+            .args(more);
+        command.stdout(Stdio::piped()).stderr(Stdio::null());
+        command
+    };
+    let output = run("rest.h5", &[]).output().unwrap();
+    assert!(output.status.success());
+    let open = |name: &str| Trajectory::open(&directory.path().join(name)).unwrap();
+    let rested = open("rest.h5");
+    let time = rested.rest_time().expect("it comes to rest");
+    assert!(time > 0.3 && time < 1.5, "{time} s");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains(&format!("from {time:.3} s on, which later frames repeat")), "{said}");
+
+    assert!(run("whole.h5", &["--stop-at-rest", "false"]).status().unwrap().success());
+    let whole = open("whole.h5");
+    assert_eq!((whole.rest_time(), whole.frames()), (None, rested.frames()));
+    let last = (time / 0.02).round() as usize;
+    for k in 0..=last {
+        assert_eq!(rested.frame(k).unwrap(), whole.frame(k).unwrap());
+    }
+    let at_rest = rested.frame(last).unwrap();
+    for k in last + 1..rested.frames() {
+        let frame = rested.frame(k).unwrap();
+        assert!((frame.time - 0.02 * k as f64).abs() < 1e-12);
+        assert_eq!(frame, Frame { time: frame.time, ..at_rest.clone() });
+    }
+    // What is left out is less than what grains are wide.
+    let end = whole.frame(whole.frames() - 1).unwrap();
+    for (a, b) in at_rest.position.iter().zip(&end.position) {
+        assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 7.5e-3, "{a:?} {b:?}");
+    }
+
+    let cut = directory.path().join("cut.h5");
+    let mut child = run("cut.h5", &[]).spawn().unwrap();
+    assert!(!wait_for_frames(&mut child, &cut, 10), "too short to be killed");
+    kill(&mut child);
+    assert!(run("cut.h5", &["--resume"]).status().unwrap().success());
+    assert_eq!(bits(&cut), bits(&directory.path().join("rest.h5")));
 }
 
 /// Off a terminal a run writes lines of progress, here 50 a second, and with `--quiet` none, nor a summary.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use dem::Grains;
 use dem::assembly::{
     Assembly, AssemblyError, Boundary, Faces, Floor, Grain, GrainFailure, GrainState, Packed,
-    RigidBox,
+    RigidBox, Sleep,
 };
 use dem::cuda::{CudaAssembly, CudaAssemblyError, CudaReal, assembly_defines, assembly_source};
 use gpu::compile;
@@ -76,9 +76,9 @@ fn kernels_compile(#[case] architecture: &str) {
     let compiled = |source: &str, defines: &[String]| {
         compile("assembly.cu", source, architecture, defines).map(|_| ())
     };
-    for rolling in [false, true] {
-        compiled(&assembly_source::<f32>(), &assembly_defines::<f32>(16, rolling)).unwrap();
-        compiled(&assembly_source::<f64>(), &assembly_defines::<f64>(16, rolling)).unwrap();
+    for (rolling, sleep) in [(false, false), (false, true), (true, false), (true, true)] {
+        compiled(&assembly_source::<f32>(), &assembly_defines::<f32>(16, rolling, sleep)).unwrap();
+        compiled(&assembly_source::<f64>(), &assembly_defines::<f64>(16, rolling, sleep)).unwrap();
     }
 }
 
@@ -200,6 +200,88 @@ fn lists_are_complete(#[values(0.0, 0.2)] rolling_friction: f64) {
     };
     let [x, v, _] = difference(&run(1), &run(64));
     assert!(x < 1e-12 && v < 1e-8, "{x:e} {v:e}");
+}
+
+/// Grains in five rows on a rough floor, which have come to rest, and one that was thrown up and is on its way down; they
+/// may sleep from now on.
+fn heap<R: CudaReal>(audit: f64) -> Assembly<R> {
+    let grains = Grains { damping_ratio: 0.9, ..Grains::default() };
+    let gravity = [0.0, -9.81];
+    let boundary = Boundary {
+        corner: [0.0; 2],
+        size: [0.6, 0.5],
+        walls: faces(0.5),
+        floor: Floor::Rough,
+        boxes: Vec::new(),
+        seed: 1,
+    };
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut packed = Packed::default();
+    for k in 0..290 {
+        let x = [0.0101 * f64::from(k % 58) + 0.007, 0.0101 * f64::from(k / 58) + 0.005];
+        let r = rng.random_range(grains.radius_min..=grains.radius_max);
+        packed.grains.push(Grain { x, v: [0.0; 2], w: 0.0, r });
+    }
+    packed.grains.push(Grain { x: [0.1, 0.2], v: [0.0, 2.4], w: 0.0, r: 5e-3 });
+    let mut heap = Assembly::new(&grains, &boundary, gravity, grains.step(), &packed).unwrap();
+    heap.advance((0.35 / grains.step()) as usize).unwrap();
+    let sleep = Sleep::of(&grains, gravity, 1).unwrap();
+    heap.set_sleep(Some(Sleep { audit, ..sleep }));
+    heap
+}
+
+/// Nothing is chaotic until the last grain falls on the others, 0.2 s from here: the same grains sleep, where they are on
+/// the CPU to round-off. Then they wake.
+#[test]
+fn the_same_discs_sleep() {
+    let Some(device) = gpu::for_tests() else { return };
+    let mut cpu = heap::<f64>(0.0);
+    let mut host = cpu.clone();
+    let mut gpu = CudaAssembly::upload(&device, &cpu).unwrap();
+    // Looks are every 16 steps on both.
+    let steps = 16 * (0.1 / (16.0 * cpu.dt())) as usize;
+    cpu.advance(steps).unwrap();
+    gpu.advance(steps).unwrap();
+    gpu.fetch_states().unwrap();
+    let [x, v, w] = difference(&gpu.states(&host).unwrap().0, &cpu.states());
+    assert!(x < 1e-9 && v < 1e-6 && w < 1e-4, "{x:e} {v:e} {w:e}");
+    gpu.download_into(&mut host).unwrap();
+    assert!(cpu.held() > 200 && host.held() == cpu.held(), "{} {}", cpu.held(), host.held());
+    let share = |assembly: &Assembly<f64>| assembly.skipped() as f64 / (steps * 291) as f64;
+    let [here, there] = [share(&cpu), share(&host)];
+    assert!(here > 0.1 && (here - there).abs() < 0.05, "{here} {there} are left out");
+    let awake = |assembly: &Assembly<f64>| assembly.len() - assembly.held();
+    let before = awake(&host);
+    for assembly in [&mut cpu, &mut host] {
+        assembly.advance(steps).unwrap();
+    }
+    let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
+    gpu.advance(16).unwrap();
+    assert!(awake(&cpu) > before && awake(&host) > before, "the impact wakes grains");
+}
+
+/// Grains that fall asleep, are woken and watched: the same bits from run to run and after a download.
+#[test]
+fn sleep_has_the_same_bits() {
+    let Some(device) = gpu::for_tests() else { return };
+    let start = heap::<f32>(0.1);
+    let run = |pause: bool| {
+        let mut host = start.clone();
+        let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
+        gpu.advance(8000).unwrap();
+        if pause {
+            gpu.download_into(&mut host).unwrap();
+            gpu = CudaAssembly::upload(&device, &host).unwrap();
+        }
+        gpu.advance(16_000).unwrap();
+        gpu.download_into(&mut host).unwrap();
+        (host.packed(), host.held(), host.skipped(), host.audit())
+    };
+    let (packed, held, skipped, audit) = run(false);
+    assert!(held > 100 && skipped > 100_000 && audit > 0.0, "{held} {skipped} {audit:e}");
+    assert!((packed.clone(), held, skipped, audit) == run(false), "run to run");
+    let (resumed, after, _, _) = run(true);
+    assert_eq!((packed.grains, held), (resumed.grains, after), "after a download");
 }
 
 #[test]

@@ -65,5 +65,6 @@ pub(super) fn evaluate_bodies<R: Real>(
         force[0] -= fx;
         force[1] -= fy;
         force[2] -= ft * length;
+        force[3] += normal;
     }
 }

@@ -184,8 +184,8 @@ impl<R: Real> Batch<R> {
                 deepest[k] = deepest[k].max(overlap / ri[k].min(rj[k]));
 
                 let (fx, fy) = (normal * nx - ft * ny, normal * ny + ft * nx);
-                on_i[k] = [fx, fy, ft * arm_i, zero];
-                on_j[k] = [fx, fy, -(ft * arm_j), zero];
+                on_i[k] = [fx, fy, ft * arm_i, -normal];
+                on_j[k] = [fx, fy, -(ft * arm_j), normal];
                 if ROLLING {
                     let radius = ri[k] * rj[k] / (ri[k] + rj[k]);
                     let vr = radius * (wj[k] - wi[k]);

@@ -2,6 +2,7 @@
 
 use multiversion::multiversion;
 
+use super::sleep::Rest;
 use super::step::{LANES, Step, TileSums};
 use crate::disc::Disc;
 use crate::integrate::damp;
@@ -31,6 +32,28 @@ pub(super) fn resist<R: Real>(
             }
             force[k] -= resisting;
             sums.damping += resisting * velocity;
+        }
+    }
+}
+
+/// Leaves discs that sleep where they are, and lets them feel the forces on them.
+pub(super) fn hold<R: Real>(
+    own: &[Disc<R>],
+    forces: &[[R; 4]],
+    step: &Step<'_, R>,
+    rest: &mut [Rest<R>],
+    next: &mut [Disc<R>],
+) {
+    let [gx, gy] = step.gravity;
+    let gravity = (gx * gx + gy * gy).sqrt();
+    for (((disc, force), rest), next) in own.iter().zip(forces).zip(rest).zip(next) {
+        if rest.state.is_held() {
+            *next = *disc;
+        }
+        if rest.state.is_held() && !rest.quiet {
+            let weight = gravity / disc.inv_mass;
+            let felt = [force[0], force[1], force[2] / disc.r];
+            rest.feel(felt, force[3] + weight, step.tolerance);
         }
     }
 }

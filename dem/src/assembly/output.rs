@@ -7,7 +7,7 @@ use super::boundary::Body;
 use super::energy::Energy;
 use super::packed::GrainState;
 use super::pairs::History;
-use super::solver::Assembly;
+use super::state::Assembly;
 use super::tile::Tile;
 use crate::contact::ContactLaw;
 use crate::disc::Disc;

@@ -76,6 +76,8 @@ pub(super) struct Pairs<R: Real> {
     reach2: Vec<R>,
     /// Whether the pair touched in the last step.
     touched: Vec<bool>,
+    /// Of each block, whether its pairs stay as they are: their discs sleep, and so do all around them.
+    quiet: Vec<bool>,
     /// History of the pairs that touched; meaningless for others.
     pub sliding: Vec<Sliding<R>>,
     /// The rest of it; empty without rolling resistance.
@@ -89,6 +91,7 @@ pub(super) struct Block<'a, R: Real> {
     pub discs: &'a [[u32; 2]; BLOCK],
     pub reach2: &'a [R; BLOCK],
     pub touched: &'a mut [bool; BLOCK],
+    pub quiet: bool,
 }
 
 impl<R: Real> Pairs<R> {
@@ -99,6 +102,7 @@ impl<R: Real> Pairs<R> {
             self.discs.resize(k + BLOCK, [pair.i; 2]);
             self.reach2.resize(k + BLOCK, R::default());
             self.touched.resize(k + BLOCK, false);
+            self.quiet.push(false);
         }
         self.discs[k] = [pair.i, pair.j];
         self.reach2[k] = reach * reach;
@@ -114,6 +118,7 @@ impl<R: Real> Pairs<R> {
         self.discs.clear();
         self.reach2.clear();
         self.touched.clear();
+        self.quiet.clear();
         self.sliding.clear();
         self.rolling.clear();
         self.dashpot.clear();
@@ -129,8 +134,21 @@ impl<R: Real> Pairs<R> {
         let (discs, _) = self.discs.as_chunks();
         let (reach2, _) = self.reach2.as_chunks();
         let (touched, _) = self.touched.as_chunks_mut();
-        let blocks = discs.iter().zip(reach2).zip(touched);
-        blocks.map(|((discs, reach2), touched)| Block { discs, reach2, touched })
+        let blocks = discs.iter().zip(reach2).zip(touched).zip(&self.quiet);
+        blocks.map(|(((discs, reach2), touched), &quiet)| Block { discs, reach2, touched, quiet })
+    }
+
+    /// Notes which blocks stay as they are, by their discs; each may ask for a place.
+    pub fn find_quiet(&mut self, is_quiet: impl Fn(u32) -> bool) {
+        let blocks = self.discs.chunks(BLOCK).zip(&mut self.quiet);
+        for (discs, quiet) in blocks {
+            *quiet = discs.iter().flatten().all(|&place| is_quiet(place));
+        }
+    }
+
+    /// Places of the discs of each pair.
+    pub fn places(&self) -> impl Iterator<Item = [u32; 2]> {
+        self.discs[..self.sliding.len()].iter().copied()
     }
 
     pub fn iter(&self) -> impl Iterator<Item = Pair<R>> {

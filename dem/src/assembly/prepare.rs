@@ -7,7 +7,7 @@ use super::boundary::{Boundary, Faces, Floor};
 use super::error::AssemblyError;
 use super::packed::{Grain, Packed, Partner};
 use super::settling::{Settling, Start};
-use super::solver::Assembly;
+use super::state::Assembly;
 use crate::grains::Grains;
 use crate::real::Real;
 

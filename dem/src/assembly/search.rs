@@ -8,6 +8,7 @@ use super::boundary::RigidBox;
 use super::coordinates::Region;
 use super::memory::ContactMemory;
 use super::pairs::{BodyPair, History, Pair};
+use super::sleep::Rest;
 use super::tile::Tile;
 use crate::contact::ContactLaw;
 use crate::disc::Disc;
@@ -55,8 +56,13 @@ impl Bins {
     }
 }
 
-/// Discs in the order of bins, each with its identity.
-pub(super) fn sort<R: Real>(discs: &mut Vec<Disc<R>>, ids: &mut Vec<u32>, bins: &Bins) {
+/// Discs in the order of bins, each with its identity and, where grains sleep, its rest.
+pub(super) fn sort<R: Real>(
+    discs: &mut Vec<Disc<R>>,
+    ids: &mut Vec<u32>,
+    rest: &mut Vec<Rest<R>>,
+    bins: &Bins,
+) {
     let mut order: Vec<([u32; 4], u32, u32)> = discs
         .par_iter()
         .zip(&*ids)
@@ -65,6 +71,9 @@ pub(super) fn sort<R: Real>(discs: &mut Vec<Disc<R>>, ids: &mut Vec<u32>, bins: 
         .collect();
     order.par_sort_unstable_by_key(|&(key, id, _)| (key, id));
     *discs = order.par_iter().map(|&(_, _, index)| discs[index as usize]).collect();
+    if !rest.is_empty() {
+        *rest = order.par_iter().map(|&(_, _, index)| rest[index as usize]).collect();
+    }
     *ids = order.iter().map(|&(_, id, _)| id).collect();
 }
 

@@ -1,7 +1,7 @@
 //! The processor on which grains settle.
 
 use super::error::AssemblyError;
-use super::solver::Assembly;
+use super::state::Assembly;
 use crate::real::Real;
 
 /// An assembly that settles, on the CPU or elsewhere.

@@ -17,6 +17,8 @@ pub(super) struct Step<'a, R: Real> {
     /// Rate at which velocities decay (1/s), which preparation uses.
     pub drag: R,
     pub bodies: &'a [Body<R>],
+    /// Part of what presses on a held disc by which the force on it may change; see [`Sleep`](super::Sleep).
+    pub tolerance: R,
 }
 
 /// Sums over a tile in one step. Losses are per `dt`, so they are powers (W).
@@ -31,6 +33,8 @@ pub(super) struct TileSums<R: Real> {
     pub friction: R,
     pub damping: R,
     pub boxes: R,
+    /// Discs that were left out, as nothing around them moved.
+    pub skipped: u32,
 }
 
 /// Power (W) of the dashpot and of sliding over a step, by the mean of the forces at its two ends, less what

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::bodies::evaluate_bodies;
 use super::contacts::evaluate;
-use super::motion::{integrate, resist};
+use super::motion::{hold, integrate, resist};
 use super::pairs::{BodyPair, Pairs};
+use super::sleep::Rest;
 use super::step::{Step, TileSums};
 use super::touching::{Touching, find_touching};
 use crate::disc::Disc;
@@ -39,12 +40,16 @@ pub(super) struct Tile<R: Real> {
     pub listed: f64,
     /// Upper bound of the displacement of any of these discs since then (m).
     pub travel: f64,
+    /// Number of own discs that nothing is computed of, as they sleep and so do all around them.
+    pub quiet: u32,
+    /// Whether these are all own discs.
+    pub left_out: bool,
 }
 
 /// Buffers of a step, which tiles share one after the other.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work<R: Real> {
-    /// Force (N) and torque (N m) on each own disc.
+    /// Force (N), torque (N m) and sum of normal forces (N) on each own disc.
     forces: Vec<[R; 4]>,
     /// The touching pairs, then unused entries.
     touching: Vec<Touching>,
@@ -71,20 +76,27 @@ impl<R: Real> Tile<R> {
         squares.fold(0.0, f64::max).sqrt()
     }
 
-    /// Advances the own discs by one step, from the assembly's `discs` into `next`.
+    /// Advances the own discs by one step, from the assembly's `discs` into `next`. Those whose `rest` says so are held;
+    /// where none ever is, it is empty.
     pub fn advance(
         &mut self,
         step: &Step<'_, R>,
         discs: &[Disc<R>],
         next: &mut [Disc<R>],
+        rest: &mut [Rest<R>],
         work: &mut Work<R>,
     ) -> TileSums<R> {
+        let left_out = TileSums { skipped: self.quiet, ..TileSums::default() };
+        if self.left_out {
+            next.copy_from_slice(&discs[self.first as usize..self.end as usize]);
+            return left_out;
+        }
         let Self { inner, outer, bodies, first, end, .. } = self;
         let Work { forces, touching } = work;
         let own = *first as usize..*end as usize;
         forces.clear();
         forces.resize(own.len(), [R::default(); 4]);
-        let mut sums = TileSums::default();
+        let mut sums = left_out;
         let rolling = step.law.resists_rolling();
         let count = find_touching(inner, discs, step.unit, touching);
         let contacts = &touching[..count];
@@ -102,6 +114,7 @@ impl<R: Real> Tile<R> {
             resist(own, forces, step, &mut sums);
         }
         integrate(own, forces, step, next, &mut sums);
+        hold(own, forces, step, rest, next);
         sums
     }
 }

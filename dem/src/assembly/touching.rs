@@ -50,6 +50,10 @@ pub(super) fn find_touching<R: Real>(
     let (mut first, mut count) = (0, 0);
     // Loop by loop: each is then vectorised.
     for block in pairs.blocks() {
+        if block.quiet {
+            first += BLOCK as u32;
+            continue;
+        }
         for (separation, &[i, j]) in separation.iter_mut().zip(block.discs) {
             let (a, b) = (&discs[i as usize], &discs[j as usize]);
             *separation = [R::nearest(a.s[0], b.s[0]), R::nearest(a.s[1], b.s[1])];

@@ -11,4 +11,5 @@ mod pair;
 mod restart;
 mod rolling;
 mod silo;
+mod sleep;
 mod stack;

@@ -64,6 +64,8 @@ struct Info {
     time: Option<[f64; 2]>,
     frame_interval: f64,
     time_step: f64,
+    /// From when on frames repeat a state at rest (s).
+    rest_time: Option<f64>,
     end: Option<End>,
     /// Wall time of each phase (s).
     wall_time: BTreeMap<String, f64>,
@@ -165,6 +167,7 @@ impl Info {
             parameters: header.parameters,
             frame_interval: header.frame_interval,
             time_step: header.time_step,
+            rest_time: trajectory.rest_time(),
         })
     }
 
@@ -193,6 +196,15 @@ impl Info {
             text.line("parameters", pairs(&self.parameters, |&value| number(value)));
         }
         text.line("frames", self.frames_text());
+        if let Some([_, strayed]) = self.budget.get("sleep_audit") {
+            let text_of_audit =
+                format!("{} mm at most beside sleeping grains", number(1e3 * strayed));
+            text.line("audit of sleep", text_of_audit);
+        }
+        if let Some(time) = self.rest_time {
+            let text_of_rest = format!("from {} s on, which later frames repeat", number(time));
+            text.line("at rest", text_of_rest);
+        }
         if let Some(end) = &self.end {
             text.line("final front", format_args!("{} m", number(end.front)));
             text.line("front of 99 %", format_args!("{} m", number(end.mass_front)));

@@ -40,6 +40,9 @@ pub struct RunArgs {
     /// Least time between checkpoints, which never take more than 2 % of the time; 0: every frame.
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0)]
     checkpoint_interval: f64,
+    /// Whether to end the run when everything has come to rest [default: the scene's `stop_at_rest`].
+    #[arg(long, value_name = "BOOL")]
+    stop_at_rest: Option<bool>,
     /// Print the summary as one JSON object.
     #[arg(long)]
     json: bool,
@@ -79,7 +82,8 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
     let environment = Environment::read().into_diagnostic()?;
     let is_first = environment.rank == 0;
-    let scene = Scene::load(&args.scene)?;
+    let mut scene = Scene::load(&args.scene)?;
+    scene.stop_at_rest = args.stop_at_rest.unwrap_or(scene.stop_at_rest);
     if let Some(report) = scene.warning_report().filter(|_| is_first) {
         note!("{report:?}");
     }

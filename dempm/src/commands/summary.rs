@@ -29,6 +29,8 @@ pub(super) struct Summary {
     step: f64,
     /// Smallest stable macro step of any frame (s).
     stable_step: Option<f64>,
+    /// From when on the frames repeat a state at rest (s).
+    rest_time: Option<f64>,
     /// Wall time of each phase (s).
     wall_time: BTreeMap<String, f64>,
     /// Packings of the points.
@@ -66,9 +68,12 @@ struct Packings {
 struct Discs {
     /// Their number.
     count: usize,
-    /// DEM steps times discs.
+    /// DEM steps of single discs that were computed, and all of them.
     disc_steps: f64,
+    all_disc_steps: f64,
     disc_steps_per_second: f64,
+    /// Largest displacement of a disc that was computed though it would have slept (m).
+    sleep_audit: f64,
     /// Neighbour searches in a DEM step.
     searches: f64,
     /// Largest overlap over the smaller radius.
@@ -100,6 +105,7 @@ impl Summary {
             height_ratio: column.map(|place| (top - place.corner[1]) / place.size[1]),
             step: scene.step,
             stable_step: stable_step.is_finite().then_some(stable_step),
+            rest_time: simulation.rest_time(),
             wall_time: simulation.wall_time.clone(),
             packings: packings(simulation),
             discs: discs(simulation),
@@ -129,11 +135,13 @@ fn packings(simulation: &Simulation) -> Option<Packings> {
 
 fn discs(simulation: &Simulation) -> Option<Discs> {
     let Model::Discs(discs) = &simulation.model else { return None };
-    let steps = (simulation.step * discs.substeps()) as f64;
-    let disc_steps = steps * discs.discs() as f64;
+    let steps = (simulation.computed_steps() * discs.substeps()) as f64;
+    let disc_steps = discs.disc_steps();
     Some(Discs {
         count: discs.discs(),
         disc_steps,
+        all_disc_steps: (simulation.step * discs.substeps() * discs.discs()) as f64,
+        sleep_audit: discs.audit(),
         // On a GPU, means are evaluated while it computes the next frame.
         disc_steps_per_second: disc_steps / wall_time(simulation, &["dem", "means"]),
         searches: discs.searches() as f64 / steps.max(1.0),
@@ -165,6 +173,9 @@ impl fmt::Display for Summary {
             let text = format!("at least {bound:.0} µs, of which {used:.0} % used");
             line("stable macro step", text)?;
         }
+        if let Some(time) = self.rest_time {
+            line("at rest", format!("from {time:.3} s on, which later frames repeat"))?;
+        }
         let total: f64 = self.wall_time.values().sum();
         let phases: Vec<String> = self
             .wall_time
@@ -189,8 +200,11 @@ impl fmt::Display for Summary {
         }
         if let Some(d) = &self.discs {
             line("discs", d.count.to_string())?;
-            let rate = d.disc_steps_per_second;
-            line("disc-steps", format!("{:.2e}, {rate:.2e} per second", d.disc_steps))?;
+            let (rate, all) = (d.disc_steps_per_second, d.all_disc_steps);
+            let text = format!("{:.2e} of {all:.2e}, {rate:.2e} per second", d.disc_steps);
+            line("disc-steps", text)?;
+            let text = format!("{:.3} mm at most beside sleeping grains", 1e3 * d.sleep_audit);
+            line("audit of sleep", text)?;
             let searches = format!("{:.1} in 100 DEM steps", 100.0 * d.searches);
             line("neighbour searches", searches)?;
             line("largest overlap", format!("{:.2} of a radius", d.largest_overlap))?;

@@ -9,6 +9,7 @@ pub mod checkpoint;
 mod error;
 pub mod monitor;
 mod observer;
+mod rest;
 mod session;
 mod writer_thread;
 

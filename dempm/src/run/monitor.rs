@@ -3,6 +3,7 @@
 use dem::Grains;
 use serde::{Deserialize, Serialize};
 
+use super::rest::Rest;
 use crate::scene::{Material, Precision};
 use crate::simulation::{
     DiscModel, Model, STABLE_STEP, SceneMaterial, Simulation, SimulationError,
@@ -82,6 +83,8 @@ pub struct Monitor {
     unresolved: usize,
     /// All warnings so far, with their times.
     warnings: Vec<String>,
+    /// Where the run ends as soon as everything is at rest.
+    rest: Rest,
 }
 
 impl Monitor {
@@ -106,8 +109,16 @@ impl Monitor {
         &self.warnings
     }
 
+    /// The time (s) from which on everything is at rest, where the scene asks for it.
+    pub fn rest_time(&self) -> Option<f64> {
+        self.rest.time()
+    }
+
     /// New warnings for the present frame of a simulation.
     pub fn observe(&mut self, simulation: &Simulation, frame: &Frame) -> Vec<String> {
+        if simulation.scene.stop_at_rest {
+            self.rest.observe(&simulation.scene, &simulation.points.mass, frame);
+        }
         let mut warnings = Vec::new();
         let time = frame.time;
         let mut warn = |text: String| warnings.push(format!("at t = {time:.3} s {text}"));

@@ -201,6 +201,15 @@ impl<'a> Session<'a> {
         while self.simulation.step < steps {
             let before = self.simulation.step;
             let frame_done = before.is_multiple_of(per_frame);
+            // The first rank sees all frames.
+            match self.agreed(self.monitor.rest_time().is_some(), frame_done) {
+                Ok(true) => {
+                    self.stand_still();
+                    break;
+                }
+                Ok(false) => {}
+                Err(error) => return End::Failed(error.into()),
+            }
             // Decided before the steps: where nothing is to be saved, a GPU goes on at once.
             let stop = self.agreed(interrupt.requested(), frame_done);
             let due = interval.is_zero() || self.is_due(interval);
@@ -229,6 +238,22 @@ impl<'a> Session<'a> {
             }
         }
         End::Finished
+    }
+
+    /// Fills the remaining frames with the last state. There is nothing left that an interrupt would save.
+    fn stand_still(&mut self) {
+        if let (Some(writer), Some(time)) = (&mut self.writer, self.monitor.rest_time()) {
+            writer.set_rest_time(time);
+        }
+        while self.simulation.step < self.simulation.scene.steps() {
+            let before = self.simulation.step;
+            self.simulation.stand_still();
+            let frame = self.simulation.has_frames().then(|| self.simulation.frame());
+            self.observer.advanced(&self.simulation, before, frame.as_ref());
+            if let (Some(writer), Some(frame)) = (&mut self.writer, frame) {
+                writer.push(frame);
+            }
+        }
     }
 
     /// Hands a completed frame to the monitor and the writer, and reports progress since step `before`.

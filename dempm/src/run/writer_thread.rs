@@ -33,6 +33,8 @@ enum Job {
     Save(Box<(State, Monitor)>),
     /// Warnings of the run, one a line.
     Warnings(String),
+    /// The time from which on frames repeat a state at rest (s).
+    RestTime(f64),
     Finish {
         status: String,
         wall_time: BTreeMap<String, f64>,
@@ -73,6 +75,11 @@ impl WriterThread {
     /// Sets the warnings of the run, one a line, in the trajectory.
     pub fn set_warnings(&mut self, warnings: &[String]) {
         self.hand_over(Job::Warnings(warnings.join("\n")));
+    }
+
+    /// Sets the time from which on frames repeat a state at rest (s), in the trajectory.
+    pub fn set_rest_time(&mut self, time: f64) {
+        self.hand_over(Job::RestTime(time));
     }
 
     /// Has all frames and a checkpoint written. [`Report::Saved`] follows.
@@ -138,6 +145,10 @@ impl Files {
                 }
                 Job::Warnings(warnings) => {
                     self.writer.set_warnings(warnings);
+                    None
+                }
+                Job::RestTime(time) => {
+                    self.writer.set_rest_time(time);
                     None
                 }
                 Job::Save(saved) => {

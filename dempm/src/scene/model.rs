@@ -48,6 +48,8 @@ pub struct Scene {
     pub grains_every: usize,
     /// Continuum fields of the grains on a grid. Scenes of discs only.
     pub grid: Option<GridOutput>,
+    /// Whether a run ends when everything has come to rest.
+    pub stop_at_rest: bool,
     /// Doubtful but allowed settings.
     pub warnings: Vec<Problem>,
 }
@@ -190,6 +192,8 @@ pub struct Discs {
     pub grains: Grains,
     /// The floor below them.
     pub floor: Floor,
+    /// Whether grains at rest hold their places until a force on them changes.
+    pub sleep: bool,
     /// Precision of the DEM.
     pub precision: Precision,
 }

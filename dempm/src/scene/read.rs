@@ -57,6 +57,7 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
             positive(1.0, "s").with_hint("seconds: 0.1 ms is 1.0e-4"),
         ),
         frame_interval: root.number("frame_interval", Some(0.01), positive(TIME, "s")),
+        stop_at_rest: root.boolean("stop_at_rest", true),
         domain: domain(&root, &material),
         columns: columns(&root),
         obstacles: root.tables("obstacle", |table| {
@@ -199,9 +200,9 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
     let rve = parameters::read_rve(log, root, &defaults);
     let mu_i = parameters::read(log, root.table("mu-i"), &Default::default(), &[]);
     let elastic = parameters::read(log, root.table("elastic"), &Default::default(), &[]);
-    let floor = floor(root);
+    let (floor, sleep) = discs(root);
     let material = match kind {
-        Kind::Discs => Material::Discs(Discs { grains: rve.grains, floor, precision }),
+        Kind::Discs => Material::Discs(Discs { grains: rve.grains, floor, sleep, precision }),
         Kind::Rve => Material::Rve(Rve { parameters: rve, packings, precision, neighbours }),
         Kind::MuI => Material::MuI(mu_i),
         Kind::Elastic => Material::Elastic(elastic),
@@ -209,12 +210,13 @@ fn material(log: &Log, root: &Table<'_>) -> (Material, InitialStress) {
     (material, initial_stress)
 }
 
-fn floor(root: &Table<'_>) -> Floor {
+fn discs(root: &Table<'_>) -> (Floor, bool) {
     let table = root.table("discs");
     let floors = [("rough", Floor::Rough), ("flat", Floor::Flat)];
     let floor = table.choice("floor", Some(Floor::Rough), &floors);
+    let sleep = table.boolean("sleep", true);
     table.finish();
-    floor
+    (floor, sleep)
 }
 
 fn numerics(root: &Table<'_>, material: &Material) -> Numerics {

@@ -36,6 +36,8 @@ pub struct Simulation {
     pub(crate) device: String,
     /// Wall time of steps since it was last recorded.
     advancing: Duration,
+    /// Time from which on it stood still (s).
+    rest_time: Option<f64>,
 }
 
 impl Simulation {
@@ -72,6 +74,7 @@ impl Simulation {
             wall_time,
             device: cpu(),
             advancing: Duration::ZERO,
+            rest_time: None,
         })
     }
 
@@ -88,8 +91,8 @@ impl Simulation {
             (ModelState::Mpm(state), _) => Model::Mpm(Box::new(MpmModel::resume(&scene, state)?)),
             (ModelState::Discs(_), _) => return Err(SimulationError::OtherModel),
         };
-        let (device, advancing) = (cpu(), Duration::ZERO);
-        Ok(Self { scene, step, points, model, wall_time, device, advancing })
+        let (device, advancing, rest_time) = (cpu(), Duration::ZERO, None);
+        Ok(Self { scene, step, points, model, wall_time, device, advancing, rest_time })
     }
 
     /// The state for a checkpoint, as of the last call of [`Self::record`].
@@ -157,6 +160,23 @@ impl Simulation {
         self.step += steps;
         self.advancing += time;
         Ok(())
+    }
+
+    /// Lets time pass to the next frame without motion: everything is at rest. There is no way back to
+    /// [`advance`](Self::advance).
+    pub fn stand_still(&mut self) {
+        self.rest_time.get_or_insert(self.time());
+        self.step += self.scene.steps_per_frame();
+    }
+
+    /// Time from which on it stood still (s).
+    pub fn rest_time(&self) -> Option<f64> {
+        self.rest_time
+    }
+
+    /// Macro steps that were computed.
+    pub fn computed_steps(&self) -> usize {
+        self.rest_time.map_or(self.step, |time| (time / self.scene.step).round() as usize)
     }
 
     /// Whether [`frame`](Self::frame) is up to date after a frame: of several ranks, only the first has the discs.

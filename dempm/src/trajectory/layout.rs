@@ -17,6 +17,7 @@ pub(super) const BOXES: &str = "boundary/boxes";
 pub(super) const BUDGET: &str = "budget";
 pub(super) const WALL_TIME: &str = "wall_time";
 pub(super) const WARNINGS: &str = "warnings";
+pub(super) const REST_TIME: &str = "rest_time";
 
 /// Turns HDF5's file locks off. No file is changed under its own name, so there is nothing to lock. A
 /// lock can outlive its owner (a process forked while the file is open inherits it), and network file

@@ -73,8 +73,12 @@ pub(super) fn of_budget(name: &str) -> Meaning {
         "elastic_energy" => meaning("J/m", "energy in contacts"),
         "dashpot_loss" => meaning("J/m", "energy lost in dashpots of contacts since the start"),
         "friction_loss" => meaning("J/m", "energy lost in friction since the start"),
-        "damping_loss" => meaning("J/m", "energy lost in damping since the start"),
+        "damping_loss" => {
+            meaning("J/m", "energy lost in damping and by grains held at rest since the start")
+        }
         "energy_drift" => meaning("J/m", "energy missing in the sum since the start"),
+        "disc_steps" => meaning("1", "DEM steps of single discs that were computed"),
+        "sleep_audit" => meaning("m", "largest displacement of a disc computed that would sleep"),
         "stress_free_points" => meaning("1", "number of points too loose for stress"),
         _ => meaning("unknown", "scalar of the whole scene"),
     }

@@ -18,7 +18,7 @@ use super::grid_datasets::GridDatasets;
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, unlocked,
+    BOXES, BUDGET, COLUMN, Field, MASS, REST_TIME, TIME, WALL_TIME, WALLS, WARNINGS, unlocked,
 };
 use super::links;
 use super::storage::frame_selection;
@@ -35,6 +35,7 @@ pub struct Trajectory {
     time: Vec<f64>,
     status: String,
     warnings: Option<String>,
+    rest_time: Option<f64>,
     wall_time: BTreeMap<String, f64>,
     fields: Vec<(Field, Dataset)>,
     boxes: Option<Dataset>,
@@ -108,6 +109,9 @@ impl Trajectory {
         let warnings = has(&file, WARNINGS)
             .and_then(|has| has.then(|| read_text(&file, WARNINGS)).transpose())
             .map_err(TrajectoryError::at(path, WARNINGS))?;
+        let rest_time = has(&file, REST_TIME)
+            .and_then(|has| has.then(|| read_scalar(&file, REST_TIME)).transpose())
+            .map_err(TrajectoryError::at(path, REST_TIME))?;
         let wall_time =
             links::group(&file, WALL_TIME).map_err(TrajectoryError::at(path, WALL_TIME))?;
         let wall_time =
@@ -119,6 +123,7 @@ impl Trajectory {
             time,
             status,
             warnings,
+            rest_time,
             wall_time,
             fields,
             boxes,
@@ -162,6 +167,11 @@ impl Trajectory {
     /// Warnings that the run gave about itself; `None` if the program that made the file gives none.
     pub fn warnings(&self) -> Option<Vec<&str>> {
         Some(self.warnings.as_ref()?.lines().collect())
+    }
+
+    /// Time from which on frames repeat a state at rest, s; `None` if the run did not come to rest.
+    pub fn rest_time(&self) -> Option<f64> {
+        self.rest_time
     }
 
     /// Wall time of the run per phase, s.

@@ -8,7 +8,7 @@ use files::{AtomicFile, WriteError, write_atomically};
 use hdf5::file::{FileAccessBuilder, LibraryVersion};
 use hdf5::{File, H5Type};
 
-use super::attributes::write_scalar;
+use super::attributes::{remove, write_scalar};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::grain_datasets;
@@ -18,7 +18,7 @@ use super::grid_datasets;
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, Field, MASS, TIME, WALL_TIME, WALLS, WARNINGS, unlocked,
+    BOXES, BUDGET, COLUMN, Field, MASS, REST_TIME, TIME, WALL_TIME, WALLS, WARNINGS, unlocked,
 };
 use super::links::{self, new_group};
 use super::meaning;
@@ -52,6 +52,8 @@ pub struct TrajectoryWriter {
     status: String,
     /// Warnings of the run, one a line; unknown if another program makes the file.
     warnings: Option<String>,
+    /// From when on frames repeat a state at rest (s).
+    rest_time: Option<f64>,
 }
 
 /// A copy of the file, to which frames are added.
@@ -96,6 +98,7 @@ impl TrajectoryWriter {
             wall_time: BTreeMap::new(),
             status: "running".to_owned(),
             warnings: None,
+            rest_time: None,
         };
         if points.mass.is_empty() || points.column.len() != points.mass.len() {
             return Err(writer.mismatch(format!(
@@ -154,6 +157,7 @@ impl TrajectoryWriter {
             wall_time: trajectory.wall_time().clone(),
             status: "running".to_owned(),
             warnings: None,
+            rest_time: None,
         })
     }
 
@@ -213,6 +217,11 @@ impl TrajectoryWriter {
     /// Sets the warnings of the run, one a line; written at the next commit.
     pub fn set_warnings(&mut self, warnings: String) {
         self.warnings = Some(warnings);
+    }
+
+    /// Sets the time from which on frames repeat a state at rest, s; written at the next commit.
+    pub fn set_rest_time(&mut self, time: f64) {
+        self.rest_time = Some(time);
     }
 
     /// The wall time per phase, s; after a resume, that of the file.
@@ -414,6 +423,10 @@ impl TrajectoryWriter {
             write_text(file, "status", &self.status)?;
             if let Some(warnings) = &self.warnings {
                 write_text(file, WARNINGS, warnings)?;
+            }
+            match self.rest_time {
+                Some(time) => write_scalar(file, REST_TIME, &time)?,
+                None => remove(file, REST_TIME)?,
             }
             let wall_time = file.group(WALL_TIME)?;
             for (phase, seconds) in &self.wall_time {

@@ -35,7 +35,7 @@ cuda_struct! {
         pub y: R,
         /// Angular velocity (1/s).
         pub w: R,
-        /// Number of rows, whether bodies are near, and which rows touch; see `assembly.cuh`.
+        /// Number of rows, whether bodies are near, whether it is held, and which rows touch; see `assembly.cuh`.
         pub info: R::Fraction,
     }
 
@@ -71,6 +71,22 @@ cuda_struct! {
         pub damping: R,
         /// Supplied by boxes.
         pub boxes: R,
+    }
+
+    /// What is known of the rest of a disc.
+    #[derive(Default)]
+    pub(super) struct Rest<R: CudaReal> {
+        /// The place that it stays near (fractions of the region).
+        pub x: R::Fraction,
+        pub y: R::Fraction,
+        /// Force (N) and torque over radius (N) on it, as it was held first.
+        pub force: [R; 3],
+        /// Change of them (N) that wakes it; negative before they are known.
+        pub allowed: R,
+        /// Looks since it is near.
+        pub looks: u32,
+        /// Whether it is to wake, or what is around it moves.
+        pub disturbed: u32,
     }
 
     /// A disc in its bin.
@@ -138,6 +154,8 @@ cuda_struct! {
         pub time: f64,
         /// First failure: step, kind and disc in one number; all bits set: none.
         pub failed: u64,
+        /// Steps of single discs in this sequence that were left out.
+        pub skipped: u64,
         /// Steps done in this sequence, before the present round.
         pub steps: u32,
         /// Steps of the sequence.
@@ -157,6 +175,8 @@ cuda_struct! {
         pub overlap: R::Fraction,
         /// Of one of several ranks: largest horizontal displacement (units) since the sort, at a search.
         pub drift: R::Fraction,
+        /// Square of the largest displacement (m²) of a disc that was computed though it would be held, as bits.
+        pub audit: R::Fraction,
         /// Square of the largest displacement (m²) since the last search, as bits: before each step of the
         /// round, and after the last.
         pub moved: [R::Fraction; STEPS + 1],
@@ -180,6 +200,10 @@ cuda_struct! {
         pub near_bodies: Pointer<u32>,
         /// Of sliding, and maybe of rolling.
         pub body_history: Pointer<History<R>>,
+        /// Where discs sleep.
+        pub rest: Pointer<Rest<R>>,
+        /// Of each warp, the discs that steps leave out; where discs sleep.
+        pub quiet: Pointer<u32>,
         pub body: ConstPointer<Body>,
         /// Two sets, as of discs.
         pub placed: Pointer<PlacedBody<R>>,
@@ -261,6 +285,18 @@ cuda_struct! {
         pub rolling_compliance: R,
         /// The rolling dashpot over the normal one.
         pub rolling_dashpot: R,
+        /// Distance (m) and speed (m/s) of a disc that rests, and part of the forces whose change wakes it.
+        pub sleep_distance: R,
+        pub sleep_speed: R,
+        pub sleep_force: R,
+        /// Weight of a unit of mass (m/s²).
+        pub weight: R,
+        /// Looks after which it is held.
+        pub sleep_looks: u32,
+        /// Patches of the audit along a side of the region, hashes below which are chosen, and their seed.
+        pub patches: u32,
+        pub audited: u32,
+        pub seed: u32,
     }
 }
 

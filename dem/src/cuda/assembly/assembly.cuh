@@ -2,7 +2,8 @@
 
 constexpr unsigned LANES = 32;
 constexpr unsigned ALL = 0xffffffffu;
-// `Motion::info`: rows in use, whether bodies are near, and one bit for each row that touches.
+// `Motion::info`: rows in use, whether bodies are near, two bits of its rest (sleep.cu), and one for each row that
+// touches.
 constexpr unsigned ROWS_MASK = 31u;
 constexpr unsigned BODIES_NEAR = 1u << 5;
 constexpr unsigned FIRST_ROW = 8;

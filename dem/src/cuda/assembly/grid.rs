@@ -3,6 +3,7 @@
 use super::abi::MOST_ROWS;
 use super::error::CudaAssemblyError;
 use crate::assembly::Assembly;
+use crate::cuda::shape::WARP;
 use crate::real::Real;
 
 /// Skin over that on the CPU: here a search costs more steps, and an entry of a list less.
@@ -14,12 +15,9 @@ pub(super) const TILE: u32 = 8;
 /// Room beyond what undeformed discs need.
 const PRESSED: f64 = 1.3;
 
-/// Lanes of a warp, which read a row of lists together.
-const LANES: usize = 32;
-
 /// Length of a row of lists and histories of so many discs: each warp begins with a line of memory of its own.
 pub(super) fn row_length(discs: usize) -> usize {
-    discs.next_multiple_of(LANES)
+    discs.next_multiple_of(WARP)
 }
 
 /// Bins of a domain, and room for neighbours.

@@ -6,11 +6,12 @@ use gpu::{Device, Function, checks, definitions, files};
 
 use super::abi::{
     Arrays, Binned, Body, Control, Disc, Failure, History, Loss, Motion, Output, Parameters, Place,
-    PlacedBody, Position, RareLoss, STEPS,
+    PlacedBody, Position, RareLoss, Rest, STEPS,
 };
 use super::losses::SumLosses;
 use super::output::WriteOutput;
 use super::search::{Begin, Bins, Finish, List};
+use super::sleep::{LookAtRest, Quiet};
 use super::sort::{Columns, Count, Places, Reorder, Scan, Starts};
 use super::step::Step;
 use crate::cuda::real::CudaReal;
@@ -22,6 +23,7 @@ const FILES: &str = files!(
     "../real.cuh",
     "../contact.cuh",
     "assembly.cuh",
+    "sleep.cu",
     "step.cu",
     "search.cu",
     "sort.cu",
@@ -39,6 +41,7 @@ pub fn source<R: CudaReal>() -> String {
         History<R>,
         Loss<R>,
         RareLoss<R>,
+        Rest<R>,
         Binned<R>,
         Body,
         PlacedBody<R>,
@@ -54,6 +57,8 @@ pub fn source<R: CudaReal>() -> String {
         Bins<R>,
         List<R>,
         Finish<R>,
+        LookAtRest<R>,
+        Quiet<R>,
         Count<R>,
         Scan,
         Starts<R>,
@@ -66,8 +71,9 @@ pub fn source<R: CudaReal>() -> String {
     [&structs, FILES, &checks].concat()
 }
 
-/// Compile-time constants of the kernels, for lists of so many `rows` and contacts that may resist `rolling`.
-pub fn defines<R: CudaReal>(rows: usize, rolling: bool) -> Vec<String> {
+/// Compile-time constants of the kernels, for lists of so many `rows`, contacts that may resist `rolling`, and discs that
+/// may `sleep`.
+pub fn defines<R: CudaReal>(rows: usize, rolling: bool, sleep: bool) -> Vec<String> {
     [
         ("REAL_BITS", R::BITS),
         ("THREADS", THREADS as usize),
@@ -75,6 +81,7 @@ pub fn defines<R: CudaReal>(rows: usize, rolling: bool) -> Vec<String> {
         ("ROWS", rows),
         ("STEPS", STEPS),
         ("ROLLING", usize::from(rolling)),
+        ("SLEEP", usize::from(sleep)),
     ]
     .map(|(name, value)| format!("{name}={value}"))
     .to_vec()
@@ -88,6 +95,8 @@ pub(super) struct Kernels<R: CudaReal> {
     pub bins: Function<Bins<R>>,
     pub list: Function<List<R>>,
     pub finish: Function<Finish<R>>,
+    pub look: Function<LookAtRest<R>>,
+    pub quiet: Function<Quiet<R>>,
     pub count: Function<Count<R>>,
     pub scan: Function<Scan>,
     pub starts: Function<Starts<R>>,
@@ -100,8 +109,13 @@ pub(super) struct Kernels<R: CudaReal> {
 
 impl<R: CudaReal> Kernels<R> {
     /// Compiles the kernels, or takes them from the cache.
-    pub fn load(device: &Arc<Device>, rows: usize, rolling: bool) -> Result<Self, gpu::Error> {
-        let defines = defines::<R>(rows, rolling);
+    pub fn load(
+        device: &Arc<Device>,
+        rows: usize,
+        rolling: bool,
+        sleep: bool,
+    ) -> Result<Self, gpu::Error> {
+        let defines = defines::<R>(rows, rolling, sleep);
         let module = device.module("assembly.cu", &source::<R>(), &defines)?;
         Ok(Self {
             step: Function::load(device, &module)?,
@@ -109,6 +123,8 @@ impl<R: CudaReal> Kernels<R> {
             bins: Function::load(device, &module)?,
             list: Function::load(device, &module)?,
             finish: Function::load(device, &module)?,
+            look: Function::load(device, &module)?,
+            quiet: Function::load(device, &module)?,
             count: Function::load(device, &module)?,
             scan: Function::load(device, &module)?,
             starts: Function::load(device, &module)?,

@@ -6,19 +6,23 @@
 
 mod abi;
 mod error;
+mod exchange;
 mod grid;
 mod kernels;
 mod losses;
 mod output;
 mod parameters;
+mod rounds;
 mod search;
 mod shared;
 mod slabs;
+mod sleep;
 mod solver;
 mod sort;
+mod state;
 mod step;
 mod transfer;
 
 pub use error::CudaAssemblyError;
 pub use kernels::{defines, source};
-pub use solver::CudaAssembly;
+pub use state::CudaAssembly;

@@ -2,10 +2,10 @@
 
 use super::abi::{
     Binned, Control, Disc, History, Loss, NEAR_BODIES, Output, Parameters, Position, RareLoss,
-    STEPS,
+    Rest, STEPS,
 };
 use super::grid::{Grid, row_length};
-use crate::assembly::Assembly;
+use crate::assembly::{Assembly, Sleep};
 use crate::cuda::real::CudaReal;
 
 impl<R: CudaReal> Control<R> {
@@ -16,6 +16,7 @@ impl<R: CudaReal> Control<R> {
         Self {
             time,
             failed: u64::MAX,
+            skipped: 0,
             steps: first,
             target: first + steps,
             done: 0,
@@ -27,6 +28,7 @@ impl<R: CudaReal> Control<R> {
             unused: 0,
             overlap: last.map_or(R::default().to_bits(), |last| last.overlap),
             drift: R::Fraction::default(),
+            audit: last.map_or(R::default().to_bits(), |last| last.audit),
             moved: [R::Fraction::default(); STEPS + 1],
         }
     }
@@ -34,6 +36,11 @@ impl<R: CudaReal> Control<R> {
     /// Steps that were made.
     pub fn made(&self) -> u32 {
         self.steps - self.first
+    }
+
+    /// Largest displacement of a disc that was computed though it would be held (m).
+    pub fn audit(&self) -> f64 {
+        R::from_bits(self.audit).to_f64().sqrt()
     }
 
     /// Largest overlap over the smaller radius.
@@ -47,12 +54,15 @@ pub(super) fn parameters<R: CudaReal>(
     assembly: &Assembly<R>,
     grid: &Grid,
     bodies: usize,
+    sleep: Option<&Sleep>,
 ) -> Parameters<R> {
     let (grains, dt) = (&assembly.grains, assembly.dt());
     let unit = assembly.region.unit::<R>();
     let (kt, kr) = (grains.tangential_stiffness, grains.rolling_stiffness);
     let moving = assembly.bodies.iter().any(|body| body.velocity != [0.0; 2]);
     let real = R::from_f64;
+    let discs = assembly.discs.len();
+    let all = [0, discs as u32];
     Parameters {
         dt,
         origin: assembly.region.origin,
@@ -72,12 +82,12 @@ pub(super) fn parameters<R: CudaReal>(
         allowed: real(0.5 * grid.skin),
         overlap_limit: real(grains.overlap_limit),
         margin: R::Fraction::default(),
-        discs: assembly.discs.len() as u32,
-        row: row_length(assembly.discs.len()) as u32,
-        ahead: if assembly.discs.len() > CACHED { AHEAD } else { 0 },
+        discs: discs as u32,
+        row: row_length(discs) as u32,
+        ahead: if discs > CACHED { AHEAD } else { 0 },
         ranked: 0,
-        own: [0, assembly.discs.len() as u32],
-        window: [0, assembly.discs.len() as u32],
+        own: all,
+        window: all,
         bodies: bodies as u32,
         bins: grid.bins,
         tiles: grid.tiles,
@@ -87,6 +97,14 @@ pub(super) fn parameters<R: CudaReal>(
         rolling_spring: real(kr * dt),
         rolling_compliance: real(0.5 / (kr * dt)),
         rolling_dashpot: real((kr / grains.normal_stiffness).sqrt()),
+        sleep_distance: real(sleep.map_or(0.0, |sleep| sleep.distance)),
+        sleep_speed: real(sleep.map_or(0.0, |sleep| sleep.speed)),
+        sleep_force: real(sleep.map_or(0.0, |sleep| sleep.force)),
+        weight: real(assembly.gravity[0].hypot(assembly.gravity[1])),
+        sleep_looks: sleep.map_or(0, |sleep| sleep.looks(dt)),
+        patches: sleep.map_or(1, |sleep| sleep.patches(assembly.region.side) as u32),
+        audited: sleep.map_or(0, Sleep::audited),
+        seed: sleep.map_or(0, |sleep| sleep.seed),
     }
 }
 
@@ -101,7 +119,11 @@ pub(super) fn bytes<R: CudaReal>(discs: usize, grid: &Grid) -> usize {
     let history = grid.histories() * size_of::<History<R>>();
     let contact = size_of::<u32>() + history;
     let bodies = NEAR_BODIES * history + size_of::<u32>();
-    let disc = 2 * size_of::<Disc<R>>() + size_of::<u32>() + rows * contact + bodies;
+    let disc = 2 * size_of::<Disc<R>>()
+        + size_of::<u32>()
+        + rows * contact
+        + bodies
+        + size_of::<Rest<R>>();
     let discs = row_length(discs);
     let losses = size_of::<Loss<R>>() + size_of::<RareLoss<R>>();
     let once = size_of::<Position<R>>()

@@ -27,6 +27,9 @@ __device__ inline unsigned bin_y(const Parameters& p, Fraction s) {
     return min(unsigned(bin_of(s, int(p.bins))), p.tiles[1] * TILE - 1);
 }
 
+// In the count of a bin, a disc that has moved since the last search: beyond any number of discs.
+constexpr unsigned MOVED = 1u << 16;
+
 __device__ inline unsigned* counts(const Arrays& a, const Parameters& p, unsigned searches) {
     return a.bin_count + size_t(searches & 1u) * bins_in_all(p);
 }
@@ -54,7 +57,12 @@ extern "C" __global__ void assembly_bins(Arrays a, Parameters p, unsigned force)
         if (distance > c.drift) atomicMax(&c.drift, distance);
     }
     const unsigned bin = bin_index(p, bin_x(p, place.x), bin_y(p, place.y));
-    const unsigned slot = atomicAdd(&counts(a, p, c.searches)[bin], 1u);
+    unsigned one = 1;
+#if SLEEP
+    const Position last = a.reference[i];
+    if (place.x != last.x || place.y != last.y) one += MOVED;
+#endif
+    const unsigned slot = atomicAdd(&counts(a, p, c.searches)[bin], one) % MOVED;
     if (slot < p.capacity) {
         a.binned[size_t(bin) * p.capacity + slot] = {place.x, place.y, place.r, i};
     } else {
@@ -86,7 +94,7 @@ __device__ inline unsigned collect(const Arrays& a, const Parameters& p, const P
     for (unsigned by = max(y, 1u) - 1; by <= min(y + 1, p.tiles[1] * TILE - 1); ++by) {
         for (unsigned bx = max(x, 1u) - 1; bx <= min(x + 1, p.tiles[0] * TILE - 1); ++bx) {
             const unsigned bin = bin_index(p, bx, by);
-            const unsigned discs = min(count[bin], p.capacity);
+            const unsigned discs = min(count[bin] % MOVED, p.capacity);
             for (unsigned n = 0; n < discs; ++n) {
                 const Binned other = a.binned[size_t(bin) * p.capacity + n];
                 const Real lx = p.unit * Real(Signed(other.x - place.x));
@@ -108,6 +116,20 @@ __device__ inline unsigned collect(const Arrays& a, const Parameters& p, const P
         }
     }
     return found;
+}
+
+// Whether a disc in the bins around has moved since the last search.
+__device__ inline bool has_motion_near(const Arrays& a, const Parameters& p, const Place& place) {
+    const unsigned* count = counts(a, p, a.control->searches);
+    const unsigned x = bin_x(p, place.x);
+    const unsigned y = bin_y(p, place.y);
+    unsigned moved = p.bodies_move;
+    for (unsigned by = max(y, 1u) - 1; by <= min(y + 1, p.tiles[1] * TILE - 1); ++by) {
+        for (unsigned bx = max(x, 1u) - 1; bx <= min(x + 1, p.tiles[0] * TILE - 1); ++bx) {
+            moved |= count[bin_index(p, bx, by)] / MOVED;
+        }
+    }
+    return moved != 0;
 }
 
 // Lists the bodies within reach; returns whether there are any.
@@ -158,6 +180,9 @@ extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force)
     const Place place = now[i].place;
     if (place.inv_mass == Real(0)) return;
 
+    // Where nothing has moved since the last search, its lists hold.
+    if (SLEEP && force == 0 && !has_motion_near(a, p, place)) return;
+
     Near list[ROWS];
     unsigned found = collect(a, p, place, i, list);
     if (found > ROWS) {
@@ -190,7 +215,8 @@ extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force)
     }
     const bool had = (info & BODIES_NEAR) != 0;
     const bool bodies = list_bodies(a, p, place, i, step, had);
-    now[i].motion.info = found | (bodies ? BODIES_NEAR : 0u) | touching << FIRST_ROW;
+    const unsigned state = info & STATE_MASK;
+    now[i].motion.info = found | (bodies ? BODIES_NEAR : 0u) | state | touching << FIRST_ROW;
 }
 
 // Ends a round: counts its steps. Where windows have to be widened before the search that is due, no step is

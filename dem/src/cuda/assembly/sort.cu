@@ -36,7 +36,7 @@ extern "C" __global__ void __launch_bounds__(SCAN_THREADS) assembly_count(Arrays
     unsigned sum = 0;
     for (unsigned n = threadIdx.x; n < CHUNK; n += SCAN_THREADS) {
         const unsigned bin = blockIdx.x * CHUNK + n;
-        sum += bin < bins ? count[bin] : 0;
+        sum += bin < bins ? count[bin] % MOVED : 0;
     }
     sum = block_scan(sum);
     if (threadIdx.x == SCAN_THREADS - 1) chunk[blockIdx.x] = sum;
@@ -66,7 +66,7 @@ extern "C" __global__ void __launch_bounds__(SCAN_THREADS) assembly_starts(Array
     __shared__ unsigned total;
     for (unsigned n = 0; n < CHUNK; n += SCAN_THREADS) {
         const unsigned bin = blockIdx.x * CHUNK + n + threadIdx.x;
-        const unsigned own = bin < bins ? count[bin] : 0;
+        const unsigned own = bin < bins ? count[bin] % MOVED : 0;
         const unsigned sum = block_scan(own);
         if (bin < bins) start[bin] = before + sum - own;
         if (threadIdx.x == SCAN_THREADS - 1) total = sum;
@@ -89,7 +89,7 @@ extern "C" __global__ void assembly_places(Arrays a, Parameters p, const unsigne
     if (i >= p.discs) return;
     const Position at = a.reference[i];
     const unsigned bin = bin_index(p, bin_x(p, at.x), bin_y(p, at.y));
-    const unsigned count = min(counts(a, p, a.control->searches)[bin], p.capacity);
+    const unsigned count = min(counts(a, p, a.control->searches)[bin] % MOVED, p.capacity);
     unsigned place = start[bin];
     for (unsigned n = 0; n < count; ++n) {
         place += a.id[unsigned(a.binned[size_t(bin) * p.capacity + n].disc)] < a.id[i];
@@ -107,6 +107,9 @@ extern "C" __global__ void assembly_reorder(Arrays a, Arrays b, Parameters p, co
     const Disc disc = discs_after(a, p, step)[i];
     discs_after(b, p, step)[n] = disc;
     b.id[n] = a.id[i];
+#if SLEEP
+    b.rest[n] = a.rest[i];
+#endif
     if (p.ranked != 0) a.sorted[n] = disc.place.x;
     const unsigned info = unsigned(disc.motion.info);
     for (unsigned row = 0; row < (info & ROWS_MASK); ++row) {

@@ -6,6 +6,10 @@
 struct Sums {
     // Minus the force (N) and minus the torque (N m) on the disc.
     Real x, y, torque;
+#if SLEEP
+    // Normal forces (N).
+    Real pressing;
+#endif
     // Largest overlap over the smaller radius.
     Real overlap;
     // Power (W).
@@ -30,6 +34,9 @@ __device__ inline Memory evaluate(const Parameters& p, const Contact& c, Real fr
     sum.x += force.x;
     sum.y += force.y;
     sum.torque += tangential * c.arm;
+#if SLEEP
+    sum.pressing += normal;
+#endif
 #if ROLLING
     const History old = memory.rolling;
     const RollingForces rolling =
@@ -171,6 +178,15 @@ __device__ inline Real move(const Parameters& p, const Sums& sum, Disc& disc) {
     return lost;
 }
 
+// Lets a disc that is held feel the forces on it.
+__device__ inline void hold(const Arrays& a, const Parameters& p, const Sums& sum, const Disc& disc,
+                            unsigned i) {
+#if SLEEP
+    const Real weight = p.weight / disc.place.inv_mass;
+    feel(p, a.rest[i], -sum.x, -sum.y, -sum.torque / disc.place.r, sum.pressing + weight);
+#endif
+}
+
 // Adds to the losses of a disc in this sequence of steps (J).
 __device__ inline void add_losses(const Arrays& a, const Parameters& p, unsigned i, const Sums& sum,
                                   Real lost) {
@@ -246,7 +262,13 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
     if (n == 0) c.done = k + 1;
     Real moved2 = 0;
     if (blockIdx.x == gridDim.x - 1) moved2 = move_bodies(a, p, c, step);
-    if (i < p.own[1]) {
+#if SLEEP
+    const bool left_out = i < p.own[1] && is_quiet(a, i);
+    if (__all_sync(ALL, left_out)) return;
+#else
+    constexpr bool left_out = false;
+#endif
+    if (i < p.own[1] && !left_out) {
         const Disc* now = discs_before(a, p, step, k);
         prefetch(a, p, now, i - threadIdx.x % LANES + p.ahead);
         Disc disc = now[i];
@@ -257,8 +279,13 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
             if ((info & BODIES_NEAR) != 0 && !touch_bodies(a, p, disc, i, step, sum)) {
                 fail_step(c, step, k, LEAK, a.id[i]);
             }
-            info = (info & (ROWS_MASK | BODIES_NEAR)) | touching << FIRST_ROW;
-            const Real lost = move(p, sum, disc);
+            info = (info & (ROWS_MASK | BODIES_NEAR | STATE_MASK)) | touching << FIRST_ROW;
+            Real lost = 0;
+            if (SLEEP && is_held(state_of(info))) {
+                hold(a, p, sum, disc, i);
+            } else {
+                lost = move(p, sum, disc);
+            }
             disc.motion.info = info;
             const Motion& u = disc.motion;
             if (!(u.x * u.x + u.y * u.y + u.w * u.w < Real(1e30))) {

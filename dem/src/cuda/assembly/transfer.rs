@@ -2,10 +2,11 @@
 
 use nalgebra::Matrix2;
 
-use super::abi::{Body, Disc, History, Motion, NEAR_BODIES, Output, Place};
+use super::abi::{Body, Disc, History, Motion, NEAR_BODIES, Output, Place, Rest};
 use super::grid::{Grid, row_length};
 use crate::assembly::{
-    Assembly, ContactMemory, GrainState, History as CpuHistory, RigidBox, Rolling, Sliding,
+    Assembly, ContactMemory, GrainState, History as CpuHistory, Rest as CpuRest, RigidBox, Rolling,
+    Sliding, State,
 };
 use crate::cuda::real::CudaReal;
 use crate::disc;
@@ -13,6 +14,8 @@ use crate::disc;
 /// Bit of [`Motion::info`] that says that bodies are near, and the first of the rows.
 const BODIES_NEAR: u32 = 1 << 5;
 const FIRST_ROW: u32 = 8;
+/// First of the two bits of the state of rest.
+const STATE_SHIFT: u32 = 6;
 /// No body, in a byte of the list of bodies.
 const NO_BODY: u32 = 255;
 
@@ -25,11 +28,13 @@ pub(super) struct Host<R: CudaReal> {
     pub history: Vec<History<R>>,
     pub near_bodies: Vec<u32>,
     pub body_history: Vec<History<R>>,
+    /// Empty where discs do not sleep.
+    pub rest: Vec<Rest<R>>,
 }
 
 impl<R: CudaReal> Host<R> {
-    /// The discs of an assembly; lists hold the touching pairs only.
-    pub fn from_assembly(assembly: &Assembly<R>, grid: &Grid) -> Self {
+    /// The discs of an assembly, which go on to sleep if it `sleeps`; lists hold the touching pairs only.
+    pub fn from_assembly(assembly: &Assembly<R>, grid: &Grid, sleeps: bool) -> Self {
         let (count, rows) = (assembly.discs.len(), grid.rows as usize);
         let length = row_length(count);
         let mut place_of = vec![0; count];
@@ -63,12 +68,19 @@ impl<R: CudaReal> Host<R> {
                 info[own] |= BODIES_NEAR;
             }
         }
+        let mut rest = Vec::new();
+        if sleeps {
+            for (info, of_disc) in info.iter_mut().zip(&assembly.rest) {
+                *info |= bits_of(of_disc.state) << STATE_SHIFT;
+                rest.push(Rest::from(of_disc));
+            }
+        }
         let disc = assembly.discs.iter().zip(&info).map(|(d, &info)| Disc {
             place: Place { x: d.s[0], y: d.s[1], r: d.r, inv_mass: d.inv_mass },
             motion: Motion { x: d.u[0], y: d.u[1], w: d.w, info: R::info(info) },
         });
         let (disc, id) = (disc.collect(), assembly.ids.clone());
-        Self { disc, id, list, history, near_bodies, body_history }
+        Self { disc, id, list, history, near_bodies, body_history, rest }
     }
 
     /// Puts discs and contacts back into their assembly, and searches its neighbours.
@@ -88,6 +100,9 @@ impl<R: CudaReal> Host<R> {
         });
         assembly.discs = discs.collect();
         assembly.ids.clone_from(&self.id);
+        if assembly.sleep.is_some() {
+            assembly.rest = self.rest();
+        }
         let (mut pairs, mut bodies) = (Vec::new(), Vec::new());
         for (i, disc) in self.disc.iter().enumerate() {
             let info = R::info_bits(disc.motion.info);
@@ -114,6 +129,44 @@ impl<R: CudaReal> Host<R> {
         }
         let memory = ContactMemory::new(count, &pairs, bodies.into_iter());
         assembly.search_with(|_| memory);
+    }
+
+    /// What is known of the rest of each disc; all are awake where none slept.
+    fn rest(&self) -> Vec<CpuRest<R>> {
+        let pairs = self.disc.iter().enumerate();
+        let of_disc = |(i, disc): (usize, &Disc<R>)| match self.rest.get(i) {
+            Some(rest) => rest.of_disc(R::info_bits(disc.motion.info)),
+            None => CpuRest { place: [disc.place.x, disc.place.y], ..CpuRest::default() },
+        };
+        pairs.map(of_disc).collect()
+    }
+}
+
+/// The two bits of a state, as in `sleep.cu`.
+fn bits_of(state: State) -> u32 {
+    match state {
+        State::Awake => 0,
+        State::Drowsy => 1,
+        State::Asleep => 2,
+        State::Watched => 3,
+    }
+}
+
+impl<R: CudaReal> From<&CpuRest<R>> for Rest<R> {
+    fn from(rest: &CpuRest<R>) -> Self {
+        let CpuRest { place: [x, y], looks, force, allowed, disturbed, .. } = *rest;
+        Self { x, y, force, allowed, looks, disturbed: u32::from(disturbed) }
+    }
+}
+
+impl<R: CudaReal> Rest<R> {
+    /// The same of a disc of this `info`.
+    fn of_disc(&self, info: u32) -> CpuRest<R> {
+        let Self { x, y, force, allowed, looks, disturbed } = *self;
+        let states = [State::Awake, State::Drowsy, State::Asleep, State::Watched];
+        let state = states[(info >> STATE_SHIFT & 3) as usize];
+        let (place, disturbed) = ([x, y], disturbed != 0);
+        CpuRest { state, place, looks, force, allowed, disturbed, quiet: false }
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::Grains;
-use dem::assembly::{Assembly, Energy, GrainState};
+use dem::assembly::{Assembly, Energy, GrainState, Sleep};
 use dem::cuda::CudaReal;
 use gpu::Device;
 use gpu::ranks::Ranks;
@@ -38,6 +38,8 @@ pub struct DiscModel {
     /// Energy at time zero, and as of the last frame (J).
     start_energy: f64,
     energy: Energy,
+    /// DEM steps up to the last frame.
+    steps: usize,
     /// Wall time spent on means.
     averaging: Duration,
 }
@@ -96,6 +98,7 @@ impl DiscModel {
             states,
             start_energy: state.start_energy,
             energy,
+            steps: 0,
             averaging: Duration::ZERO,
         })
     }
@@ -170,6 +173,7 @@ impl DiscModel {
         self.means = PointMeans::update(&self.members, &states, &around, points);
         self.states = states;
         self.energy = energy;
+        self.steps = step * self.substeps;
         self.averaging += start.elapsed();
         Ok(())
     }
@@ -251,6 +255,8 @@ impl DiscModel {
         ];
         let per_metre = energies.map(|(name, e)| (name.to_owned(), e / self.grains.thickness));
         let mut scalars = BTreeMap::from(per_metre);
+        scalars.insert("disc_steps".to_owned(), self.disc_steps());
+        scalars.insert("sleep_audit".to_owned(), self.audit());
         scalars.insert("momentum_x".to_owned(), momentum.x);
         scalars.insert("momentum_y".to_owned(), momentum.y);
         scalars
@@ -276,6 +282,16 @@ impl DiscModel {
         self.discs.searches()
     }
 
+    /// DEM steps of single discs up to the last frame, without those left out where grains sleep.
+    pub fn disc_steps(&self) -> f64 {
+        (self.steps * self.discs.len()) as f64 - self.discs.skipped() as f64
+    }
+
+    /// Largest displacement (m) of a grain that was computed to see what sleep misses.
+    pub fn audit(&self) -> f64 {
+        self.discs.audit()
+    }
+
     /// Largest overlap so far, over the smaller radius.
     pub fn max_overlap(&self) -> f64 {
         self.discs.max_overlap()
@@ -295,7 +311,10 @@ where
     let boundary = scene.boundary(discs);
     let (packed, columns) = filled::<R>(scene, discs, &boundary, device, ranks)?;
     let dt = scene.step / discs.grains.substeps(scene.step) as f64;
-    let assembly = Assembly::<R>::new(&discs.grains, &boundary, scene.gravity, dt, &packed)?;
+    let mut assembly = Assembly::<R>::new(&discs.grains, &boundary, scene.gravity, dt, &packed)?;
+    if discs.sleep {
+        assembly.set_sleep(Sleep::of(&discs.grains, scene.gravity, scene.seed as u32));
+    }
     Ok((assembly.into(), Members::new(scene, &columns)))
 }
 

@@ -72,6 +72,12 @@ pub(super) trait Running {
 
     /// Searches for neighbours so far.
     fn searches(&self) -> u64;
+
+    /// Steps of single discs that were left out so far.
+    fn skipped(&self) -> u64;
+
+    /// Largest displacement of a disc that was computed though it would have been held (m).
+    fn audit(&self) -> f64;
 }
 
 /// Discs on the CPU, and their twin on a GPU.
@@ -168,5 +174,15 @@ where
     fn searches(&self) -> u64 {
         let since = self.twin.as_ref().map_or(0, |twin| twin.assembly.searches());
         self.assembly.searches() + since
+    }
+
+    fn skipped(&self) -> u64 {
+        let since = self.twin.as_ref().map_or(0, |twin| twin.assembly.skipped());
+        self.assembly.skipped() + since
+    }
+
+    fn audit(&self) -> f64 {
+        let since = self.twin.as_ref().map_or(0.0, |twin| twin.assembly.audit());
+        self.assembly.audit().max(since)
     }
 }

@@ -1,0 +1,220 @@
+//! Assemblies to the device, and what is fetched from it.
+
+use std::sync::Arc;
+
+use gpu::ranks::Ranks;
+use gpu::{Device, Pointer};
+use rayon::prelude::*;
+
+use super::abi::{Body, Control, Output};
+use super::error::CudaAssemblyError;
+use super::grid::Grid;
+use super::kernels::Kernels;
+use super::losses::{LOSSES, SUM_THREADS, SumLosses};
+use super::output::WriteOutput;
+use super::parameters::{bytes, parameters};
+use super::rounds::COPY_THREADS;
+use super::shared::Shared;
+use super::sort::CHUNK;
+use super::state::{CudaAssembly, DeviceDiscs};
+use super::transfer::Host;
+use crate::assembly::{Assembly, Energy, GrainState, Losses};
+use crate::cuda::real::CudaReal;
+use crate::cuda::shape::WARP;
+
+impl<R: CudaReal> CudaAssembly<R> {
+    /// Copies an assembly to the GPU.
+    ///
+    /// # Errors
+    /// Too little memory; radii too unequal for the lists; no compiler.
+    pub fn upload(device: &Arc<Device>, assembly: &Assembly<R>) -> Result<Self, CudaAssemblyError> {
+        Self::upload_on(device, assembly, None)
+    }
+
+    /// As [`upload`](Self::upload); as one of several ranks, to advance a part of the discs. Calls of
+    /// [`queue`](Self::queue), [`finish`](Self::finish) and [`advance`](Self::advance) are then collective, and
+    /// only [the first](Self::is_first) of the ranks can fetch states and losses or download.
+    ///
+    /// # Errors
+    /// As [`upload`](Self::upload).
+    pub fn upload_on(
+        device: &Arc<Device>,
+        assembly: &Assembly<R>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Result<Self, CudaAssemblyError> {
+        let count = assembly.discs.len();
+        if count >= 1 << 31 {
+            return Err(CudaAssemblyError::TooMany(count));
+        }
+        let grid = Grid::of(assembly)?;
+        let rows = grid.rows as usize;
+        // Ranks would have to tell each other which discs are held.
+        let sleep = assembly.sleep.as_ref().filter(|_| ranks.is_none());
+        let sleeps = sleep.is_some();
+        device.reserve(bytes::<R>(count, &grid))?;
+        let host = Host::from_assembly(assembly, &grid, sleeps);
+        let mut discs = DeviceDiscs::zeros(device, count, &grid, sleeps)?;
+        let stream = device.stream();
+        stream.memcpy_htod(&host.disc, &mut discs.disc.slice_mut(..count))?;
+        stream.memcpy_htod(&host.id, &mut discs.id)?;
+        stream.memcpy_htod(&host.list, &mut discs.list)?;
+        stream.memcpy_htod(&host.history, &mut discs.history)?;
+        stream.memcpy_htod(&host.near_bodies, &mut discs.near_bodies)?;
+        stream.memcpy_htod(&host.body_history, &mut discs.body_history)?;
+        if sleeps {
+            stream.memcpy_htod(&host.rest, &mut discs.rest)?;
+        }
+        let bodies: Vec<Body> = assembly.bodies.iter().map(Body::from).collect();
+        let kernels = Kernels::load(device, rows, grid.rolling, sleeps)?;
+        let shared = ranks.map(|ranks| Shared::new(device, ranks, &grid, count)).transpose()?;
+        let p = parameters(assembly, &grid, bodies.len(), sleep);
+        Ok(Self {
+            kernels,
+            p: shared.as_ref().map_or(p, |shared| shared.parameters(&p)),
+            grid,
+            control: device.upload(&[Control::sequence(0.0, 0, None)])?,
+            spare: DeviceDiscs::zeros(device, count, &grid, sleeps)?,
+            discs,
+            reference: device.zeros(count)?,
+            body: device.upload(&bodies)?,
+            placed: device.zeros(2 * bodies.len())?,
+            loss: device.zeros(count)?,
+            rare_loss: device.zeros(count)?,
+            lost: device.zeros(LOSSES * count.div_ceil(SUM_THREADS as usize))?,
+            quiet: device.zeros(count.div_ceil(WARP))?,
+            sleeps,
+            bin_count: device.zeros(2 * grid.count())?,
+            binned: device.zeros(grid.capacity as usize * grid.count())?,
+            sorted: device.zeros(count)?,
+            chunk: device.zeros(grid.count().div_ceil(CHUNK))?,
+            start: device.zeros(grid.count())?,
+            place_of: device.zeros(count)?,
+            disc_at: device.zeros(count)?,
+            output: device.zeros(assembly.len())?,
+            fetched: device.pinned(assembly.len())?,
+            graphs: [None, None],
+            swapped: false,
+            time: assembly.time(),
+            steps: 0,
+            searches: 0,
+            skipped: 0,
+            last: None,
+            losses: assembly.losses,
+            shared,
+            device: device.clone(),
+        })
+    }
+
+    /// Device memory that an assembly takes (bytes).
+    ///
+    /// # Errors
+    /// Radii too unequal for the lists.
+    pub fn bytes(assembly: &Assembly<R>) -> Result<usize, CudaAssemblyError> {
+        Ok(bytes::<R>(assembly.discs.len(), &Grid::of(assembly)?))
+    }
+
+    /// As [`Assembly::agitation`].
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn agitation(
+        &mut self,
+        assembly: &Assembly<R>,
+        gravity: f64,
+    ) -> Result<f64, CudaAssemblyError> {
+        self.fetch_states()?;
+        let grains = self.fetched.as_slice()?.iter().map(|o| (o.inv_mass, [o.vx, o.vy]));
+        Ok(assembly.agitation_of(grains, gravity))
+    }
+
+    /// Copies the states of all grains to the host, for [`states`](Self::states). More steps can be queued
+    /// before those are asked for.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn fetch_states(&mut self) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream().clone();
+        let launch = self.over_all(COPY_THREADS);
+        let output = Pointer::to(&self.output, &stream);
+        let arguments = WriteOutput { a: self.arrays(), p: self.p, output };
+        // SAFETY: the output has one entry for each grain that can move.
+        unsafe { self.kernels.output.launch(&stream, launch, &arguments) }?;
+        stream.memcpy_dtoh(&self.output, &mut self.fetched)?;
+        self.fetch_losses()?;
+        stream.synchronize()?;
+        Ok(())
+    }
+
+    /// State of each grain that was last fetched, in the order of
+    /// [`Packed::grains`](crate::assembly::Packed::grains), and the energy. `assembly` is the one that was
+    /// uploaded.
+    ///
+    /// # Errors
+    /// The device failed.
+    pub fn states(
+        &self,
+        assembly: &Assembly<R>,
+    ) -> Result<(Vec<GrainState>, Energy), CudaAssemblyError> {
+        let fetched = self.fetched.as_slice()?;
+        let states: Vec<GrainState> = fetched.par_iter().map(|o| o.state(assembly)).collect();
+        let mut energy = Energy { losses: self.losses, ..assembly.energy_of(&states) };
+        let elastic = |part: &[Output<R>]| part.iter().map(|o| o.elastic.to_f64()).sum::<f64>();
+        let parts: Vec<f64> = fetched.par_chunks(SUM_THREADS as usize).map(elastic).collect();
+        energy.elastic = parts.iter().sum();
+        Ok((states, energy))
+    }
+
+    /// Adds up what was lost since the last call, after all queued work. Sums of sequences are added one by one, so
+    /// that they have the same bits after a download.
+    fn fetch_losses(&mut self) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream().clone();
+        let launch = self.over_all(SUM_THREADS);
+        let total = Pointer::to(&self.lost, &stream);
+        let arguments = SumLosses { a: self.arrays(), p: self.p, total };
+        // SAFETY: totals have as many entries as there are blocks.
+        unsafe { self.kernels.losses.launch(&stream, launch, &arguments) }?;
+        for block in stream.clone_dtoh(&self.lost)?.chunks(LOSSES) {
+            self.losses += Losses {
+                dashpots: block[0],
+                friction: block[1],
+                damping: block[2],
+                boxes: block[3],
+            };
+        }
+        stream.memset_zeros(&mut self.lost)?;
+        Ok(())
+    }
+
+    /// Brings the assembly that was uploaded up to date.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn download_into(&mut self, assembly: &mut Assembly<R>) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream().clone();
+        self.fetch_losses()?;
+        assembly.losses = self.losses;
+        let count = self.p.discs as usize;
+        // Ranks end their rounds with the first buffer.
+        let parity = self.last.map_or(0, |c| c.steps as usize & 1);
+        let from = if self.shared.is_some() { 0 } else { parity * count };
+        Host {
+            disc: stream.clone_dtoh(&self.discs.disc.slice(from..from + count))?,
+            id: stream.clone_dtoh(&self.discs.id)?,
+            list: stream.clone_dtoh(&self.discs.list)?,
+            history: stream.clone_dtoh(&self.discs.history)?,
+            near_bodies: stream.clone_dtoh(&self.discs.near_bodies)?,
+            body_history: stream.clone_dtoh(&self.discs.body_history)?,
+            rest: if self.sleeps { stream.clone_dtoh(&self.discs.rest)? } else { Vec::new() },
+        }
+        .write_to(assembly, &self.grid);
+        assembly.time = self.time;
+        assembly.steps += std::mem::take(&mut self.steps);
+        assembly.searches += std::mem::take(&mut self.searches);
+        assembly.skipped += std::mem::take(&mut self.skipped);
+        if let Some(control) = &self.last {
+            assembly.max_overlap = assembly.max_overlap.max(control.overlap());
+            assembly.audit = assembly.audit.max(control.audit());
+        }
+        Ok(())
+    }
+}
