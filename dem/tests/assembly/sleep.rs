@@ -64,7 +64,7 @@ fn a_projectile_wakes_a_stack() {
     // Thrown up at 1 m/s, it is back after (1 + sqrt(1 + 2 g h)) / g = 0.223 s.
     advance(&mut scene, 0.2);
     assert_eq!(scene.held(), DISCS);
-    advance(&mut scene, 0.025);
+    advance(&mut scene, 0.04);
     assert_eq!(scene.held(), 0, "all feel the impact");
     advance(&mut scene, 0.5);
     assert_eq!(scene.held(), DISCS + 1);

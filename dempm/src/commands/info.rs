@@ -199,7 +199,7 @@ impl Info {
         if let Some([_, strayed]) = self.budget.get("sleep_audit") {
             let text_of_audit =
                 format!("{} mm at most beside sleeping grains", number(1e3 * strayed));
-            text.line("audit of sleep", text_of_audit);
+            text.line("sleep audit", text_of_audit);
         }
         if let Some(time) = self.rest_time {
             let text_of_rest = format!("from {} s on, which later frames repeat", number(time));

@@ -204,7 +204,7 @@ impl fmt::Display for Summary {
             let text = format!("{:.2e} of {all:.2e}, {rate:.2e} per second", d.disc_steps);
             line("disc-steps", text)?;
             let text = format!("{:.3} mm at most beside sleeping grains", 1e3 * d.sleep_audit);
-            line("audit of sleep", text)?;
+            line("sleep audit", text)?;
             let searches = format!("{:.1} in 100 DEM steps", 100.0 * d.searches);
             line("neighbour searches", searches)?;
             line("largest overlap", format!("{:.2} of a radius", d.largest_overlap))?;
