@@ -9,9 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::cuda::{self, CudaError};
 use crate::diagnostics::{Accuracy, TrainingRange};
-use crate::features::{Normalisation, Window, mirrored, mirrored_obstacle, window_input};
+use crate::features::{Normalisation, Window, mirrored, window_input};
 use crate::inference::Inference;
 use crate::network::burn_backend::{Cpu, Device, device};
+#[cfg(feature = "burn-cuda")]
+use crate::network::burn_backend::{GpuDevice, gpu_device};
 use crate::network::weights::{self, WeightsError};
 use crate::network::{Model, ModelConfig, Precision};
 
@@ -72,6 +74,9 @@ pub struct Simulator {
     pub device: Device,
     /// The GPU for rollouts; none for the CPU.
     pub gpu: Option<Arc<gpu::Device>>,
+    /// The GPU on which Burn computes rollouts, of networks that the kernels do not support.
+    #[cfg(feature = "burn-cuda")]
+    pub burn_gpu: Option<GpuDevice>,
     /// Precision on the GPU; `F32` gives the results of the CPU up to rounding.
     pub precision: Precision,
 }
@@ -106,8 +111,18 @@ impl Simulator {
         normalisation: Normalisation,
         training: Training,
     ) -> Self {
-        let (mirror, device, gpu, precision) = (false, device(), None, Precision::F32);
-        Self { model, config, normalisation, training, mirror, device, gpu, precision }
+        Self {
+            model,
+            config,
+            normalisation,
+            training,
+            mirror: false,
+            device: device(),
+            gpu: None,
+            #[cfg(feature = "burn-cuda")]
+            burn_gpu: None,
+            precision: Precision::F32,
+        }
     }
 
     /// Loads a model file.
@@ -135,8 +150,9 @@ impl Simulator {
         })
     }
 
-    /// Selects the device of rollouts. With `auto`, a network that GPUs do not support stays on the
-    /// CPU; returns why if there is a GPU.
+    /// Selects the device of rollouts. A network that the kernels do not support is computed by Burn on the
+    /// GPU if that is compiled in (`burn-cuda`). Otherwise it stays on the CPU with `auto`; returns why if
+    /// there is a GPU.
     ///
     /// # Errors
     /// If a GPU is asked for that cannot be used, or not for this network, or bf16 without a GPU.
@@ -145,6 +161,12 @@ impl Simulator {
         choice: dempm::device::Device,
     ) -> Result<Option<CudaError>, CudaError> {
         use dempm::device::Device;
+        #[cfg(feature = "burn-cuda")]
+        if self.precision == Precision::F32 && cuda::supports(&self.config).is_err() {
+            self.gpu = None;
+            self.burn_gpu = choice.open()?.as_deref().map(gpu_device);
+            return Ok(None);
+        }
         let mut unsupported = None;
         self.gpu = match (choice, cuda::supports(&self.config)) {
             (Device::Auto, Err(reason)) => {
@@ -168,8 +190,12 @@ impl Simulator {
         self.config.window().saturating_sub(self.training.before_start).max(1)
     }
 
-    /// The network for inference on the CPU, which keeps encodings of frames.
+    /// The network for inference without the kernels; on the CPU it keeps encodings of frames.
     pub fn inference(&self) -> Inference {
+        #[cfg(feature = "burn-cuda")]
+        if let Some(device) = &self.burn_gpu {
+            return Inference::on_gpu(&self.model, &self.config, device.clone());
+        }
         let windows = if self.mirror { 2 } else { 1 };
         Inference::new(&self.model, &self.config, windows)
     }
@@ -191,9 +217,7 @@ impl Simulator {
             return straight;
         }
         let image = mirrored(window.positions, domain[0]);
-        let width = domain[0] as f32;
-        let obstacles: Vec<_> =
-            window.obstacles.iter().map(|&o| mirrored_obstacle(o, width)).collect();
+        let obstacles: Vec<_> = window.obstacles.iter().map(|o| o.mirrored(domain[0])).collect();
         let image = Window { positions: &image, obstacles: &obstacles, ..*window };
         let mirrored = self.predict(network, &image, domain, [-gravity[0], gravity[1]]);
         let pairs = straight.as_chunks::<2>().0.iter().zip(mirrored.as_chunks::<2>().0);

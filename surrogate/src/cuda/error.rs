@@ -12,7 +12,14 @@ pub enum CudaError {
     #[error(transparent)]
     Ranks(#[from] gpu::ranks::RanksError),
     /// The network is too large for the kernels.
-    #[error("`{key}` is {value}, but networks on a GPU have at most {most}; run it on the CPU")]
+    #[error(
+        "`{key}` is {value}, but the kernels for GPUs have at most {most}; {}",
+        if cfg!(feature = "burn-cuda") {
+            "Burn computes it there in `precision = \"f32\"`"
+        } else {
+            "run it on the CPU, or build `surrogate` with `--features burn-cuda`"
+        }
+    )]
     Unsupported {
         /// Key of the network's configuration.
         key: &'static str,

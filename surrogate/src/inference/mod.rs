@@ -11,6 +11,10 @@ use self::message::{EdgeStates, Edges, MessageLayer};
 use self::mlp::Mlp;
 use crate::features::{FrameInput, WindowInput};
 use crate::network::burn_backend::Cpu;
+#[cfg(feature = "burn-cuda")]
+use crate::network::burn_backend::{Gpu, GpuDevice};
+#[cfg(feature = "burn-cuda")]
+use crate::network::parameters::{weights, with_weights};
 use crate::network::{Model, ModelConfig, Tgnns};
 
 /// A network for inference.
@@ -19,6 +23,9 @@ pub enum Inference {
     Tgnns(Box<Layers>),
     /// Burn, for networks without blocked layers.
     Plain(Box<Model<Cpu>>),
+    /// Burn on a GPU.
+    #[cfg(feature = "burn-cuda")]
+    Gpu(Box<Model<Gpu>>, GpuDevice),
 }
 
 impl Inference {
@@ -32,11 +39,22 @@ impl Inference {
         }
     }
 
+    /// The network on a GPU, computed by Burn.
+    #[cfg(feature = "burn-cuda")]
+    pub fn on_gpu(model: &Model<Cpu>, config: &ModelConfig, device: GpuDevice) -> Self {
+        let there = with_weights(Model::new(config, 0, &device), &weights(model));
+        Self::Gpu(Box::new(there), device)
+    }
+
     /// Normalised accelerations in the last frame, points x 2.
     pub fn forward(&mut self, input: &WindowInput<Cpu>) -> Vec<f32> {
         match self {
             Self::Tgnns(layers) => layers.forward(input),
             Self::Plain(model) => model.forward(input).into_data().iter::<f32>().collect(),
+            #[cfg(feature = "burn-cuda")]
+            Self::Gpu(model, device) => {
+                model.forward(&input.to_device(device)).into_data().iter::<f32>().collect()
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The Burn backend of the networks on the CPU.
+//! The Burn backends of the networks.
 
 use burn::backend::{Autodiff, Flex};
 use burn::tensor::backend::BackendTypes;
@@ -13,4 +13,20 @@ pub type Device = <Cpu as BackendTypes>::Device;
 /// The CPU as the device of both backends.
 pub fn device() -> Device {
     Device::default()
+}
+
+/// A GPU, in single precision.
+#[cfg(feature = "burn-cuda")]
+pub type Gpu = burn::backend::Cuda;
+/// The same with automatic differentiation.
+#[cfg(feature = "burn-cuda")]
+pub type GpuAutodiff = Autodiff<Gpu>;
+/// Device of both.
+#[cfg(feature = "burn-cuda")]
+pub type GpuDevice = <Gpu as BackendTypes>::Device;
+
+/// A GPU as the device of Burn.
+#[cfg(feature = "burn-cuda")]
+pub fn gpu_device(device: &gpu::Device) -> GpuDevice {
+    GpuDevice::new(device.context().ordinal())
 }

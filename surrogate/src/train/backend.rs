@@ -6,21 +6,30 @@ use dempm::device::Device;
 use gpu::ranks::{Environment, Ranks};
 
 use super::all_reduce::AllReduce;
+use super::burn::BurnBackend;
 use super::config::TrainConfig;
-use super::cpu::CpuBackend;
 use super::cuda::{CudaBackend, CudaBatch};
-use super::input::{CpuBatch, InputSpec};
+use super::input::{BurnBatch, InputSpec};
 use super::state::State;
 use crate::cuda::CudaError;
+#[cfg(feature = "burn-cuda")]
+use crate::cuda::supports;
 use crate::data::{Examples, Recipe};
-use crate::network::burn_backend::Cpu;
+#[cfg(feature = "burn-cuda")]
+use crate::network::Precision;
+use crate::network::burn_backend::{Cpu, CpuAutodiff, device as cpu};
+#[cfg(feature = "burn-cuda")]
+use crate::network::burn_backend::{GpuAutodiff, GpuDevice, gpu_device};
 use crate::network::{Model, ModelConfig};
 
 /// Computes the training steps.
 #[allow(clippy::large_enum_variant)] // there is one
 pub enum Backend {
-    /// With Burn.
-    Cpu(CpuBackend),
+    /// With Burn on the CPU.
+    Cpu(BurnBackend<CpuAutodiff>),
+    /// With Burn on a GPU.
+    #[cfg(feature = "burn-cuda")]
+    BurnCuda(BurnBackend<GpuAutodiff>),
     /// With kernels of our own.
     Cuda(CudaBackend),
 }
@@ -29,7 +38,10 @@ pub enum Backend {
 #[allow(clippy::large_enum_variant)] // boxed where many wait
 pub enum BackendBatch {
     /// Tensors.
-    Cpu(CpuBatch),
+    Cpu(BurnBatch<CpuAutodiff>),
+    /// Tensors on a GPU.
+    #[cfg(feature = "burn-cuda")]
+    BurnCuda(BurnBatch<GpuAutodiff>),
     /// Positions and targets.
     Cuda(CudaBatch),
 }
@@ -54,6 +66,9 @@ impl Backend {
     /// A training with its initial weights, the same on every device, for batches of at most
     /// `points` points. `ranks` are the other GPUs that take part.
     ///
+    /// On a GPU kernels of our own compute it; what they do not support, Burn, if that is compiled in
+    /// (`burn-cuda`).
+    ///
     /// # Errors
     /// If the GPU does not support the network.
     pub fn new(
@@ -64,16 +79,30 @@ impl Backend {
         points: usize,
     ) -> Result<Self, CudaError> {
         let Some(device) = device else {
-            return Ok(Self::Cpu(CpuBackend::new(model, config)));
+            return Ok(Self::Cpu(BurnBackend::new(cpu(), model, config)));
         };
+        #[cfg(feature = "burn-cuda")]
+        if config.precision == Precision::F32 && supports(model).is_err() {
+            let backend = BurnBackend::new(gpu_device(device), model, config);
+            return Ok(Self::BurnCuda(backend));
+        }
         Ok(Self::Cuda(CudaBackend::new(device, model, config, points, ranks)?))
     }
 
-    /// The GPU, if the training runs on one.
+    /// The GPU, if the training runs on one with kernels of our own.
     pub fn gpu(&self) -> Option<Arc<gpu::Device>> {
         match self {
-            Self::Cpu(_) => None,
             Self::Cuda(backend) => Some(backend.device().clone()),
+            _ => None,
+        }
+    }
+
+    /// The GPU, if Burn trains on one.
+    #[cfg(feature = "burn-cuda")]
+    pub fn burn_gpu(&self) -> Option<GpuDevice> {
+        match self {
+            Self::BurnCuda(backend) => Some(backend.device().clone()),
+            _ => None,
         }
     }
 
@@ -87,14 +116,22 @@ impl Backend {
         &self,
         spec: &InputSpec,
     ) -> impl Fn(&Recipe, &Examples) -> BackendBatch + Send + Sync + 'static {
-        let on_gpu = matches!(self, Self::Cuda(_));
+        let processor = match self {
+            Self::Cpu(backend) => Some(*backend.device()),
+            _ => None,
+        };
+        #[cfg(feature = "burn-cuda")]
+        let burn_gpu = self.burn_gpu();
         let spec = Arc::new(spec.clone());
         move |recipe, examples| {
-            if on_gpu {
-                BackendBatch::Cuda(CudaBatch::new(recipe, examples, &spec))
-            } else {
-                BackendBatch::Cpu(spec.build(&recipe.batch(examples)))
+            if let Some(device) = &processor {
+                return BackendBatch::Cpu(spec.build(&recipe.batch(examples), device));
             }
+            #[cfg(feature = "burn-cuda")]
+            if let Some(device) = &burn_gpu {
+                return BackendBatch::BurnCuda(spec.build(&recipe.batch(examples), device));
+            }
+            BackendBatch::Cuda(CudaBatch::new(recipe, examples, &spec))
         }
     }
 
@@ -105,6 +142,8 @@ impl Backend {
     pub fn resume(&mut self, state: State) -> Result<bool, CudaError> {
         match self {
             Self::Cpu(backend) => Ok(backend.resume(state)),
+            #[cfg(feature = "burn-cuda")]
+            Self::BurnCuda(backend) => Ok(backend.resume(state)),
             Self::Cuda(backend) => backend.resume(&state),
         }
     }
@@ -113,6 +152,8 @@ impl Backend {
     pub fn step_number(&self) -> u64 {
         match self {
             Self::Cpu(backend) => backend.state().step,
+            #[cfg(feature = "burn-cuda")]
+            Self::BurnCuda(backend) => backend.state().step,
             Self::Cuda(backend) => backend.step_number(),
         }
     }
@@ -124,6 +165,8 @@ impl Backend {
     pub fn state(&self) -> Result<State, CudaError> {
         match self {
             Self::Cpu(backend) => Ok(backend.state().clone()),
+            #[cfg(feature = "burn-cuda")]
+            Self::BurnCuda(backend) => Ok(backend.state().clone()),
             Self::Cuda(backend) => backend.state(),
         }
     }
@@ -141,6 +184,10 @@ impl Backend {
     ) -> Result<(), CudaError> {
         match (self, batch) {
             (Self::Cpu(backend), BackendBatch::Cpu(batch)) => backend.step(batch, rate, ranks)?,
+            #[cfg(feature = "burn-cuda")]
+            (Self::BurnCuda(backend), BackendBatch::BurnCuda(batch)) => {
+                backend.step(batch, rate, ranks)?;
+            }
             (Self::Cuda(backend), BackendBatch::Cuda(batch)) => backend.step(&batch, rate)?,
             _ => unreachable!("batches are made for their backend"),
         }
@@ -155,6 +202,8 @@ impl Backend {
     pub fn predict(&mut self, batch: &BackendBatch) -> Result<Vec<f32>, CudaError> {
         match (self, batch) {
             (Self::Cpu(backend), BackendBatch::Cpu(batch)) => Ok(backend.predict(batch)),
+            #[cfg(feature = "burn-cuda")]
+            (Self::BurnCuda(backend), BackendBatch::BurnCuda(batch)) => Ok(backend.predict(batch)),
             (Self::Cuda(backend), BackendBatch::Cuda(batch)) => backend.predict(batch),
             _ => unreachable!("batches are made for their backend"),
         }
@@ -167,6 +216,8 @@ impl Backend {
     pub fn take_losses(&mut self) -> Result<Vec<f64>, CudaError> {
         match self {
             Self::Cpu(backend) => Ok(backend.take_losses()),
+            #[cfg(feature = "burn-cuda")]
+            Self::BurnCuda(backend) => Ok(backend.take_losses()),
             Self::Cuda(backend) => backend.take_losses(),
         }
     }
@@ -178,6 +229,8 @@ impl Backend {
     pub fn model(&self) -> Result<Model<Cpu>, CudaError> {
         match self {
             Self::Cpu(backend) => Ok(backend.model()),
+            #[cfg(feature = "burn-cuda")]
+            Self::BurnCuda(backend) => Ok(backend.model()),
             Self::Cuda(backend) => backend.model(),
         }
     }
@@ -262,7 +315,7 @@ mod tests {
             let errors: f64 = said.iter().zip(&batch.targets).map(|(a, b)| square(a - b)).sum();
             errors / batch.targets.iter().map(|&b| square(b) + 0.7 * 0.7).sum::<f64>()
         };
-        let mut backends = vec![Backend::Cpu(CpuBackend::new(&spec.config, &config))];
+        let mut backends = vec![Backend::Cpu(BurnBackend::new(cpu(), &spec.config, &config))];
         if let Some(device) = gpu::for_tests() {
             let backend = CudaBackend::new(&device, &spec.config, &config, 65, None);
             backends.push(Backend::Cuda(backend.unwrap()));

@@ -66,8 +66,9 @@ impl Identity {
         if config.data.mirror {
             statistics = statistics.mirrored();
         }
-        let [features_mean, features_std] = further_features(data, &config.model())?;
         let normalisation = statistics.normalisation(config.data.noise);
+        let [features_mean, features_std] =
+            further_features(data, &config.model(), &normalisation)?;
         let files = data.recordings().iter().map(|r| {
             let name = r.path().file_name().unwrap_or_default().to_string_lossy();
             (name.into_owned(), r.points() as u64, r.frames() as u64)

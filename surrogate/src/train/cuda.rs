@@ -20,7 +20,7 @@ use crate::network::ModelConfig;
 use crate::network::burn_backend::{Cpu, device as cpu};
 use crate::network::parameters::{weights, with_weights};
 
-/// Twin of [`CpuBackend`](super::cpu::CpuBackend), with the same states.
+/// Twin of [`BurnBackend`](super::burn::BurnBackend), with the same states.
 pub struct CudaBackend {
     device: Arc<Device>,
     trainer: CudaTrainer,

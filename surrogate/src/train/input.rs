@@ -1,11 +1,11 @@
-//! Network inputs of a batch on the CPU.
+//! Network inputs of a batch for Burn.
 
+use burn::tensor::backend::Backend;
 use burn::tensor::{Tensor, TensorData};
 
 use crate::data::Batch;
 use crate::features::{Normalisation, Window, WindowInput, window_input};
 use crate::network::ModelConfig;
-use crate::network::burn_backend::{CpuAutodiff, Device, device};
 
 /// What the inputs depend on besides the batch.
 #[derive(Clone, Debug)]
@@ -19,17 +19,16 @@ pub struct InputSpec {
 }
 
 /// A batch as tensors.
-pub struct CpuBatch {
+pub struct BurnBatch<B: Backend> {
     /// Graphs and features of the windows.
-    pub input: WindowInput<CpuAutodiff>,
+    pub input: WindowInput<B>,
     /// Normalised accelerations, points x 2.
-    pub targets: Tensor<CpuAutodiff, 2>,
+    pub targets: Tensor<B, 2>,
 }
 
 impl InputSpec {
     /// Builds the graphs of a batch; can run on another thread ahead of the training.
-    pub fn build(&self, batch: &Batch) -> CpuBatch {
-        let device: Device = device();
+    pub fn build<B: Backend>(&self, batch: &Batch, device: &B::Device) -> BurnBatch<B> {
         let windows = batch.windows.iter().zip(&batch.points).zip(&batch.statics);
         let windows = windows.zip(&batch.obstacles);
         let windows: Vec<Window> = windows
@@ -40,10 +39,9 @@ impl InputSpec {
                 obstacles,
             })
             .collect();
-        let input =
-            window_input(&windows, &self.config, &self.normalisation, &self.bounds, &device);
+        let input = window_input(&windows, &self.config, &self.normalisation, &self.bounds, device);
         let shape = [batch.targets.len() / 2, 2];
-        let targets = Tensor::from_data(TensorData::new(batch.targets.clone(), shape), &device);
-        CpuBatch { input, targets }
+        let targets = Tensor::from_data(TensorData::new(batch.targets.clone(), shape), device);
+        BurnBatch { input, targets }
     }
 }

@@ -3,11 +3,11 @@
 mod adam;
 mod all_reduce;
 mod backend;
+mod burn;
 mod checkpoint;
 mod config;
 mod config_error;
 mod config_file;
-mod cpu;
 mod cuda;
 mod error;
 mod folder;
@@ -18,6 +18,8 @@ mod pretrained;
 #[cfg(test)]
 mod rank_tests;
 mod ranks;
+#[cfg(all(test, feature = "burn-cuda"))]
+mod reference_tests;
 mod schedule;
 mod session;
 mod state;

@@ -10,8 +10,8 @@ use gpu::Device;
 use gpu::ranks::{Environment, Ranks, RanksError};
 
 use super::all_reduce::{AllReduce, SingleProcess};
+use super::burn::BurnBackend;
 use super::config::{LossOver, TrainConfig};
-use super::cpu::CpuBackend;
 use super::cuda::{CudaBackend, CudaBatch};
 use super::input::InputSpec;
 use super::state::State;
@@ -20,6 +20,7 @@ use crate::cuda::HostWindows;
 use crate::data::Batch;
 use crate::features::Normalisation;
 use crate::network::ModelConfig;
+use crate::network::burn_backend::{CpuAutodiff, device};
 
 const STEPS: u64 = 20;
 
@@ -63,9 +64,9 @@ fn train(
     ranks: &mut dyn AllReduce,
 ) -> (State, Vec<f64>) {
     let spec = spec();
-    let mut backend = CpuBackend::new(&spec.config, config);
+    let mut backend = BurnBackend::<CpuAutodiff>::new(device(), &spec.config, config);
     for step in 0..config.steps {
-        let graph = spec.build(&batch(step, windows.clone()));
+        let graph = spec.build(&batch(step, windows.clone()), &device());
         backend.step(graph, 1e-3, ranks).unwrap();
     }
     (backend.state().clone(), backend.take_losses())
@@ -117,7 +118,8 @@ fn two_ranks<T: Send>(train: impl Fn(Environment, Range<u64>) -> T + Sync) -> [T
 /// sums have another order, and Adam's first steps divide small gradients by their own size.
 fn compare([first, second]: [(State, Vec<f64>); 2], (one, losses): (State, Vec<f64>)) {
     assert_eq!(first, second);
-    let start = CpuBackend::new(&spec().config, &config()).state().clone();
+    let start =
+        BurnBackend::<CpuAutodiff>::new(device(), &spec().config, &config()).state().clone();
     let distance = |a: &[f32], b: &[f32]| {
         a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
     };

@@ -106,7 +106,7 @@ impl OpenedData {
         let shape = WindowShape { frames, stride, before };
         let set = DataSet::open(&files.train, shape, config.data.memory << 20)?
             .with_statics(&model.node_features)?
-            .with_obstacles(model.obstacles)?;
+            .with_obstacles(model.sees_boxes())?;
         let range = TrainingRange::of(&set, model.connection_radius)?;
         Ok(Self { files, set, range })
     }
@@ -291,7 +291,12 @@ impl Session {
         let InputSpec { config, normalisation, .. } = &self.inputs;
         let (config, normalisation) = (config.clone(), normalisation.clone());
         let simulator = Simulator::new(self.backend.model()?, config, normalisation, training);
-        Ok(Simulator { gpu: self.backend.gpu(), ..simulator })
+        Ok(Simulator {
+            gpu: self.backend.gpu(),
+            #[cfg(feature = "burn-cuda")]
+            burn_gpu: self.backend.burn_gpu(),
+            ..simulator
+        })
     }
 }
 

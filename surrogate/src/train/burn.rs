@@ -1,16 +1,17 @@
-//! Training steps on the CPU: network, gradients and optimiser.
+//! Training steps with Burn: network and gradients on its device, the optimiser on the host.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use burn::module::AutodiffModule;
+use burn::tensor::ElementConversion;
+use burn::tensor::backend::AutodiffBackend;
 use gpu::ranks::RanksError;
 
 use super::all_reduce::AllReduce;
 use super::config::{LossOver, TrainConfig};
-use super::input::CpuBatch;
+use super::input::BurnBatch;
 use super::schedule::average_decay;
 use super::state::State;
-use crate::network::burn_backend::{Cpu, CpuAutodiff, device};
+use crate::network::burn_backend::{Cpu, device as cpu};
 use crate::network::parameters::{gradients, weights, with_weights};
 use crate::network::{Model, ModelConfig};
 
@@ -18,8 +19,11 @@ use crate::network::{Model, ModelConfig};
 const SMALLEST_TARGET: f32 = 1e-12;
 
 /// Network and optimiser in training.
-pub struct CpuBackend {
-    model: Model<CpuAutodiff>,
+pub struct BurnBackend<B: AutodiffBackend> {
+    model: Model<B>,
+    device: B::Device,
+    /// A network of this architecture, whose weights are replaced.
+    shape: Model<Cpu>,
     state: State,
     /// Decay of the moving average of the weights.
     decay: f64,
@@ -38,14 +42,26 @@ fn lock_graphs() -> MutexGuard<'static, ()> {
     GRAPHS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl CpuBackend {
+impl<B: AutodiffBackend> BurnBackend<B> {
     /// A training with its initial weights.
-    pub fn new(model: &ModelConfig, config: &TrainConfig) -> Self {
-        let model = config.initial_network(model, &device());
-        let state = State::new(weights(&model), config.ema > 0.0);
-        let floor = config.loss_floor as f32;
-        let over = config.loss_over;
-        Self { model, state, decay: config.ema, floor, over, losses: Vec::new() }
+    pub fn new(device: B::Device, model: &ModelConfig, config: &TrainConfig) -> Self {
+        let shape = config.initial_network(model, &cpu());
+        let start = weights(&shape);
+        Self {
+            model: with_weights(Model::new(model, 0, &device), &start),
+            device,
+            shape,
+            state: State::new(start, config.ema > 0.0),
+            decay: config.ema,
+            floor: config.loss_floor as f32,
+            over: config.loss_over,
+            losses: Vec::new(),
+        }
+    }
+
+    /// The device of Burn.
+    pub fn device(&self) -> &B::Device {
+        &self.device
     }
 
     /// Continues from a state; `false` if it belongs to another network.
@@ -76,7 +92,7 @@ impl CpuBackend {
     /// If another rank is gone.
     pub fn step(
         &mut self,
-        batch: CpuBatch,
+        batch: BurnBatch<B>,
         rate: f64,
         ranks: &mut dyn AllReduce,
     ) -> Result<(), RanksError> {
@@ -107,20 +123,20 @@ impl CpuBackend {
 
     /// Gradients of the sum of squared errors, followed by that sum and by the sum of squared
     /// targets; the latter also by itself.
-    fn gradients(&self, batch: CpuBatch) -> (Vec<f32>, f32) {
+    fn gradients(&self, batch: BurnBatch<B>) -> (Vec<f32>, f32) {
         let _lock = lock_graphs();
         let squares = batch.targets.clone().powi_scalar(2).add_scalar(self.floor * self.floor);
-        let targets = squares.sum().into_scalar();
+        let targets = squares.sum().into_scalar().elem::<f32>();
         let error = self.model.forward(&batch.input) - batch.targets;
         let errors = error.powi_scalar(2).sum();
         let mut gradients = gradients(&self.model, &errors.backward());
         // Both sums travel with the gradients of one of them.
-        gradients.extend([errors.into_scalar(), targets]);
+        gradients.extend([errors.into_scalar().elem(), targets]);
         (gradients, targets)
     }
 
     /// Normalised accelerations of a batch by the network in training.
-    pub fn predict(&self, batch: &CpuBatch) -> Vec<f32> {
+    pub fn predict(&self, batch: &BurnBatch<B>) -> Vec<f32> {
         let _lock = lock_graphs();
         self.model.forward(&batch.input).into_data().iter::<f32>().collect()
     }
@@ -133,6 +149,6 @@ impl CpuBackend {
     /// The network to use, with averaged weights if there are any.
     pub fn model(&self) -> Model<Cpu> {
         let weights = self.state.average.as_ref().unwrap_or(&self.state.weights);
-        with_weights(self.model.valid(), weights)
+        with_weights(self.shape.clone(), weights)
     }
 }
