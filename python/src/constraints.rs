@@ -19,9 +19,16 @@ impl Constraints {
         Ok(Self(surrogate::rollout::Constraints::new(&scene)))
     }
 
-    /// Lower and upper corners of the fixed boxes, m.
-    fn obstacles(&self) -> Vec<Obstacle> {
-        self.0.obstacles()
+    /// The boxes as a network sees them in windows whose newest frame is at `time` (s), with frames `interval` (s)
+    /// apart: lower and upper corner while they rest (m), velocity when they move (m/frame), frames that they have
+    /// been moving for, friction coefficients of left, right, bottom and top face. 11 numbers each.
+    fn obstacles(&self, time: f64, interval: f64) -> Vec<Vec<f64>> {
+        let numbers = |Obstacle { corners, velocity, elapsed, friction }: &Obstacle| {
+            let moving = velocity.iter().chain([elapsed]).copied();
+            let friction = friction.iter().map(|&mu| f64::from(mu));
+            corners.iter().flatten().copied().chain(moving).chain(friction).collect()
+        };
+        self.0.obstacles(time, interval).iter().map(numbers).collect()
     }
 
     /// Moves points (m) that went from `old` to `new` between two `times` (s) out of walls and boxes.

@@ -4,6 +4,7 @@ mod check;
 mod constraints;
 mod element;
 mod failure;
+mod material;
 mod programs;
 mod run;
 mod scene;
@@ -19,6 +20,8 @@ mod _dempm {
     use super::element::element;
     #[pymodule_export]
     use super::failure::Error;
+    #[pymodule_export]
+    use super::material::material;
     #[pymodule_export]
     use super::programs::{command, main};
     #[pymodule_export]

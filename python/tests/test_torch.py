@@ -16,8 +16,14 @@ from dempm.torch import TGNNS, Config, Training, Windows, collate, radius_graph,
 
 MODELS = sorted((ROOT / "models").glob("*.safetensors"))
 
-#: A column that runs into a box: walls, faces of the box and its friction matter.
-BARRIER = {**LAW, "duration": 0.5, "obstacle": [{"corner": [0.625, 0.0], "size": [0.125, 0.25]}]}
+#: A column that runs into a box while a plate comes down: walls, faces of the box, its friction and the motion of the
+#: plate matter.
+BARRIER = {
+    **LAW,
+    "duration": 0.5,
+    "obstacle": [{"corner": [0.625, 0.0], "size": [0.125, 0.25]}],
+    "plate": {"corner": [0.1, 0.8], "size": [0.2, 0.1], "velocity": [0.3, -1.0], "start": 0.045},
+}
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +65,7 @@ CONFIGS = {
         width=16,
         frames=3,
         obstacles=True,
-        node_features=("overburden", "initial-stress", "acceleration"),
+        node_features=("overburden", "initial-stress", "acceleration", "surfaces", "material"),
     ),
 }
 

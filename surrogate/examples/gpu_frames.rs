@@ -122,7 +122,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     let position = device.upload(&single)?;
     let mut frame = builder.allocate(48 * points)?;
     let past = [position.as_view(), position.as_view()];
-    let mut new = [NewFrame { past: &past, known: 2, frame: &mut frame }];
+    let mut new = [NewFrame { past: &past, known: 2, back: 0, frame: &mut frame }];
     let graph = time(device, || builder.graphs(&mut new))?;
     let edges = builder.needed()?;
     let features = time(device, || builder.features(&mut new))?;

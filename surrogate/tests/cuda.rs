@@ -11,11 +11,13 @@ use surrogate::cuda::{
     Capacity, CudaError, CudaNetwork, CudaTrainer, FrameInput, HostInput, Rates, network_sources,
     upload,
 };
-use surrogate::features::{Normalisation, Window, WindowInput, host_frames, window_input};
+use surrogate::features::{
+    Normalisation, Obstacle, Window, WindowInput, host_frames, window_input,
+};
 use surrogate::network::Model;
 use surrogate::network::burn_backend::{CpuAutodiff, device};
 use surrogate::network::parameters::{gradients, weights, with_weights};
-use surrogate::network::{ModelConfig, PAPER_NETWORKS, Precision};
+use surrogate::network::{ModelConfig, NodeFeature, PAPER_NETWORKS, Precision, feature_columns};
 
 /// Sizes of a test.
 #[derive(Clone, Debug)]
@@ -64,17 +66,29 @@ impl Case {
             velocity_std: vec![0.01; d],
             acceleration_mean: vec![0.0; d],
             acceleration_std: vec![1.0; d],
-            ..Normalisation::default()
+            features_mean: vec![0.1; self.config.further_node_features()],
+            features_std: vec![0.5; self.config.further_node_features()],
         }
     }
 
     /// The input for both twins.
     fn input(&self) -> (WindowInput<CpuAutodiff>, Vec<HostInput>) {
-        let positions = self.positions(self.config.frames);
+        let positions = self.positions(self.config.window());
+        let [_, columns] = feature_columns(&self.config.node_features, self.config.dimensions);
+        let mut rng = ChaCha8Rng::seed_from_u64(8);
+        let mut random = |&points: &usize| -> Vec<f32> {
+            (0..points * columns).map(|_| rng.random_range(-1.0..1.0)).collect()
+        };
+        let statics: Vec<_> = self.windows.iter().map(&mut random).collect();
+        // In the midst of the points.
+        let fixed = Obstacle { friction: [0.5; 4], ..Obstacle::fixed([[2.3, 2.3], [2.5, 2.5]]) };
+        let plate = Obstacle { velocity: [0.02, -0.03], elapsed: 9.0, ..fixed };
+        let obstacles = &[fixed, plate];
         let windows: Vec<Window> = positions
             .iter()
             .zip(&self.windows)
-            .map(|(positions, &points)| Window { positions, points, statics: &[], obstacles: &[] })
+            .zip(&statics)
+            .map(|((positions, &points), statics)| Window { positions, points, statics, obstacles })
             .collect();
         let bounds = vec![[0.0, 6.0]; self.config.dimensions];
         let norm = self.normalisation();
@@ -266,6 +280,25 @@ fn far_from_kinks() {
 #[rstest]
 fn the_gns(#[values(Precision::F32, Precision::Bf16)] precision: Precision) {
     compare(&Case::new("gns", &[50, 20]), precision);
+}
+
+/// All further features at once: more columns than one product takes.
+#[rstest]
+fn many_features(
+    #[values("frame4", "gns")] name: &str,
+    #[values(Precision::F32, Precision::Bf16)] precision: Precision,
+) {
+    let mut case = Case::new(name, &[60, 33]);
+    case.config.frames = 4;
+    case.config.node_features = vec![
+        NodeFeature::Acceleration,
+        NodeFeature::Surfaces,
+        NodeFeature::Material,
+        NodeFeature::Overburden,
+        NodeFeature::InitialStress,
+    ];
+    assert!(case.config.first_node_features() > 16);
+    compare(&case, precision);
 }
 
 /// One point, no edges, many edges, other widths and depths, ReLU-like slopes.

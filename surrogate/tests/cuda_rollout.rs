@@ -7,7 +7,7 @@ use std::sync::Arc;
 use burn::backend::Flex;
 use burn::tensor::Tensor;
 use cudarc::driver::{CudaFunction, CudaSlice, LaunchConfig, PushKernelArg};
-use dempm::scene::Scene;
+use dempm::scene::{Plate, Rectangle, Scene};
 use gpu::{Device, compile};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -37,22 +37,44 @@ fn normalisation() -> Normalisation {
         velocity_std: vec![0.01; DIMENSIONS],
         acceleration_mean: vec![1e-4; DIMENSIONS],
         acceleration_std: vec![2e-3; DIMENSIONS],
-        features_mean: [vec![10.0], vec![1e-4; DIMENSIONS], vec![0.5, 0.3, 0.4]].concat(),
-        features_std: [vec![7.0], vec![1e-3; DIMENSIONS], vec![0.3, 0.2, 0.1]].concat(),
+        features_mean: [
+            vec![10.0],
+            vec![1e-4; DIMENSIONS],
+            vec![0.1; 10],
+            vec![0.5, 0.3, 0.4],
+            vec![0.2; 4],
+        ]
+        .concat(),
+        features_std: [
+            vec![7.0],
+            vec![1e-3; DIMENSIONS],
+            vec![0.9; 10],
+            vec![0.3, 0.2, 0.1],
+            vec![0.3; 4],
+        ]
+        .concat(),
     }
 }
 
-/// Further features, of which the last two do not change: three numbers for each point.
-const FEATURES: [NodeFeature; 4] = [
+/// Further features, of which the last three do not change.
+const FEATURES: [NodeFeature; 6] = [
     NodeFeature::Overburden,
     NodeFeature::Acceleration,
+    NodeFeature::Surfaces,
     NodeFeature::InitialStress,
     NodeFeature::InitialSolidFraction,
+    NodeFeature::Material,
 ];
+/// Columns of those that do not change.
+const STATICS: usize = 7;
 
 /// The normalisation of a network, with or without further features.
 fn normalisation_for(config: &ModelConfig) -> Normalisation {
     let mut norm = normalisation();
+    if config.node_features == [NodeFeature::Surfaces] {
+        norm.features_mean.drain(..1 + DIMENSIONS);
+        norm.features_std.drain(..1 + DIMENSIONS);
+    }
     norm.features_mean.truncate(config.further_node_features());
     norm.features_std.truncate(config.further_node_features());
     norm
@@ -72,13 +94,22 @@ fn readers() -> [ModelConfig; 4] {
 
 /// Features that do not change, if the network reads them.
 fn statics(config: &ModelConfig, points: usize) -> Vec<f32> {
-    if config.node_features.is_empty() { Vec::new() } else { random(points, 3, 1.0, 11) }
+    if config.node_features.is_empty() { Vec::new() } else { random(points, STATICS, 1.0, 11) }
 }
 
-/// Two obstacles beside each other in the middle of the unit box.
+/// Two obstacles beside each other in the middle of the unit box, and a plate that has begun to come
+/// down.
 fn obstacles(config: &ModelConfig) -> Vec<Obstacle> {
-    let all = vec![[[0.3, 0.0], [0.6, 0.5]], [[0.6, 0.4], [0.8, 0.7]]];
-    if config.obstacles { all } else { Vec::new() }
+    let friction = [0.1, 0.2, 0.3, 0.4];
+    let [left, right] = [[[0.3, 0.0], [0.6, 0.5]], [[0.6, 0.4], [0.8, 0.7]]]
+        .map(|corners| Obstacle { friction, ..Obstacle::fixed(corners) });
+    let plate = Obstacle {
+        velocity: [0.001, -0.013],
+        elapsed: 1.7,
+        friction,
+        ..Obstacle::fixed([[0.2, 0.9], [0.7, 1.1]])
+    };
+    if config.sees_boxes() { vec![left, plate, right] } else { Vec::new() }
 }
 
 fn random(points: usize, columns: usize, extent: f32, seed: u64) -> Vec<f32> {
@@ -281,7 +312,8 @@ fn features_match() {
                 // A GNS knows all frames, a TGNNS the one before, if there is one.
                 let known = if config.graphs() == 1 { 3 } else { (k + 4 - FRAMES).min(2) };
                 let past: Vec<_> = positions[oldest..=k].iter().map(|x| x.as_view()).collect();
-                let mut new = [NewFrame { past: &past, known, frame: &mut frame }];
+                let back = FRAMES - 1 - k;
+                let mut new = [NewFrame { past: &past, known, back, frame: &mut frame }];
                 builder.graphs(&mut new).unwrap();
                 builder.features(&mut new).unwrap();
                 frame
@@ -341,7 +373,7 @@ fn batches_match() {
 const STAND_IN: &str = r#"
 extern "C" __global__ void stand_in(
     unsigned points, const unsigned* start, const float* node, const float* edge,
-    const float* before_node, float scale, float* output) {
+    const float* before_node, unsigned columns, float scale, float* output) {
     const unsigned point = blockIdx.x * blockDim.x + threadIdx.x;
     if (point >= points) {
         return;
@@ -353,7 +385,11 @@ extern "C" __global__ void stand_in(
             const float push = __fmul_rn(edge[5 * e + 2 + k], edge[5 * e + 4] - 1.0f);
             sum = __fadd_rn(sum, __fadd_rn(push, __fmul_rn(0.1f, edge[5 * e + k])));
         }
-        const float walls = before_node[6 * point + 2 + 2 * k] - node[6 * point + 2 + 2 * k];
+        const float *now = node + columns * point, *before = before_node + columns * point;
+        float walls = before[2 + 2 * k] - now[2 + 2 * k];
+        for (unsigned column = 6; column < columns; ++column) {
+            walls = __fadd_rn(walls, now[column]);
+        }
         output[2 * point + k] = __fmul_rn(scale, __fadd_rn(sum, walls));
     }
 }
@@ -371,6 +407,7 @@ fn stand_in(windows: &[Window], config: &ModelConfig, scale: f32) -> Vec<f32> {
     let newest = &input.frames[config.frames - 1];
     let (node, edge) = (rows(&newest.nodes), rows(&newest.edges));
     let before = rows(&input.frames[config.frames - 2].nodes);
+    let columns = config.later_node_features();
     let points = windows[0].points;
     let last = &windows[0].positions[(config.frames - 1) * 2 * points..];
     let graph = radius_graph(last, RADIUS);
@@ -382,7 +419,9 @@ fn stand_in(windows: &[Window], config: &ModelConfig, scale: f32) -> Vec<f32> {
                 let push = edge[5 * e + 2 + k] * (edge[5 * e + 4] - 1.0);
                 sum += push + 0.1 * edge[5 * e + k];
             }
-            let walls = before[6 * point + 2 + 2 * k] - node[6 * point + 2 + 2 * k];
+            let now = &node[columns * point..columns * (point + 1)];
+            let mut walls = before[columns * point + 2 + 2 * k] - now[2 + 2 * k];
+            now[6..].iter().for_each(|surface| walls += surface);
             output.push(scale * (sum + walls));
         }
     }
@@ -393,17 +432,20 @@ fn stand_in(windows: &[Window], config: &ModelConfig, scale: f32) -> Vec<f32> {
 struct StandIn {
     device: Arc<Device>,
     kernel: CudaFunction,
+    /// Features of a node.
+    columns: u32,
     scale: f32,
     output: CudaSlice<f32>,
     calls: usize,
 }
 
 impl StandIn {
-    fn new(device: &Arc<Device>, points: usize, scale: f32) -> Self {
+    fn new(device: &Arc<Device>, config: &ModelConfig, points: usize, scale: f32) -> Self {
         let module = device.module("stand_in.cu", STAND_IN, &[]).unwrap();
         let kernel = module.load_function("stand_in").unwrap();
         let output = device.zeros(2 * points).unwrap();
-        Self { device: device.clone(), kernel, scale, output, calls: 0 }
+        let columns = config.later_node_features() as u32;
+        Self { device: device.clone(), kernel, columns, scale, output, calls: 0 }
     }
 }
 
@@ -424,7 +466,7 @@ impl Network for StandIn {
         let points = frame.graph.points as u32;
         let mut launch = self.device.stream().launch_builder(&self.kernel);
         launch.arg(&points).arg(&frame.graph.start).arg(&frame.node).arg(&frame.edge);
-        launch.arg(&before.node).arg(&self.scale).arg(&self.output);
+        launch.arg(&before.node).arg(&self.columns).arg(&self.scale).arg(&self.output);
         // SAFETY: the arguments are those of the kernel.
         unsafe { launch.launch(LaunchConfig::for_num_elems(points)) }?;
         Ok(&self.output)
@@ -480,13 +522,32 @@ fn start(points: usize, frames: usize, spread: f64) -> Vec<Vec<[f64; 2]>> {
     (0..frames).map(at).collect()
 }
 
+/// A network that the stand-in takes the place of: it sees all boxes.
+fn stand_in_config(frames: usize) -> ModelConfig {
+    let node_features = vec![NodeFeature::Surfaces];
+    ModelConfig { frames, obstacles: true, node_features, ..ModelConfig::default() }
+}
+
+/// The boxes in the frame before this one.
+fn boxes_before(motion: &Motion, frame: usize) -> Vec<Obstacle> {
+    let time = motion.start + (frame - 1) as f64 * motion.interval;
+    motion.constraints.obstacles(time, motion.interval)
+}
+
 /// One frame of the rollout as `Rollout::advance` makes it, with the stand-in.
-fn advance(window: &[Vec<[f64; 2]>], motion: &Motion, frame: usize, scale: f32) -> Vec<[f64; 2]> {
-    let config = ModelConfig { frames: window.len(), obstacles: true, ..ModelConfig::default() };
-    let (positions, obstacles) = (&single(window), &motion.constraints.obstacles());
+fn advance(
+    window: &[Vec<[f64; 2]>],
+    obstacles: &mut [Obstacle],
+    motion: &Motion,
+    frame: usize,
+    scale: f32,
+) -> Vec<[f64; 2]> {
+    let config = stand_in_config(window.len());
+    let positions = &single(window);
     let windows = [Window { positions, points: window[0].len(), statics: &[], obstacles }];
     let norm = normalisation();
     let output = stand_in(&windows, &config, scale);
+    obstacles.iter_mut().for_each(Obstacle::advance);
     let accelerations: Vec<f64> = output
         .iter()
         .enumerate()
@@ -526,8 +587,12 @@ fn integrate(
 /// of those before it.
 fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usize) {
     let Some(device) = gpu::for_tests() else { return };
-    // Walls only: a rough box holds a point that touches it, and rounding decides which does.
-    let scene = Scene { obstacles: Vec::new(), plate: None, ..scene() };
+    // No box in the way: a rough one holds a point that touches it, and rounding decides which does. A
+    // plate within sight moves away faster than the points.
+    let place = Rectangle { corner: [0.5, 1.3], size: [1.5, 0.3] };
+    let faces = scene().plate.unwrap().faces;
+    let plate = Some(Plate { place, velocity: [0.2, 3.0], start: 0.05, faces });
+    let scene = Scene { obstacles: Vec::new(), plate, ..scene() };
     // Falling to one side, which the image does to the other.
     let fall = [5e-4, -9.81e-4];
     let motion = Motion { constraints: Constraints::new(&scene), fall, mirror, ..motion() };
@@ -543,6 +608,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
     let training = Training::untrained(motion.interval, true);
     let simulator = Simulator { mirror, ..Simulator::new(model, config, norm, training) };
     let mut network = simulator.inference();
+    let mut obstacles = boxes_before(&motion, window.len());
     // Of the largest acceleration.
     let tolerance = if precision == Precision::F32 { 1e-4 } else { 0.2 };
     let mut frame = window.len();
@@ -551,9 +617,11 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
         assert_eq!(failure, None);
         for found in frames {
             let positions = &single(&window);
-            let seen = Window { positions, points: window[0].len(), statics, obstacles: &[] };
+            let (points, seen) = (window[0].len(), &obstacles);
+            let seen = Window { positions, points, statics, obstacles: seen };
             let domain = motion.constraints.domain();
             let accelerations = simulator.accelerations(&mut network, &seen, domain, motion.fall);
+            obstacles.iter_mut().for_each(Obstacle::advance);
             let largest = accelerations.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
             let expected = integrate(&window, &motion, frame, &accelerations);
             let pairs = found.as_flattened().iter().zip(expected.as_flattened());
@@ -591,19 +659,20 @@ fn mirror_images_and_further_features_roll_out(
 #[rstest]
 fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spread: f64) {
     let Some(device) = gpu::for_tests() else { return };
-    let config = ModelConfig { frames: 4, obstacles: true, ..ModelConfig::default() };
+    let config = stand_in_config(4);
     let (scale, motion) = (0.05, motion());
     let mut window = start(points, config.frames, spread);
-    let network = StandIn::new(&device, points, scale);
+    let network = StandIn::new(&device, &config, points, scale);
     let norm = normalisation_for(&config);
     let past = Past { window: &window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
     let mut frame = window.len();
+    let mut obstacles = boxes_before(&motion, frame);
     for _ in 0..3 {
         let (frames, failure) = rollout.block().unwrap();
         assert_eq!((frames.len(), failure), (BLOCK, None));
         for found in frames {
-            let expected = advance(&window, &motion, frame, scale);
+            let expected = advance(&window, &mut obstacles, &motion, frame, scale);
             assert_eq!(found, expected, "frame {frame}");
             window.remove(0);
             window.push(found);
@@ -619,8 +688,8 @@ fn failing(
     scale: f32,
 ) -> Option<(Frames, RolloutError)> {
     let device = gpu::for_tests()?;
-    let config = ModelConfig { frames: window.len(), ..ModelConfig::default() };
-    let network = StandIn::new(&device, window[0].len(), scale);
+    let config = stand_in_config(window.len());
+    let network = StandIn::new(&device, &config, window[0].len(), scale);
     let norm = normalisation_for(&config);
     let past = Past { window, statics: &[], next: window.len() };
     let mut rollout = CudaRollout::new(&device, &config, &norm, motion, past, network).unwrap();
@@ -649,8 +718,9 @@ fn failures_name_frame_and_point() {
     let motion = Motion { fall: [0.015, 0.0], ..motion() };
     let Some((good, failure)) = failing(&motion, &window, 0.0) else { return };
     let mut frame = window.len();
+    let mut obstacles = boxes_before(&motion, frame);
     for found in good {
-        assert_eq!(found, advance(&window, &motion, frame, 0.0));
+        assert_eq!(found, advance(&window, &mut obstacles, &motion, frame, 0.0));
         window.remove(0);
         window.push(found);
         frame += 1;

@@ -11,7 +11,9 @@ use surrogate::network::{Model, ModelConfig};
 use surrogate::simulator::{Simulator, Training};
 use tempfile::TempDir;
 
-use crate::helpers::{config, data, fails, scene, simulate, succeeds, surrogate, train};
+use crate::helpers::{
+    column, config, data, fails, scene, simulate, succeeds, surrogate, train, warns,
+};
 
 /// The models that come with the program let a column collapse.
 #[rstest]
@@ -79,6 +81,60 @@ fn networks_can_see_obstacles_and_start_from_one_frame() {
     assert!(!String::from_utf8_lossy(&output.stderr).contains("does not see"));
     let times = Trajectory::open(&here.join("out.h5")).unwrap().time().to_vec();
     assert!((0..4).all(|k| (times[k] - 0.01 * k as f64).abs() < 1e-12), "{times:?}");
+}
+
+/// Boxes, a plate under way and the material of each run are inputs of training, rollouts from scene and
+/// file, and evaluation; a training goes on from such a network with other material.
+#[test]
+fn networks_can_see_surfaces_and_material() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let box_and_plate = "[[obstacle]]\ncorner = [0.375, 0.0]\nsize = [0.25, 0.125]\n\
+         [plate]\ncorner = [0.0, 0.375]\nsize = [0.25, 0.125]\nvelocity = [0.0, -0.3]\n\
+         start = 0.055\n";
+    let rough = |x| scene(x, 1.0, "[mu-i]\nstatic_friction = 0.4\n");
+    simulate(&scene(0.0, 1.0, box_and_plate), &here.join("data/train/boxes.h5"));
+    simulate(&rough(0.125), &here.join("data/train/rough.h5"));
+    simulate(&scene(0.0625, 1.0, box_and_plate), &here.join("data/valid/boxes.h5"));
+    let path = config(here, 40, "");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let keys = "[data]\nmirror = true\n[pushforward]\nsteps = 2\n[model]\n\
+                node_features = [\"acceleration\", \"surfaces\", \"material\"]";
+    std::fs::write(&path, text.replace("[model]", keys)).unwrap();
+    succeeds(&mut train(here, &path, "run"));
+    let losses = column(&here.join("run/log.csv"), "loss");
+    assert!(losses.iter().all(|loss| loss.is_finite() && *loss > 0.0), "{losses:?}");
+
+    std::fs::write(here.join("scene.toml"), scene(0.0, 1.0, box_and_plate)).unwrap();
+    let rollout = ["rollout", "run/last.safetensors", "--frames", "12", "-o", "out.h5"];
+    let mut command = surrogate(here);
+    let said = warns(command.args(rollout).args(["--scene", "scene.toml", "--mirror"]));
+    assert!(!said.contains("does not see"), "{said}");
+    // From the same frames of the file the prediction is the same.
+    let positions = |file: &str| {
+        let trajectory = Trajectory::open(&here.join(file)).unwrap();
+        trajectory.frame(11).unwrap().position
+    };
+    let from_scene = positions("out.h5");
+    let from = ["--from", "data/train/boxes.h5", "--overwrite", "--mirror"];
+    succeeds(surrogate(here).args(rollout).args(from));
+    assert_eq!(positions("out.h5"), from_scene);
+    let eval = ["eval", "run/last.safetensors", "--data", "data/valid", "-o", "errors"];
+    succeeds(surrogate(here).args(eval));
+
+    simulate(&rough(0.25), &here.join("more/train/rough.h5"));
+    let on = text.replace("[model]", "[data]\nnoise = 1e-4\n").replace("steps = 40", "steps = 5");
+    let on = on.lines().filter(|line| {
+        !["width", "hidden", "message", "frames", "connection"].iter().any(|k| line.starts_with(k))
+    });
+    let on = on.collect::<Vec<_>>().join("\n");
+    std::fs::write(&path, format!("start = \"run/last.safetensors\"\n{on}")).unwrap();
+    let mut command = surrogate(here);
+    succeeds(command.arg("train").arg(&path).args(["--data", "more", "-o", "tuned"]));
+    let [before, after] = ["run", "tuned"]
+        .map(|run| Simulator::load(&here.join(run).join("last.safetensors")).unwrap());
+    assert_eq!(before.normalisation, after.normalisation);
+    assert_eq!(after.training.steps, 45);
 }
 
 /// A network that knows nothing of a barrier does not get through it either.

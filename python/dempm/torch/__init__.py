@@ -23,13 +23,14 @@ except ImportError as error:
     raise ImportError(f"dempm.torch needs {error.name}: pip install 'dempm[torch]'") from error
 
 from ._config import Config, Training
-from ._features import Graph, radius_graph
+from ._features import Boxes, Graph, radius_graph
 from ._network import TGNNS, Normalisation
 from ._rollout import rollout
 from ._windows import Batch, Window, Windows, collate
 
 __all__ = [
     "Batch",
+    "Boxes",
     "Config",
     "Graph",
     "Normalisation",

@@ -9,7 +9,14 @@ from typing import Any
 from .._dempm import Error
 
 #: Columns of the further node features, and how many frames before its own each needs.
-FEATURES = {"acceleration": (2, 2), "overburden": (1, 0), "initial-stress": (2, 0), "initial-solid-fraction": (1, 0)}
+FEATURES = {
+    "acceleration": (2, 2),
+    "overburden": (1, 0),
+    "initial-stress": (2, 0),
+    "initial-solid-fraction": (1, 0),
+    "surfaces": (10, 0),
+    "material": (4, 0),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,6 +58,11 @@ class Config:
     def to_dict(self) -> dict[str, Any]:
         """The configuration as weights files have it."""
         return {**dataclasses.asdict(self), "node_features": list(self.node_features)}
+
+    @property
+    def format(self) -> int:
+        """Version of the format of its weights files."""
+        return 2 if {"surfaces", "material"} & set(self.node_features) else 1
 
     @property
     def window(self) -> int:

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from .._dempm import Error
 from .._scene import FilePath
 from ._config import Config, Training
-from ._features import Graph, Scales, window_graphs
+from ._features import Boxes, Graph, Scales, window_graphs
 
 
 class Normalisation(nn.Module):
@@ -129,7 +129,8 @@ class TGNNS(nn.Module):
 
     def save(self, path: FilePath, training: Training) -> None:
         """Writes a weights file, which `surrogate rollout` and `dempm.surrogate.rollout` take."""
-        about = {"format": 1, "config": self.config.to_dict(), "extra": {"training": training.to_json()}}
+        config = self.config.to_dict()
+        about = {"format": self.config.format, "config": config, "extra": {"training": training.to_json()}}
         parameters = {name: value.detach().cpu().contiguous() for name, value in self.state_dict().items()}
         save_file(parameters, os.fspath(path), metadata={"surrogate": json.dumps(about)})
 
@@ -161,16 +162,16 @@ class TGNNS(nn.Module):
         self,
         positions: Tensor,
         domain: Sequence[float],
-        obstacles: Tensor | None = None,
+        boxes: Boxes | None = None,
         statics: Tensor | None = None,
     ) -> Tensor:
         """Accelerations (points, 2) in float64, m/frame², after a window of positions (`config.window`, points, 2), m.
 
-        `domain` is its width and height, m; `obstacles` (boxes, 2, 2) are lower and upper corners, m; `statics`
-        (points, columns) static node features. A network `without_gravity` leaves free fall to the caller.
+        `domain` is its width and height, m; `boxes` are those of the newest frame; `statics` (points, columns)
+        static node features. A network `without_gravity` leaves free fall to the caller.
         """
-        obstacles = positions.new_empty(0, 2, 2) if obstacles is None else obstacles
+        boxes = Boxes(positions.new_empty(0, 11, dtype=torch.float64)) if boxes is None else boxes
         statics = positions.new_empty(positions.shape[1], 0) if statics is None else statics
         norm = self.normalisation
-        graphs = window_graphs(positions, self.config, norm.scales(), domain, obstacles.float(), statics.float())
+        graphs = window_graphs(positions, self.config, norm.scales(), domain, boxes, statics.float())
         return self(graphs).double() * norm.acceleration_std + norm.acceleration_mean

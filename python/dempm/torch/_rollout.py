@@ -8,6 +8,7 @@ import torch
 from .. import _dempm
 from .._dempm import Error
 from .._run import Run
+from ._features import Boxes
 from ._network import TGNNS
 from ._windows import static_features
 
@@ -43,14 +44,17 @@ def rollout(model: TGNNS, run: Run, *, start: int = 0, frames: int | None = None
     past = before + positions
     constraints = _dempm.Constraints(run.scene_text, f"{run.path}, scene")
     device = next(model.parameters()).device
-    obstacles = torch.tensor(constraints.obstacles(), device=device).reshape(-1, 2, 2)
     statics = static_features(run, model.config).to(device)
     domain = [float(x) for x in run.attributes["domain"]]
     fall = np.array(run.attributes["gravity"]) * interval**2 * float(training.without_gravity)
     begin = float(run.time[start])
+    now = begin + (needed - 1) * interval
+    rows = torch.tensor(constraints.obstacles(now, interval), dtype=torch.float64, device=device)
+    boxes = Boxes(rows.reshape(-1, 11))
     for frame in range(needed, frames):
         seen = torch.from_numpy(np.stack(past[-window:]).astype(np.float32)).to(device)
-        acceleration = model.accelerations(seen, domain, obstacles, statics).cpu().numpy() + fall
+        acceleration = model.accelerations(seen, domain, boxes, statics).cpu().numpy() + fall
+        boxes = boxes.later(1)
         last = past[-1]
         # Semi-implicit Euler: v += a, x += v, per frame.
         free = last + ((last - past[-2]) + acceleration)

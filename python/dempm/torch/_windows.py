@@ -16,12 +16,17 @@ from .. import _dempm
 from .._dempm import Error
 from .._run import Run
 from .._scene import FilePath
-from ._config import Config, Training
-from ._features import Graph, raw_features, window_graphs
+from ._config import FEATURES, Config, Training
+from ._features import Boxes, Graph, raw_features, window_graphs
 from ._network import Normalisation
 
 #: Smallest standard deviation, m/frame, below any motion of grains: keeps directions without motion finite.
 NO_MOTION = 1e-9
+
+
+#: Smallest standard deviation of what is known of the material: data of one material must not make another one look a
+#: thousand deviations away.
+LEAST_OF_MATERIAL = 0.1
 
 
 class Window(NamedTuple):
@@ -118,18 +123,18 @@ class Windows(Dataset[Window]):
         scene = self._scenes[number]
         selected = slice(first, first + self._span + 1, self.stride)
         positions = torch.from_numpy(self._run(number).position[selected])
-        obstacles, fall = scene.obstacles.clone(), scene.fall.clone()
+        boxes, fall = scene.boxes.later(first / self.stride + self.config.window - 1), scene.fall.clone()
         if self.mirror and torch.rand(()) < 0.5:
             positions[..., 0] = self.domain[0] - positions[..., 0]
             fall[0] = -fall[0]
-            obstacles[..., 0] = (self.domain[0] - obstacles[..., 0]).flip(1)
+            boxes = boxes.mirrored(self.domain[0])
         if self.noise > 0:
             positions = _noisy(positions, self.noise)
         window, (before, last, following) = positions[:-1], positions[-3:]
         acceleration = (following - last) - (last - before)
         norm = self.normalisation
         target = (acceleration - fall - norm.acceleration_mean) / norm.acceleration_std
-        graphs = window_graphs(window, self.config, norm.scales(), self.domain, obstacles, scene.statics)
+        graphs = window_graphs(window, self.config, norm.scales(), self.domain, boxes, scene.statics)
         return Window(graphs, target.float(), window)
 
     def __iter__(self) -> Iterator[Window]:
@@ -154,7 +159,7 @@ class Windows(Dataset[Window]):
             if self.config.node_features:
                 for frame in range(reach * self.stride, len(positions), 10):
                     frames = positions[frame - reach * self.stride : frame + 1 : self.stride].float()
-                    features.add(raw_features(frames, self.config, scene.statics).double())
+                    features.add(raw_features(frames, self.config, scene.statics, scene.boxes, 0).double())
         if self.mirror:
             velocity.mirror([0])
             acceleration.mirror([0])
@@ -162,12 +167,21 @@ class Windows(Dataset[Window]):
         for feature in self.config.node_features:
             if feature == "acceleration":
                 features.mirror([column, column + 1])
-            column += {"acceleration": 2, "initial-stress": 2}.get(feature, 1)
+            column += FEATURES[feature][0]
         spreads = [spread.mean_and_deviation() for spread in (velocity, acceleration, features)]
         for mean, deviation in spreads[:2]:
             deviation.copy_(deviation.hypot(torch.tensor(self.noise).double()).clamp(min=NO_MOTION))
         mean, deviation = spreads[2]
         deviation.copy_(torch.maximum(deviation, 1e-6 * mean.abs()).clamp(min=NO_MOTION))
+        column = 0
+        for feature in self.config.node_features:
+            columns = slice(column, column + FEATURES[feature][0])
+            if feature == "material":
+                deviation[columns].clamp_(min=LEAST_OF_MATERIAL)
+            elif feature == "surfaces":
+                mean[columns], deviation[columns] = 0.0, 1.0
+                deviation[column + 7 : column + 9] = spreads[0][1]
+            column = columns.stop
         return Normalisation(*spreads)
 
     @property
@@ -184,18 +198,20 @@ class Windows(Dataset[Window]):
     def _constant(self, number: int) -> _Scene:
         run = self._run(number)
         place = f"{run.path}, scene"
-        obstacles = torch.tensor(_dempm.Constraints(run.scene_text, place).obstacles()).reshape(-1, 2, 2)
+        time = float(run.time[0])
+        rows = _dempm.Constraints(run.scene_text, place).obstacles(time, self.training.frame_interval)
+        boxes = Boxes(torch.tensor(rows, dtype=torch.float64).reshape(-1, 11))
         gravity = torch.tensor(np.array(run.attributes["gravity"]))
         fall = gravity * self.training.frame_interval**2 * float(self.training.without_gravity)
-        return _Scene(obstacles, fall, static_features(run, self.config))
+        return _Scene(boxes, fall, static_features(run, self.config))
 
 
 @dataclasses.dataclass
 class _Scene:
     """What is the same in all frames of a file."""
 
-    #: Lower and upper corners of fixed boxes (boxes, 2, 2), m.
-    obstacles: Tensor
+    #: Boxes, in the first frame.
+    boxes: Boxes
     #: What is subtracted from accelerations (2), m/frame².
     fall: Tensor
     #: Static node features (points, columns).
@@ -240,6 +256,9 @@ def static_features(run: Run, config: Config) -> Tensor:
             columns.append(torch.stack([-0.5 * (xx + yy), torch.hypot(0.5 * (xx - yy), 0.5 * (xy + yx))], 1))
         elif feature == "initial-solid-fraction":
             columns.append(torch.from_numpy(run.solid_fraction[0])[:, None])
+        elif feature == "material":
+            values = torch.tensor(_dempm.material(run.scene_text, f"{run.path}, scene"))
+            columns.append(values.expand(run.points, -1))
     return torch.cat(columns, 1)
 
 

@@ -208,7 +208,10 @@ impl BatchBuilder {
         let first = at.len() - batch.frames.len();
         let mut frames: Vec<_> = (first..)
             .zip(&mut batch.frames)
-            .map(|(k, frame)| NewFrame { past: &at[..=k], known: self.known(k - first), frame })
+            .map(|(k, frame)| {
+                let (known, back) = (self.known(k - first), at.len() - 1 - k);
+                NewFrame { past: &at[..=k], known, back, frame }
+            })
             .collect();
         builder.graphs(&mut frames)?;
         Ok(builder.features(&mut frames)?)
@@ -219,7 +222,8 @@ impl BatchBuilder {
         let Place { builder, positions, batch, .. } = place;
         let at = self.frames_of(positions, batch.values);
         // Not the first of its window.
-        let new = NewFrame { past: &at, known: self.known(1), frame: &mut batch.frames[number] };
+        let (known, frame) = (self.known(1), &mut batch.frames[number]);
+        let new = NewFrame { past: &at, known, back: 0, frame };
         let mut frames = [new];
         builder.graphs(&mut frames)?;
         Ok(builder.features(&mut frames)?)
@@ -272,6 +276,7 @@ impl BatchBuilder {
             let last = step == unrolling.steps;
             let targets = Some(&mut batch.targets).filter(|_| last);
             pushed.step(builder.window(), positions, size, targets)?;
+            builder.next_frame()?;
             if last || !followed {
                 self.make_frames(place)?;
             } else {

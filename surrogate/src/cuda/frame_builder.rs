@@ -10,16 +10,14 @@ use gpu::{ConstPointer, Device, Error, Pointer};
 use super::error::CudaError;
 use super::graph_builder::GraphBuilder;
 use super::ops::features::{
-    FeatureFrames, FeatureKernels, Frame, Frames, Obstacles, PAST, Scales, Standard,
+    FeatureFrames, FeatureKernels, Frame, Frames, Obstacle as DeviceObstacle, Obstacles, PAST,
+    Scales, Standard, SurfaceStandard,
 };
 use super::ops::frame_input::FrameInput;
 use super::ops::graph::FRAMES;
 use super::support::supports;
 use crate::features::{Normalisation, Obstacle, SKIN, standardised};
 use crate::network::{ModelConfig, ModelKind, NodeFeature};
-
-/// Numbers of an obstacle: lower and upper corner in two dimensions.
-const OBSTACLE: usize = 4;
 
 /// A frame that is to be made.
 pub struct NewFrame<'a> {
@@ -29,6 +27,8 @@ pub struct NewFrame<'a> {
     /// The newest of them, whose velocities a node knows: of a GNS all frames of the network; of a
     /// TGNNS the frame before and this one, or the first alone.
     pub known: usize,
+    /// Frames from this one to the newest of its window.
+    pub back: usize,
     /// Where graph and features go.
     pub frame: &'a mut FrameInput,
 }
@@ -45,8 +45,10 @@ pub struct FrameBuilder {
     frames: usize,
     /// Features beyond velocity and walls of each of them, points x columns.
     further: CudaSlice<f32>,
-    /// Lower and upper corners of the obstacles that the network sees, window after window,
-    obstacles: CudaSlice<f32>,
+    /// Obstacles that the network sees, window after window,
+    obstacles: CudaSlice<DeviceObstacle>,
+    /// their number,
+    obstacle_count: usize,
     /// and where those of each window begin and end.
     first_obstacle: CudaSlice<u32>,
 }
@@ -76,6 +78,7 @@ impl FrameBuilder {
             clamped,
             skin: SKIN * radius,
             further: further as i32,
+            walls_of_boxes: i32::from(config.obstacles),
             ..Scales::default()
         };
         for (k, walls) in bounds.iter().enumerate() {
@@ -88,7 +91,8 @@ impl FrameBuilder {
         Ok(Self {
             further: device.zeros((frames * graph.points() * further).max(1))?,
             frames,
-            obstacles: device.zeros(OBSTACLE)?,
+            obstacles: device.zeros(1)?,
+            obstacle_count: 0,
             first_obstacle: device.zeros(windows.len() + 1)?,
             graph,
             kernels: FeatureKernels::load(device)?,
@@ -150,7 +154,8 @@ impl FrameBuilder {
         })
     }
 
-    /// Takes the obstacles of each window, of which a network without `obstacles` sees none.
+    /// Takes the obstacles of each window as they are at its newest frame; a network that
+    /// [sees](ModelConfig::sees_boxes) none ignores them.
     ///
     /// # Errors
     /// The copy was refused, or too little memory.
@@ -159,7 +164,7 @@ impl FrameBuilder {
     /// If there are more lists than windows.
     pub fn set_obstacles(&mut self, windows: &[Vec<Obstacle>]) -> Result<(), Error> {
         assert!(windows.len() < self.first_obstacle.len());
-        if !self.config.obstacles {
+        if !self.config.sees_boxes() {
             return Ok(());
         }
         let mut first = vec![0];
@@ -167,7 +172,8 @@ impl FrameBuilder {
             *sum += window.len() as u32;
             Some(*sum)
         }));
-        let all: Vec<f32> = windows.iter().flatten().flatten().flatten().copied().collect();
+        let all: Vec<_> = windows.iter().flatten().map(DeviceObstacle::from).collect();
+        self.obstacle_count = all.len();
         if all.len() > self.obstacles.len() {
             self.obstacles = self.device.zeros(all.len())?;
         }
@@ -177,6 +183,18 @@ impl FrameBuilder {
             stream.memcpy_htod(&all, &mut self.obstacles)?;
         }
         Ok(())
+    }
+
+    /// Queues the step to the next frame, which is the newest of all windows from then on.
+    ///
+    /// # Errors
+    /// A launch was refused.
+    pub fn next_frame(&mut self) -> Result<(), Error> {
+        if !self.config.sees_surfaces() || self.obstacle_count == 0 {
+            return Ok(());
+        }
+        let obstacles = Pointer::to(&self.obstacles, self.device.stream());
+        self.kernels.advance_obstacles(obstacles, self.obstacle_count)
     }
 
     /// Allocates a frame with at most `capacity` edges, the first of a window or a later one.
@@ -229,13 +247,13 @@ impl FrameBuilder {
     fn some_features(&self, new: &[NewFrame]) -> Result<(), Error> {
         let (scales, points) = (self.scales, self.points());
         let all = FeatureFrames { scales, frames: self.frames(new), count: new.len(), points };
-        self.moving_features(&all)?;
         let stream = self.device.stream();
         let obstacles = Obstacles {
-            all: ConstPointer::to(&self.obstacles, stream).cast(),
+            all: ConstPointer::to(&self.obstacles, stream),
             first: ConstPointer::to(&self.first_obstacle, stream),
             window: ConstPointer::to(self.graph.window(), stream),
         };
+        self.moving_features(&all, obstacles)?;
         self.kernels.node_features(&all, obstacles)?;
         let capacity = new.iter().map(|new| new.frame.graph.capacity).max().unwrap_or(0);
         if capacity > 0 {
@@ -252,6 +270,7 @@ impl FrameBuilder {
             let graph = &new.frame.graph;
             *frame = Frame {
                 known: new.known as i32,
+                back: new.back as i32,
                 edges: ConstPointer::to(&graph.edges, stream),
                 receivers: ConstPointer::to(&graph.receiver, stream),
                 senders: ConstPointer::to(&graph.sender, stream),
@@ -269,7 +288,7 @@ impl FrameBuilder {
     }
 
     /// Queues those further features that follow from positions.
-    fn moving_features(&self, all: &FeatureFrames) -> Result<(), Error> {
+    fn moving_features(&self, all: &FeatureFrames, obstacles: Obstacles) -> Result<(), Error> {
         let dimensions = self.config.dimensions;
         let mut column = 0;
         for feature in &self.config.node_features {
@@ -286,7 +305,17 @@ impl FrameBuilder {
                     let standard = self.standard(columns.clone());
                     self.kernels.acceleration(all, standard, column)?;
                 }
-                NodeFeature::InitialStress | NodeFeature::InitialSolidFraction => {}
+                NodeFeature::Surfaces => {
+                    let mut standard = SurfaceStandard::default();
+                    for (k, column) in columns.clone().enumerate() {
+                        standard.mean[k] = self.norm.features_mean[column] as f32;
+                        standard.std[k] = self.norm.features_std[column] as f32;
+                    }
+                    self.kernels.surfaces(all, obstacles, standard, column)?;
+                }
+                NodeFeature::InitialStress
+                | NodeFeature::InitialSolidFraction
+                | NodeFeature::Material => {}
             }
             column = columns.end;
         }
@@ -318,5 +347,12 @@ impl FrameBuilder {
     /// A kernel failed.
     pub fn needed(&mut self) -> Result<usize, Error> {
         self.graph.needed()
+    }
+}
+
+impl From<&Obstacle> for DeviceObstacle {
+    fn from(obstacle: &Obstacle) -> Self {
+        let &Obstacle { corners, velocity, elapsed, friction } = obstacle;
+        Self { corners, velocity, elapsed, friction }
     }
 }

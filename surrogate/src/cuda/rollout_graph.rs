@@ -16,7 +16,7 @@ use super::network::CudaNetwork;
 use super::ops::frame_input::FrameInput;
 use super::support::Capacity;
 use crate::diagnostics::CrowdingLimit;
-use crate::features::{Normalisation, mirrored, mirrored_obstacle};
+use crate::features::{Normalisation, Obstacle, mirrored};
 use crate::network::{ModelConfig, ModelKind};
 use crate::rollout::RolloutError;
 
@@ -78,6 +78,8 @@ pub struct CudaRollout<N> {
     device: Arc<Device>,
     network: N,
     builder: FrameBuilder,
+    /// Boxes of each window as they are at the last frame that the host has seen.
+    obstacles: Vec<Vec<Obstacle>>,
     integrator: Integrator,
     packing: CrowdingLimit,
     config: ModelConfig,
@@ -121,10 +123,11 @@ impl<N: Network> CudaRollout<N> {
         let mut builder =
             FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows], 1)?;
         builder.set_statics(&statics.repeat(windows))?;
-        let obstacles = motion.constraints.obstacles();
-        let width = motion.constraints.domain()[0] as f32;
-        let images = obstacles.iter().map(|&obstacle| mirrored_obstacle(obstacle, width)).collect();
-        builder.set_obstacles(&[obstacles, images][..windows])?;
+        let now = motion.start + (next - 1) as f64 * motion.interval;
+        let obstacles = motion.constraints.obstacles(now, motion.interval);
+        let width = motion.constraints.domain()[0];
+        let images = obstacles.iter().map(|obstacle| obstacle.mirrored(width)).collect();
+        let obstacles = [obstacles, images][..windows].to_vec();
         let integrator = Integrator::new(device, config, norm, motion, points)?;
         let landing = || -> Result<_, CudaError> {
             // SAFETY: read after a copy has filled it only.
@@ -144,6 +147,7 @@ impl<N: Network> CudaRollout<N> {
             packing: motion.packing,
             mirror: motion.mirror.then(|| motion.constraints.domain()[0]),
             builder,
+            obstacles,
             window: window.iter().cloned().collect(),
             frame: next,
             queued: 0,
@@ -173,6 +177,7 @@ impl<N: Network> CudaRollout<N> {
         let stream = self.device.stream().clone();
         let frames = self.window.len();
         (self.queued, self.returned) = (0, 0);
+        self.builder.set_obstacles(&self.obstacles)?;
         self.integrator.begin([&self.window[frames - 2], &self.window[frames - 1]], self.frame)?;
         for (position, frame) in self.positions.iter_mut().zip(&self.window) {
             let mut single: Vec<f32> = frame.as_flattened().iter().map(|&x| x as f32).collect();
@@ -184,7 +189,7 @@ impl<N: Network> CudaRollout<N> {
         loop {
             for position in &self.positions {
                 let (past, frame) = (&[position.as_view()], &mut self.inputs[0]);
-                self.builder.graphs(&mut [NewFrame { past, known: 1, frame }])?;
+                self.builder.graphs(&mut [NewFrame { past, known: 1, back: 0, frame }])?;
             }
             let needed = self.builder.needed()?;
             if needed <= self.capacity() {
@@ -195,10 +200,10 @@ impl<N: Network> CudaRollout<N> {
         self.graphs.clear();
         self.graphs
             .resize_with(if frames.is_multiple_of(2) { frames } else { 2 * frames }, || None);
-        self.input(0)?;
+        self.input(0, frames - 1)?;
         for frame in 1..frames {
             self.network.accelerations(&self.inputs[(frame - 1) % 2], &self.inputs[frame % 2])?;
-            self.input(frame)?;
+            self.input(frame, frames - 1 - frame)?;
         }
         Ok(())
     }
@@ -210,8 +215,8 @@ impl<N: Network> CudaRollout<N> {
 
     /// Queues graph and features of a frame, counted from the first of the window that the host knew.
     /// That one's velocities are unknown: they are computed with the last frame of the window, and
-    /// ignored.
-    fn input(&mut self, frame: usize) -> Result<(), CudaError> {
+    /// ignored. The newest frame is `back` frames later.
+    fn input(&mut self, frame: usize, back: usize) -> Result<(), CudaError> {
         let frames = self.positions.len();
         let known = match self.config.kind {
             ModelKind::Tgnns => 2,
@@ -220,7 +225,7 @@ impl<N: Network> CudaRollout<N> {
         let past: Vec<_> = (frame + 1..=frame + frames)
             .map(|frame| self.positions[frame % frames].as_view())
             .collect();
-        let mut new = [NewFrame { past: &past, known, frame: &mut self.inputs[frame % 2] }];
+        let mut new = [NewFrame { past: &past, known, back, frame: &mut self.inputs[frame % 2] }];
         self.builder.graphs(&mut new)?;
         Ok(self.builder.features(&mut new)?)
     }
@@ -233,7 +238,8 @@ impl<N: Network> CudaRollout<N> {
         let [newest, before] = [1, 2].map(|k| &self.inputs[(new - k) % 2]);
         let output = self.network.accelerations(newest, before)?;
         self.integrator.step(output, &mut self.positions[new % frames])?;
-        self.input(new)
+        self.builder.next_frame()?;
+        self.input(new, 0)
     }
 
     /// Queues one frame, as a CUDA graph but for the first, which loads the kernels.
@@ -312,6 +318,9 @@ impl<N: Network> CudaRollout<N> {
         }
         self.returned += 1;
         self.frame += frames.len();
+        for _ in &frames {
+            self.obstacles.iter_mut().flatten().for_each(Obstacle::advance);
+        }
         for frame in frames.iter().rev().take(self.window.len()).rev() {
             self.window.pop_front();
             self.window.push_back(frame.clone());

@@ -19,6 +19,9 @@ pub fn supports(config: &ModelConfig) -> Result<(), CudaError> {
     if config.kind == ModelKind::Gns {
         let velocities = MAX_FEATURES.saturating_sub(config.first_node_features());
         limits.push(("frames", config.frames, velocities / config.dimensions + 1));
+    } else {
+        let most = MAX_FEATURES - 3 * config.dimensions;
+        limits.push(("node_features", config.further_node_features(), most));
     }
     for (key, value, most) in limits {
         if value > most {
@@ -26,6 +29,22 @@ pub fn supports(config: &ModelConfig) -> Result<(), CudaError> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_too_large_is_named_with_a_way_out() {
+        let wide = ModelConfig { width: 160, ..ModelConfig::default() };
+        let long = ModelConfig { frames: 16, ..ModelConfig::named("gns").unwrap() };
+        for (config, key) in [(wide, "`width` is 160"), (long, "`frames` is 16")] {
+            let error = supports(&config).unwrap_err().to_string();
+            let way = if cfg!(feature = "burn-cuda") { "Burn" } else { "--features burn-cuda" };
+            assert!(error.contains(key) && error.contains(way), "{error}");
+        }
+    }
 }
 
 /// What a network has memory for.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dempm::scene::Scene;
+use dempm::scene::{Scene, SceneError};
 use dempm::trajectory::{Header, Trajectory};
 
 use super::DataError;
@@ -124,14 +124,21 @@ impl Recording {
         Ok(())
     }
 
-    /// The obstacles of its scene.
+    /// The scene of the run.
     ///
     /// # Errors
     /// If the scene in the file is invalid.
-    pub fn obstacles(&self) -> Result<Vec<Obstacle>, DataError> {
-        let place = format!("{}, scene", self.path().display());
-        let scene = Scene::parse(&self.header().scene, &place)?;
-        Ok(Constraints::new(&scene).obstacles())
+    fn scene(&self) -> Result<Scene, SceneError> {
+        Scene::parse(&self.header().scene, &format!("{}, scene", self.path().display()))
+    }
+
+    /// The boxes of its scene in the first frame; `interval` is the time between frames of a window, s.
+    ///
+    /// # Errors
+    /// If the scene in the file is invalid.
+    pub fn obstacles(&self, interval: f64) -> Result<Vec<Obstacle>, DataError> {
+        let start = self.trajectory.time().first().copied().unwrap_or(0.0);
+        Ok(Constraints::new(&self.scene()?).obstacles(start, interval))
     }
 
     /// Reads the first frame for [`positions_before`](Self::positions_before).
@@ -170,12 +177,12 @@ impl Recording {
     /// Static features of the points, points x columns.
     ///
     /// # Errors
-    /// If the first frame cannot be read or lacks a field.
+    /// If the first frame cannot be read or lacks a field, or the scene in the file is invalid.
     pub fn static_features(&self, features: &[NodeFeature]) -> Result<Vec<f32>, DataError> {
         if !features.iter().any(|feature| feature.is_static()) {
             return Ok(Vec::new());
         }
-        static_features(features, &self.trajectory.frame(0)?)
+        static_features(features, &self.trajectory.frame(0)?, &self.scene()?)
             .map_err(|source| DataError::Field { path: self.path().to_owned(), source })
     }
 

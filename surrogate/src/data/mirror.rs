@@ -1,7 +1,6 @@
 //! Mirror images: left and right are alike, as gravity points down.
 
 use super::Example;
-use crate::features::mirrored_obstacle;
 
 impl Example {
     /// Mirrors the example in a domain from 0 to `width` along x.
@@ -13,7 +12,7 @@ impl Example {
         }
         self.gravity[0] = -self.gravity[0];
         for obstacle in &mut self.obstacles {
-            *obstacle = mirrored_obstacle(*obstacle, width as f32);
+            *obstacle = obstacle.mirrored(width);
         }
     }
 }
@@ -21,6 +20,7 @@ impl Example {
 #[cfg(test)]
 mod tests {
     use crate::data::Example;
+    use crate::features::Obstacle;
 
     #[test]
     fn the_image_moves_and_falls_like_the_original() {
@@ -30,7 +30,7 @@ mod tests {
             next: vec![1.75, 0.25],
             gravity: [0.5, -1.0],
             statics: Vec::new(),
-            obstacles: vec![[[0.5, 0.0], [1.5, 0.25]]],
+            obstacles: vec![Obstacle::fixed([[0.5, 0.0], [1.5, 0.25]])],
         };
         let mut image = example.clone();
         image.mirror(4.0);
@@ -38,7 +38,7 @@ mod tests {
         assert_eq!(image.velocity(), [-0.25, 0.0]);
         assert_eq!(image.acceleration(), [-0.25, -0.25]);
         assert_eq!(image.gravity, [-0.5, -1.0]);
-        assert_eq!(image.obstacles, [[[2.5, 0.0], [3.5, 0.25]]]);
+        assert_eq!(image.obstacles, [Obstacle::fixed([[2.5, 0.0], [3.5, 0.25]])]);
         image.mirror(4.0);
         assert_eq!(image, example);
     }

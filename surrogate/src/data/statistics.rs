@@ -3,7 +3,7 @@
 pub use dempm::dataset::Welford;
 
 use super::{DataError, DataSet};
-use crate::features::{Normalisation, moving_features};
+use crate::features::{Normalisation, SURFACE_VELOCITY, moving_features};
 use crate::network::{ModelConfig, NodeFeature, feature_columns};
 
 /// Smallest standard deviation (m/frame), below any motion of grains: keeps directions without
@@ -73,12 +73,22 @@ impl Statistics {
     }
 }
 
+/// Smallest standard deviation of what is known of the material: data of one material must not make
+/// another one look a thousand deviations away.
+const LEAST_OF_MATERIAL: f64 = 0.1;
+
 /// Means and standard deviations of the optional node features of a network, over the points of
-/// all files and, unless static, every tenth frame. The mean of accelerations is taken as zero.
+/// all files and, unless static, every tenth frame. The mean of accelerations is taken as zero. Those of
+/// surfaces, of which most points have none in reach, are 0 and 1; velocities of surfaces have the
+/// deviation of the points' in `normalisation`.
 ///
 /// # Errors
 /// If a file cannot be read.
-pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64>; 2], DataError> {
+pub fn further_features(
+    data: &DataSet,
+    config: &ModelConfig,
+    normalisation: &Normalisation,
+) -> Result<[Vec<f64>; 2], DataError> {
     let [all, width] = feature_columns(&config.node_features, config.dimensions);
     let stride = data.shape().stride;
     let mut spread = vec![Welford::default(); all];
@@ -92,7 +102,7 @@ pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64
                     values.for_each(|&value| spread[column + k].add(f64::from(value)));
                 }
                 mine += count;
-            } else {
+            } else if *feature != NodeFeature::Surfaces {
                 let before = feature.frames_before();
                 for frame in (before * stride..recording.frames()).step_by(10) {
                     let frames = (0..=before).rev().map(|k| {
@@ -102,7 +112,7 @@ pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64
                     let frames = frames.collect::<Result<Vec<Vec<f32>>, DataError>>()?;
                     let frames: Vec<&[f32]> = frames.iter().map(Vec::as_slice).collect();
                     let radius = config.connection_radius as f32;
-                    let values = moving_features(&[*feature], &frames, radius);
+                    let values = moving_features(&[*feature], &frames, &[], 0, radius);
                     for (place, &value) in values.iter().flatten().enumerate() {
                         spread[column + place % count].add(f64::from(value));
                     }
@@ -117,7 +127,26 @@ pub fn further_features(data: &DataSet, config: &ModelConfig) -> Result<[Vec<f64
     }
     // Keeps the rounding of constant features small.
     let deviation = |w: &Welford| w.deviation().max(1e-6 * w.mean().abs()).max(NO_MOTION);
-    Ok([spread.iter().map(Welford::mean).collect(), spread.iter().map(deviation).collect()])
+    let mean = spread.iter().map(Welford::mean).collect();
+    let mut std: Vec<f64> = spread.iter().map(deviation).collect();
+    let mut rest = std.as_mut_slice();
+    for feature in &config.node_features {
+        let (mine, others) = rest.split_at_mut(feature.columns(config.dimensions));
+        match feature {
+            NodeFeature::Material => {
+                mine.iter_mut().for_each(|std| *std = std.max(LEAST_OF_MATERIAL));
+            }
+            NodeFeature::Surfaces => {
+                mine.fill(1.0);
+                for (column, std) in SURFACE_VELOCITY.into_iter().zip(&normalisation.velocity_std) {
+                    mine[column] = *std;
+                }
+            }
+            _ => {}
+        }
+        rest = others;
+    }
+    Ok([mean, std])
 }
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ pub struct Example {
     pub gravity: [f64; 2],
     /// Static features of the points.
     pub statics: Vec<f32>,
-    /// Fixed boxes.
+    /// Boxes.
     pub obstacles: Vec<Obstacle>,
 }
 
@@ -79,11 +79,14 @@ impl Example {
         let moved: Vec<f64> = moved.map(|((x, before), a)| x + (x - before) + a).collect();
         self.positions.drain(..self.values());
         self.positions.extend(moved);
+        self.obstacles.iter_mut().for_each(Obstacle::advance);
     }
 
     /// Keeps the first `frames` frames and the one after; returns all frames after them.
     pub(super) fn shorten(&mut self, frames: usize) -> Vec<f64> {
         let mut future = self.positions.split_off(frames * self.values());
+        let removed = future.len() / self.values().max(1);
+        self.obstacles.iter_mut().for_each(|obstacle| obstacle.elapsed -= removed as f64);
         future.append(&mut self.next);
         self.next = future[..self.values()].to_vec();
         future
@@ -105,7 +108,7 @@ pub struct DataSet {
     shape: WindowShape,
     /// Static features of the points of each file.
     statics: Vec<Vec<f32>>,
-    /// Obstacles of each file.
+    /// Boxes of each file, in its first frame.
     obstacles: Vec<Vec<Obstacle>>,
 }
 
@@ -157,14 +160,15 @@ impl DataSet {
         Ok(self)
     }
 
-    /// Reads the obstacles if the network sees them.
+    /// Reads the boxes if the network sees them.
     ///
     /// # Errors
     /// If the scene in a file is invalid.
     pub fn with_obstacles(mut self, seen: bool) -> Result<Self, DataError> {
         if seen {
+            let interval = self.frame_interval();
             for (recording, obstacles) in self.recordings.iter().zip(&mut self.obstacles) {
-                *obstacles = recording.obstacles()?;
+                *obstacles = recording.obstacles(interval)?;
             }
         }
         Ok(self)
@@ -239,13 +243,17 @@ impl DataSet {
         let next = recording.positions(first + self.shape.span() - self.shape.ahead())?;
         let interval = self.frame_interval();
         let gravity = recording.header().gravity.map(|g| g * interval * interval);
+        let newest =
+            (first + self.shape.span() - self.shape.stride) as f64 - self.shape.ahead() as f64;
+        let newest = newest / self.shape.stride as f64;
+        let at_newest = |&o: &Obstacle| Obstacle { elapsed: o.elapsed + newest, ..o };
         Ok(Example {
             points: recording.points(),
             positions,
             next,
             gravity,
             statics: statics.clone(),
-            obstacles: obstacles.clone(),
+            obstacles: obstacles.iter().map(at_newest).collect(),
         })
     }
 

@@ -23,7 +23,8 @@ pub fn start_checks(simulator: &Simulator, initial: &InitialFrames) -> Vec<Strin
 /// Boxes that act on the points, but are no input of the network.
 fn unseen_boxes(simulator: &Simulator, initial: &InitialFrames) -> Option<String> {
     let (obstacles, plate) = (!initial.scene.obstacles.is_empty(), initial.scene.plate.is_some());
-    let unseen = match (obstacles && !simulator.config.obstacles, plate) {
+    let config = &simulator.config;
+    let unseen = match (obstacles && !config.sees_boxes(), plate && !config.sees_surfaces()) {
         (true, true) => "obstacles and the plate",
         (true, false) => "obstacles",
         (false, true) => "the plate",

@@ -1,5 +1,7 @@
 //! Input tensors of a network.
 
+#[cfg(feature = "burn-cuda")]
+use burn::tensor::TensorData;
 use burn::tensor::backend::Backend;
 use burn::tensor::{Int, Tensor};
 
@@ -41,4 +43,30 @@ pub struct WindowInput<B: Backend> {
     pub frames: Vec<FrameInput<B>>,
     /// Points of all windows together.
     pub points: usize,
+}
+
+#[cfg(feature = "burn-cuda")]
+impl<B: Backend> WindowInput<B> {
+    /// The same on a device of another backend.
+    pub fn to_device<To: Backend>(&self, device: &To::Device) -> WindowInput<To> {
+        let matrix = |of: &Tensor<B, 2>| Tensor::<To, 2>::from_data(of.to_data(), device);
+        let indices = |of: &Tensor<B, 1, Int>| {
+            let values: Vec<i32> = of.to_data().iter::<i32>().collect();
+            let length = values.len();
+            Tensor::<To, 1, Int>::from_data(TensorData::new(values, [length]), device)
+        };
+        let frame = |frame: &FrameInput<B>| FrameInput {
+            nodes: matrix(&frame.nodes),
+            edges: matrix(&frame.edges),
+            sender: indices(&frame.sender),
+            receiver: indices(&frame.receiver),
+            persistence: frame.persistence.as_ref().map(|edges| Persistence {
+                persistent: indices(&edges.persistent),
+                previous: indices(&edges.previous),
+                new: indices(&edges.new),
+                place: indices(&edges.place),
+            }),
+        };
+        WindowInput { frames: self.frames.iter().map(frame).collect(), points: self.points }
+    }
 }

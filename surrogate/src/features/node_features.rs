@@ -1,8 +1,12 @@
 //! Values of the optional node features ([`NodeFeature`]).
 
+use dempm::scene::Scene;
 use dempm::trajectory::Frame;
 
+use super::material::material;
 use super::normalisation::Normalisation;
+use super::obstacle::Obstacle;
+use super::surfaces::surfaces;
 use crate::network::{NodeFeature, feature_columns};
 
 /// A field that a feature needs, but the trajectory lacks.
@@ -10,15 +14,23 @@ use crate::network::{NodeFeature, feature_columns};
 #[error("no {0} in it")]
 pub struct MissingField(pub &'static str);
 
-/// Static features from the first frame of a trajectory, points x columns.
+/// Static features from the first frame of a trajectory and its scene, points x columns.
 ///
 /// # Errors
 /// If the frame lacks a field.
-pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f32>, MissingField> {
+pub fn static_features(
+    features: &[NodeFeature],
+    first: &Frame,
+    scene: &Scene,
+) -> Result<Vec<f32>, MissingField> {
     let mut columns: Vec<Vec<f32>> = Vec::new();
+    let points = first.position.len();
     for feature in features {
         match feature {
-            NodeFeature::Overburden | NodeFeature::Acceleration => {}
+            NodeFeature::Overburden | NodeFeature::Acceleration | NodeFeature::Surfaces => {}
+            NodeFeature::Material => {
+                columns.extend(material(scene).map(|value| vec![value; points]));
+            }
             NodeFeature::InitialStress => {
                 let stress = first.stress.as_ref().ok_or(MissingField("stress"))?;
                 let pressure = |[xx, _, _, yy]: &[f32; 4]| -0.5 * (xx + yy);
@@ -33,14 +45,19 @@ pub fn static_features(features: &[NodeFeature], first: &Frame) -> Result<Vec<f3
             }
         }
     }
-    let points = first.position.len();
     Ok((0..points).flat_map(|point| columns.iter().map(move |column| column[point])).collect())
 }
 
 /// Features of a frame that depend on positions, points x columns each. `frames` are the positions
-/// (m, points x 2) in the frame and those before, the newest last. A feature that needs
-/// more frames is empty.
-pub fn moving_features(features: &[NodeFeature], frames: &[&[f32]], radius: f32) -> Vec<Vec<f32>> {
+/// (m, points x 2) in the frame and those before, the newest last; the frame is `back` frames before the
+/// one for which `obstacles` are given. A feature that needs more frames is empty.
+pub fn moving_features(
+    features: &[NodeFeature],
+    frames: &[&[f32]],
+    obstacles: &[Obstacle],
+    back: usize,
+    radius: f32,
+) -> Vec<Vec<f32>> {
     let moving = features.iter().filter(|feature| !feature.is_static());
     moving
         .map(|feature| match (feature, frames) {
@@ -48,6 +65,7 @@ pub fn moving_features(features: &[NodeFeature], frames: &[&[f32]], radius: f32)
                 (0..c.len()).map(|k| (c[k] - b[k]) - (b[k] - a[k])).collect()
             }
             (NodeFeature::Overburden, [.., now]) => overburden(now, radius),
+            (NodeFeature::Surfaces, [.., now]) => surfaces(now, obstacles, back, radius),
             _ => Vec::new(),
         })
         .collect()
@@ -125,7 +143,7 @@ mod tests {
     #[test]
     fn an_acceleration_needs_three_frames() {
         let frames: [&[f32]; 3] = [&[0.0, 0.0], &[1.0, 0.0], &[3.0, -1.0]];
-        let moving = |frames| moving_features(&[NodeFeature::Acceleration], frames, 0.1);
+        let moving = |frames| moving_features(&[NodeFeature::Acceleration], frames, &[], 0, 0.1);
         assert_eq!(moving(&frames), [[1.0, -1.0]]);
         assert_eq!(moving(&frames[1..]), [[0.0; 0]], "and not an overburden");
     }
@@ -144,8 +162,11 @@ mod tests {
             NodeFeature::InitialStress,
         ];
         assert_eq!(feature_columns(&all, 2), [4, 3]);
-        assert_eq!(static_features(&all, &first), Ok(vec![0.8, 6.0, 5.0, 0.7, 0.0, 0.0]));
+        let text = "duration = 1.0\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [0.5, 0.5]\n";
+        let scene = Scene::parse(text, "scene.toml").unwrap();
+        let found = static_features(&all, &first, &scene);
+        assert_eq!(found, Ok(vec![0.8, 6.0, 5.0, 0.7, 0.0, 0.0]));
         let bare = Frame { solid_fraction: None, ..first };
-        assert_eq!(static_features(&all, &bare), Err(MissingField("solid fraction")));
+        assert_eq!(static_features(&all, &bare, &scene), Err(MissingField("solid fraction")));
     }
 }

@@ -1,7 +1,6 @@
 //! Windows of frames as networks see them, and their mirror images.
 
-/// Lower and upper corner (m) of a fixed box.
-pub type Obstacle = [[f32; 2]; 2];
+use super::obstacle::Obstacle;
 
 /// Consecutive frames of one trajectory.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +12,7 @@ pub struct Window<'a> {
     pub points: usize,
     /// Static features, points x columns ([`static_features`](super::static_features)).
     pub statics: &'a [f32],
-    /// Obstacles; only networks with `obstacles` see them.
+    /// Boxes, which networks [may see](crate::network::ModelConfig::sees_boxes).
     pub obstacles: &'a [Obstacle],
 }
 
@@ -21,9 +20,4 @@ pub struct Window<'a> {
 pub fn mirrored(positions: &[f32], width: f64) -> Vec<f32> {
     let rows = positions.as_chunks::<2>().0.iter();
     rows.flat_map(|[x, y]| [width as f32 - x, *y]).collect()
-}
-
-/// An obstacle with left and right exchanged in a domain of this width (m).
-pub fn mirrored_obstacle([[left, bottom], [right, top]]: Obstacle, width: f32) -> Obstacle {
-    [[width - right, bottom], [width - left, top]]
 }

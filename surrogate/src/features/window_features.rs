@@ -13,7 +13,8 @@ use super::host_frame::HostFrame;
 use super::input::WindowInput;
 use super::node_features::{moving_features, standardised};
 use super::normalisation::Normalisation;
-use super::window::{Obstacle, Window};
+use super::obstacle::Obstacle;
+use super::window::Window;
 use crate::network::{ModelConfig, ModelKind, feature_columns};
 
 /// Depth, in connection radii, to which points inside an obstacle still see its face.
@@ -174,7 +175,8 @@ impl Features<'_> {
         for (k, [lower, upper]) in self.bounds.iter().enumerate() {
             let x = place[k];
             let mut distances = [x - *lower as f32, *upper as f32 - x];
-            for [low, high] in obstacles.iter().filter(|_| self.config.obstacles) {
+            let fixed = obstacles.iter().filter(|o| self.config.obstacles && o.is_fixed());
+            for [low, high] in fixed.map(|obstacle| obstacle.corners_at(0)) {
                 let beside = |j: usize| place[j] <= low[j] + skin || place[j] >= high[j] - skin;
                 if (0..d).any(|j| j != k && beside(j)) {
                     continue;
@@ -195,7 +197,9 @@ impl Features<'_> {
             self.config;
         let stride = (window.points * dimensions).max(1);
         let frames: Vec<&[f32]> = window.positions.chunks_exact(stride).take(frame + 1).collect();
-        let moving = moving_features(features, &frames, *connection_radius as f32);
+        let back = self.config.window() - 1 - frame;
+        let radius = *connection_radius as f32;
+        let moving = moving_features(features, &frames, window.obstacles, back, radius);
         standardised(features, self.norm, window.points, window.statics, &moving)
     }
 

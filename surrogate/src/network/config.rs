@@ -226,6 +226,16 @@ impl ModelConfig {
         }
     }
 
+    /// Whether boxes are among its inputs, as walls or as surfaces.
+    pub fn sees_boxes(&self) -> bool {
+        self.obstacles || self.sees_surfaces()
+    }
+
+    /// Whether surfaces of boxes are among its inputs, those of plates too.
+    pub fn sees_surfaces(&self) -> bool {
+        self.node_features.contains(&NodeFeature::Surfaces)
+    }
+
     /// Whether walls beyond the radius count as one radius away.
     pub fn clamps_walls(&self) -> bool {
         self.clamped_walls || self.kind == ModelKind::Gns

@@ -21,6 +21,12 @@ pub enum NodeFeature {
     InitialStress,
     /// Solid fraction in the first frame of the trajectory.
     InitialSolidFraction,
+    /// The nearest surface of a fixed box and that of a moving one
+    /// ([`surfaces`](crate::features::surfaces)). Changes from frame to frame.
+    Surfaces,
+    /// Friction of the grains, size of the grains, friction and kind of the floor
+    /// ([`material`](crate::features::material)): the same for all points.
+    Material,
 }
 
 impl NodeFeature {
@@ -30,12 +36,14 @@ impl NodeFeature {
             Self::Overburden | Self::InitialSolidFraction => 1,
             Self::InitialStress => 2,
             Self::Acceleration => dimensions,
+            Self::Surfaces => 10,
+            Self::Material => 4,
         }
     }
 
     /// Whether it is static: constant for a point.
     pub fn is_static(self) -> bool {
-        !matches!(self, Self::Overburden | Self::Acceleration)
+        !matches!(self, Self::Overburden | Self::Acceleration | Self::Surfaces)
     }
 
     /// Earlier frames that it depends on.

@@ -13,12 +13,13 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{ConfigError, ModelConfig};
 use super::model::Model;
+use super::node_feature::NodeFeature;
 use crate::features::Normalisation;
 
 /// Key of the metadata, whose value is JSON. A single key, so that equal files have equal bytes.
 const METADATA_KEY: &str = "surrogate";
-/// Version of the format.
-const FORMAT: u32 = 1;
+/// Newest version of the format. The second has features of surfaces and material.
+const NEWEST_FORMAT: u32 = 2;
 
 /// Why a weights file could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -131,6 +132,13 @@ impl Metadata {
     }
 }
 
+/// The oldest version of the format that has all features of a network, so that files of networks without
+/// new ones stay the same.
+fn format_of(config: &ModelConfig) -> u32 {
+    let is_new = |f: &NodeFeature| matches!(f, NodeFeature::Surfaces | NodeFeature::Material);
+    if config.node_features.iter().any(is_new) { NEWEST_FORMAT } else { 1 }
+}
+
 /// Writes a weights file, in place: to survive a crash, write to a temporary name and rename.
 /// `extra` is further metadata of the caller.
 ///
@@ -143,7 +151,8 @@ pub fn save<B: Backend>(
     normalisation: &Normalisation,
     extra: BTreeMap<String, String>,
 ) -> Result<(), WeightsError> {
-    let mut metadata = Metadata { format: FORMAT, config: config.clone(), extra, hash: None };
+    let format = format_of(config);
+    let mut metadata = Metadata { format, config: config.clone(), extra, hash: None };
     let mut collect = Collect::default();
     model.visit(&mut collect);
     let mut tensors = collect.tensors;
@@ -188,8 +197,9 @@ pub fn load<B: Backend>(
     let json = json.ok_or_else(|| file.metadata(format!("no `{METADATA_KEY}` in its metadata")))?;
     let metadata: Metadata =
         serde_json::from_str(json).map_err(|e| file.metadata(e.to_string()))?;
-    if metadata.format != FORMAT {
-        return Err(file.metadata(format!("format {}, not {FORMAT}", metadata.format)));
+    if !(1..=NEWEST_FORMAT).contains(&metadata.format) {
+        let reason = format!("format {}, not 1 to {NEWEST_FORMAT}", metadata.format);
+        return Err(file.metadata(reason));
     }
     let config = metadata.config.clone();
     config.validate().map_err(|source| WeightsError::Config { path: path.into(), source })?;

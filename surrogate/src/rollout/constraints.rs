@@ -6,7 +6,7 @@
 use dempm::scene::{Rectangle, Scene};
 use mpm::{Friction, Walls};
 
-use crate::features::Obstacle;
+use crate::features::{Obstacle, friction_coefficient};
 
 /// Largest number of passes over all boxes: a point may touch several, as in a corner.
 const PASSES: usize = 4;
@@ -69,10 +69,19 @@ impl Constraints {
         self.domain
     }
 
-    /// The fixed boxes, as networks see them.
-    pub fn obstacles(&self) -> Vec<Obstacle> {
-        let fixed = self.boxes.iter().filter(|rigid| rigid.velocity == [0.0; 2]);
-        fixed.map(|rigid| rigid.at(0.0).map(|corner| corner.map(|x| x as f32))).collect()
+    /// The boxes as networks see them in windows whose newest frame is at `time` (s), with frames
+    /// `interval` (s) apart.
+    pub fn obstacles(&self, time: f64, interval: f64) -> Vec<Obstacle> {
+        let seen = |rigid: &RigidBox| {
+            let Walls { left, right, bottom, top } = rigid.faces;
+            Obstacle {
+                corners: [rigid.place.corner, rigid.place.end()],
+                velocity: rigid.velocity.map(|v| v * interval),
+                elapsed: (time - rigid.start) / interval,
+                friction: [left, right, bottom, top].map(friction_coefficient),
+            }
+        };
+        self.boxes.iter().map(seen).collect()
     }
 
     /// The boxes at `time` (s) as in a trajectory: x min, y min, x max, y max (m).

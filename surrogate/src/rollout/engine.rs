@@ -30,6 +30,7 @@ pub struct Rollout<'a> {
     window: VecDeque<Vec<[f64; 2]>>,
     /// Static features of the points.
     statics: Vec<f32>,
+    /// Boxes, for the window that the network sees next.
     obstacles: Vec<Obstacle>,
     /// Gravity, m/frame².
     gravity: [f64; 2],
@@ -52,7 +53,7 @@ impl<'a> Rollout<'a> {
         Self {
             simulator,
             engine,
-            obstacles: constraints.obstacles(),
+            obstacles: constraints.obstacles(initial.last_time(interval), interval),
             constraints,
             window: initial.window(simulator.config.window(), interval).into(),
             statics: initial.statics.clone(),
@@ -108,6 +109,7 @@ impl<'a> Rollout<'a> {
         };
         self.window.pop_front();
         self.window.push_back(next);
+        self.obstacles.iter_mut().for_each(Obstacle::advance);
         self.frame += 1;
         Ok(&self.window[self.window.len() - 1])
     }

@@ -127,7 +127,8 @@ impl InitialFrames {
             simulated_in: 0.0,
         };
         let place = initial.scene.name.clone();
-        initial.statics = static_features_of(simulator, &place, || Ok(simulation.frame()))?;
+        initial.statics =
+            static_features_of(simulator, &place, &initial.scene, || Ok(simulation.frame()))?;
         let began = Instant::now();
         for frame in 0..simulator.first_frames() {
             while simulation.step < frame * steps {
@@ -167,14 +168,16 @@ impl InitialFrames {
                 needed,
             });
         }
+        let scene = Scene::parse(&header.scene, &format!("{place}, scene"))?;
+        let first_frame = || Ok(trajectory.frame(0)?);
         let mut initial = Self {
-            scene: Scene::parse(&header.scene, &format!("{place}, scene"))?,
+            statics: static_features_of(simulator, &place, &scene, first_frame)?,
+            scene,
             header,
             points: trajectory.points().clone(),
             positions: Vec::new(),
             velocities: Vec::new(),
             time: trajectory.time()[first],
-            statics: static_features_of(simulator, &place, || Ok(trajectory.frame(0)?))?,
             frames: found,
             simulated_in: 0.0,
         };
@@ -192,6 +195,11 @@ impl InitialFrames {
 }
 
 impl InitialFrames {
+    /// Time (s) of the last frame; frames are `interval` (s) apart.
+    pub fn last_time(&self, interval: f64) -> f64 {
+        self.time + (self.positions.len() - 1) as f64 * interval
+    }
+
     /// The last `frames` frames (positions, m). Missing ones are extrapolated backwards from the
     /// first frame at constant velocity, `interval` (s) apart.
     pub fn window(&self, frames: usize, interval: f64) -> Vec<Vec<[f64; 2]>> {
@@ -206,20 +214,21 @@ impl InitialFrames {
     }
 }
 
-/// Static features of the points from the `first` frame; empty if the network has none.
+/// Static features of the points from the `first` frame of a scene; empty if the network has none.
 ///
 /// # Errors
 /// If the frame lacks a field that they need.
 pub fn static_features_of(
     simulator: &Simulator,
     place: &str,
+    scene: &Scene,
     first: impl FnOnce() -> Result<Frame, InitialFramesError>,
 ) -> Result<Vec<f32>, InitialFramesError> {
     let features = &simulator.config.node_features;
     if !features.iter().any(|feature| feature.is_static()) {
         return Ok(Vec::new());
     }
-    static_features(features, &first()?)
+    static_features(features, &first()?, scene)
         .map_err(|source| InitialFramesError::Field { place: place.to_owned(), source })
 }
 

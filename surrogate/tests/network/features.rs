@@ -1,11 +1,15 @@
 //! Features of nodes and edges.
 
+use burn::module::Module;
 use burn::tensor::Tensor;
 use rstest::rstest;
-use surrogate::features::{Normalisation, Window, window_input};
+use surrogate::features::{Normalisation, Obstacle, Window, surfaces, window_input};
 use surrogate::network::{ModelConfig, ModelKind, NodeFeature};
 
-use super::{Cpu, UNIT_BOX, close, cloud, input, model, normalisation, small, values};
+use super::{
+    Cpu, NonZero, Train, UNIT_BOX, close, cloud, input, model, normalisation, small, values,
+    weighted_sum,
+};
 
 #[test]
 fn features_of_two_points_by_hand() {
@@ -144,7 +148,10 @@ fn further_features_follow_the_others(#[values("baseline", "gns")] name: &str) {
 fn faces_of_obstacles_are_walls(#[values("baseline", "gns")] name: &str) {
     let plain = ModelConfig { frames: 2, connection_radius: 0.2, ..small(name) };
     let seeing = ModelConfig { obstacles: true, ..plain.clone() };
-    let obstacle = [[0.4, 0.1], [0.6, 0.5]];
+    let obstacle = Obstacle::fixed([[0.4, 0.1], [0.6, 0.5]]);
+    // Only fixed boxes are walls.
+    let plate = Obstacle { velocity: [1e-9, 0.0], ..Obstacle::fixed([[0.0; 2], [1.0; 2]]) };
+    let boxes = [plate, obstacle];
     let far = if name == "gns" { 1.0 } else { 0.0 };
     // Left, right, below, above: in radii.
     for (place, walls) in [
@@ -159,7 +166,7 @@ fn faces_of_obstacles_are_walls(#[values("baseline", "gns")] name: &str) {
         ([0.35, 0.55], [far; 4]),
     ] {
         let positions = [place, place].concat();
-        for (config, seen) in [(&seeing, &[obstacle][..]), (&seeing, &[]), (&plain, &[obstacle])] {
+        for (config, seen) in [(&seeing, &boxes[..]), (&seeing, &[]), (&plain, &boxes)] {
             let window =
                 [Window { positions: &positions, points: 1, statics: &[], obstacles: seen }];
             let norm = normalisation();
@@ -173,6 +180,52 @@ fn faces_of_obstacles_are_walls(#[values("baseline", "gns")] name: &str) {
             close(&newest[2..], &expected, 1e-5);
         }
     }
+}
+
+/// Each frame has the surfaces as they are in it, and every parameter learns from them.
+#[rstest]
+fn surfaces_are_those_of_the_frame(#[values("baseline", "gns")] name: &str) {
+    let plain = ModelConfig { frames: 3, connection_radius: 0.2, ..small(name) };
+    let config = ModelConfig { node_features: vec![NodeFeature::Surfaces], ..plain.clone() };
+    let norm = Normalisation {
+        features_mean: vec![0.0; 10],
+        features_std: [vec![1.0; 7], vec![0.01; 2], vec![1.0]].concat(),
+        ..normalisation()
+    };
+    let plate = Obstacle {
+        corners: [[0.3, 1.2], [0.6, 1.3]],
+        velocity: [0.01, -0.1],
+        elapsed: 5.0,
+        friction: [0.5; 4],
+    };
+    let fixed = Obstacle { friction: [0.3; 4], ..Obstacle::fixed([[0.4, 0.1], [0.6, 0.5]]) };
+    let obstacles = [fixed, plate];
+    let positions = cloud(40, 3, 16);
+    let window =
+        [Window { positions: &positions, points: 40, statics: &[], obstacles: &obstacles }];
+    let whole = window_input::<Train>(&window, &config, &norm, &UNIT_BOX, &Default::default());
+    let bare = input::<Cpu>(&plain, &[(&positions, 40)]);
+    let backs = (0..plain.graphs()).rev();
+    for ((with, without), back) in whole.frames.iter().zip(&bare.frames).zip(backs) {
+        let now = &positions[(2 - back) * 80..(3 - back) * 80];
+        let expected = surfaces(now, &obstacles, back, 0.2);
+        let columns = without.nodes.dims()[1];
+        let (with, without) = (values(with.nodes.clone()), values(without.nodes.clone()));
+        for point in 0..40 {
+            let row = &with[point * (columns + 10)..(point + 1) * (columns + 10)];
+            close(&row[..columns], &without[point * columns..(point + 1) * columns], 1e-6);
+            let seen = expected[10 * point..10 * (point + 1)].iter().enumerate();
+            let scaled = seen.map(|(k, &x)| f64::from(x) / norm.features_std[k]);
+            close(&row[columns..], &scaled.collect::<Vec<_>>(), 1e-5);
+        }
+    }
+    let model = model::<Train>(&config);
+    let gradients = weighted_sum(model.forward(&whole)).backward();
+    let mut visitor = NonZero { gradients: &gradients, tensors: 0, share: 1.0 };
+    model.visit(&mut visitor);
+    // ReLU: some units rest.
+    let share = if name == "gns" { 0.1 } else { 1.0 };
+    assert!(visitor.share >= share, "{}", visitor.share);
 }
 
 /// A wall out of reach is at one radius instead of none.

@@ -98,6 +98,32 @@ fn further_features_survive_a_file() {
     assert_eq!((loaded, found), (config, norm));
 }
 
+/// Older programs know neither surfaces nor material; files of networks without them are as they were.
+#[rstest]
+#[case(vec![NodeFeature::Acceleration], 1)]
+#[case(vec![NodeFeature::Surfaces], 2)]
+#[case(vec![NodeFeature::Acceleration, NodeFeature::Material], 2)]
+fn new_features_have_a_format_of_their_own(
+    #[case] features: Vec<NodeFeature>,
+    #[case] format: usize,
+) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let config = ModelConfig { node_features: features, ..small("baseline") };
+    let columns = config.further_node_features();
+    let norm = Normalisation {
+        features_mean: vec![0.1; columns],
+        features_std: vec![2.0; columns],
+        ..normalisation()
+    };
+    weights::save(&path, &model::<Cpu>(&config), &config, &norm, BTreeMap::new()).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let header = String::from_utf8_lossy(&bytes[..2000]);
+    assert!(header.contains(&format!("\\\"format\\\":{format},")), "{header}");
+    let (_, loaded, found, _) = weights::load::<Cpu>(&path, &Default::default()).unwrap();
+    assert_eq!((loaded, found), (config, norm));
+}
+
 #[test]
 fn a_normalisation_that_divides_by_zero_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -199,7 +225,7 @@ fn wrong_tensors_are_errors_that_name_them() {
     assert!(matches!(check(&|_| None, &kept), Err(WeightsError::Metadata { .. })));
     let garbage = |_: &str| Some("{}".to_string());
     assert!(matches!(check(&garbage, &kept), Err(WeightsError::Metadata { .. })));
-    let newer = |json: &str| Some(json.replace("\"format\":1", "\"format\":2"));
+    let newer = |json: &str| Some(json.replace("\"format\":1", "\"format\":3"));
     assert!(matches!(check(&newer, &kept), Err(WeightsError::Metadata { .. })));
     let wider = |json: &str| Some(json.replace("\"width\":8", "\"width\":4096"));
     assert!(matches!(check(&wider, &kept), Err(WeightsError::Size { .. })));

@@ -1,10 +1,32 @@
 // Features of the nodes and edges of frames: the CUDA twin of `window_input` in Rust, equal to it to
 // the bit. Blocks (x, y) make those of frame y. DIMENSIONS is 2. Structs are defined in features.rs.
 
-// A fixed box: lower and upper corner (m).
-struct Obstacle {
-    float low[DIMENSIONS], high[DIMENSIONS];
+// A box in one frame: lower and upper corner (m), and how it moves (m/frame).
+struct Placed {
+    float low[DIMENSIONS], high[DIMENSIONS], velocity[DIMENSIONS];
 };
+
+// The box `back` frames before the newest of its window: the twin of `Obstacle::corners_at` and
+// `velocity_at` in Rust.
+__device__ Placed placed(const Obstacle& box, int back) {
+    const double moved = fmax(box.elapsed - back, 0.0);
+    Placed now;
+    for (int k = 0; k < DIMENSIONS; ++k) {
+        const double shift = __dmul_rn(box.velocity[k], moved);
+        now.low[k] = float(__dadd_rn(box.corners[0][k], shift));
+        now.high[k] = float(__dadd_rn(box.corners[1][k], shift));
+        now.velocity[k] = moved > 0.0 ? float(box.velocity[k]) : 0.0f;
+    }
+    return now;
+}
+
+__device__ bool is_fixed(const Obstacle& box) {
+    bool yes = true;
+    for (int k = 0; k < DIMENSIONS; ++k) {
+        yes = yes && box.velocity[k] == 0.0;
+    }
+    return yes;
+}
 
 // In radii. The paper's placeholder: a wall farther than the radius is at distance 0.
 __device__ float wall_distance(float distance, const Scales& scales) {
@@ -14,7 +36,7 @@ __device__ float wall_distance(float distance, const Scales& scales) {
 }
 
 // Whether an obstacle is in the way of a point that moves in direction k.
-__device__ bool in_the_way(const Obstacle& box, const float* x, int k, float skin) {
+__device__ bool in_the_way(const Placed& box, const float* x, int k, float skin) {
     bool yes = true;
     for (int j = 0; j < DIMENSIONS; ++j) {
         yes = yes && (j == k || !(x[j] <= box.low[j] + skin || x[j] >= box.high[j] - skin));
@@ -42,8 +64,10 @@ extern "C" __global__ void node_features(
     const unsigned window = obstacles.window[point];
     for (int k = 0; k < DIMENSIONS; ++k) {
         float below = x[k] - scales.bounds[k][0], above = scales.bounds[k][1] - x[k];
-        for (unsigned o = obstacles.first[window]; o < obstacles.first[window + 1]; ++o) {
-            const Obstacle box = obstacles.all[o];
+        const unsigned boxes = scales.walls_of_boxes ? obstacles.first[window + 1] : 0;
+        for (unsigned o = obstacles.first[window]; o < boxes; ++o) {
+            if (!is_fixed(obstacles.all[o])) continue;
+            const Placed box = placed(obstacles.all[o], 0);
             if (in_the_way(box, x, k, scales.skin)) {
                 const float over = x[k] - box.high[k], under = box.low[k] - x[k];
                 if (over >= -scales.skin) below = fminf(below, fmaxf(over, 0.0f));
@@ -104,6 +128,94 @@ extern "C" __global__ void acceleration(
     const float a = (now[k] - before[k]) - (before[k] - oldest[k]);
     frame.further[point * scales.further + column + axis] =
         (a - standard.mean[axis]) / standard.std[axis];
+}
+
+// How a point lies to a box: distance to the surface (m; negative inside), outward normal and face, in the
+// order of `Obstacle::friction`.
+struct Contact {
+    float distance, normal[DIMENSIONS];
+    int face;
+};
+
+__device__ Contact contact_with(const Placed& box, const float* x) {
+    Contact contact;
+    float square = 0.0f;
+    for (int k = 0; k < DIMENSIONS; ++k) {
+        contact.normal[k] = x[k] - fminf(fmaxf(x[k], box.low[k]), box.high[k]);
+        square = __fadd_rn(square, __fmul_rn(contact.normal[k], contact.normal[k]));
+    }
+    if (square > 0.0f) {
+        contact.distance = sqrtf(square);
+        const int axis = fabsf(contact.normal[1]) >= fabsf(contact.normal[0]);
+        contact.face = 2 * axis + (contact.normal[axis] > 0.0f);
+        for (int k = 0; k < DIMENSIONS; ++k) {
+            contact.normal[k] /= contact.distance;
+        }
+        return contact;
+    }
+    contact.face = 0;
+    float depth = x[0] - box.low[0];
+    for (int face = 1; face < 4; ++face) {
+        const int k = face / 2;
+        const float other = face % 2 ? box.high[k] - x[k] : x[k] - box.low[k];
+        if (other < depth) {
+            depth = other;
+            contact.face = face;
+        }
+    }
+    contact.distance = -depth;
+    for (int k = 0; k < DIMENSIONS; ++k) {
+        contact.normal[k] = k != contact.face / 2 ? 0.0f : contact.face % 2 ? 1.0f : -1.0f;
+    }
+    return contact;
+}
+
+// The nearest surface of a fixed box and that of a moving one, standardised, into columns of the further
+// features: the twin of `surfaces` in Rust.
+extern "C" __global__ void surfaces(
+    unsigned points, Scales scales, const __grid_constant__ Frames frames, Obstacles obstacles,
+    SurfaceStandard standard, int column) {
+    const unsigned point = blockIdx.x * blockDim.x + threadIdx.x;
+    if (point >= points) {
+        return;
+    }
+    const Frame& frame = frames.of[blockIdx.y];
+    const float* x = frame.past[0] + point * DIMENSIONS;
+    const unsigned window = obstacles.window[point];
+    float values[SURFACE_COLUMNS] = {};
+    const float infinity = __int_as_float(0x7f800000);
+    float nearest[2] = {infinity, infinity};
+    for (unsigned o = obstacles.first[window]; o < obstacles.first[window + 1]; ++o) {
+        const Placed box = placed(obstacles.all[o], frame.back);
+        const int moving = !is_fixed(obstacles.all[o]);
+        const Contact contact = contact_with(box, x);
+        if (!(contact.distance <= scales.radius) || !(contact.distance < nearest[moving])) {
+            continue;
+        }
+        nearest[moving] = contact.distance;
+        const float close = fminf(1.0f - contact.distance / scales.radius, 2.0f);
+        float* out = values + (moving ? 4 : 0);
+        *out++ = close;
+        for (int k = 0; k < DIMENSIONS; ++k) {
+            *out++ = __fmul_rn(close, contact.normal[k]);
+        }
+        for (int k = 0; moving && k < DIMENSIONS; ++k) {
+            *out++ = __fmul_rn(close, box.velocity[k]);
+        }
+        *out = __fmul_rn(close, obstacles.all[o].friction[contact.face]);
+    }
+    float* out = frame.further + point * scales.further + column;
+    for (int k = 0; k < SURFACE_COLUMNS; ++k) {
+        out[k] = (values[k] - standard.mean[k]) / standard.std[k];
+    }
+}
+
+// Makes the next frame the newest of all windows: the twin of `Obstacle::advance` in Rust.
+extern "C" __global__ void advance_obstacles(unsigned count, Obstacle* obstacles) {
+    const unsigned o = blockIdx.x * blockDim.x + threadIdx.x;
+    if (o < count) {
+        obstacles[o].elapsed += 1.0;
+    }
 }
 
 // [velocity of the sender less that of the receiver,] direction from receiver to sender (GNS:

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use gpu::{
     ConstPointer, Device, Error, Function, Kernel, Launch, Pointer, Source, checks, cuda_struct,
-    cuda_types, definitions, files, kernel,
+    definitions, files, kernel,
 };
 
 use super::geometry::{WARP, one_thread_each};
@@ -15,12 +15,23 @@ use crate::network::DIMENSIONS;
 /// Most frames of a history: more than the GNS has at most.
 pub(in crate::cuda) const PAST: usize = 16;
 
-cuda_types! {
-    /// A fixed box: lower and upper corner (m), four float32.
-    pub(in crate::cuda) struct Obstacle;
-}
+/// Columns of the features of surfaces.
+const SURFACE_COLUMNS: usize = 10;
 
 cuda_struct! {
+    /// A rigid box: [`Obstacle`](crate::features::Obstacle).
+    #[derive(Default)]
+    pub(in crate::cuda) struct Obstacle {
+        /// Lower and upper corner while it rests (m).
+        pub corners: [[f64; 2]; 2],
+        /// Velocity when it moves (m/frame).
+        pub velocity: [f64; 2],
+        /// Frames from its start to the newest frame of the window.
+        pub elapsed: f64,
+        /// Friction coefficients: left, right, bottom, top.
+        pub friction: [f32; 4],
+    }
+
     /// What features are scaled by.
     #[derive(Default)]
     pub(in crate::cuda) struct Scales {
@@ -39,6 +50,8 @@ cuda_struct! {
         pub skin: f32,
         /// Features of a node beyond velocity and walls.
         pub further: i32,
+        /// 1: faces of fixed boxes count as walls.
+        pub walls_of_boxes: i32,
     }
 
     /// A frame to describe.
@@ -48,6 +61,8 @@ cuda_struct! {
         pub past: [ConstPointer<f32>; PAST],
         /// The number of them whose velocities a node knows.
         pub known: i32,
+        /// Frames from this one to the newest of its window.
+        pub back: i32,
         /// Number of edges, and receiver and sender of each.
         pub edges: ConstPointer<u32>,
         pub receivers: ConstPointer<u32>,
@@ -70,6 +85,13 @@ cuda_struct! {
     pub(in crate::cuda) struct Standard {
         pub mean: [f32; 3],
         pub std: [f32; 3],
+    }
+
+    /// The same of the features of surfaces.
+    #[derive(Default)]
+    pub(in crate::cuda) struct SurfaceStandard {
+        pub mean: [f32; SURFACE_COLUMNS],
+        pub std: [f32; SURFACE_COLUMNS],
     }
 
     /// The obstacles of each window: those from `first[window]` to `first[window + 1]`.
@@ -114,14 +136,33 @@ kernel! {
         /// First column of the further features.
         column: i32,
     }
+
+    struct Surfaces: surfaces {
+        points: u32,
+        scales: Scales,
+        frames: Frames,
+        obstacles: Obstacles,
+        standard: SurfaceStandard,
+        /// First column of the further features.
+        column: i32,
+    }
+
+    struct AdvanceObstacles: advance_obstacles {
+        count: u32,
+        obstacles: Pointer<Obstacle>,
+    }
 }
 
 /// The source of the kernels.
 pub fn features_source() -> Source {
-    let definitions = definitions![Scales, Frame, Frames, Standard, Obstacle, Obstacles];
-    let checks = checks![NodeFeatures, EdgeFeatures, Overburden, Acceleration];
+    let definitions =
+        definitions![Scales, Frame, Frames, Standard, SurfaceStandard, Obstacle, Obstacles];
+    let checks =
+        checks![NodeFeatures, EdgeFeatures, Overburden, Acceleration, Surfaces, AdvanceObstacles];
     let text = [&definitions, files!["features.cu"], &checks].concat();
-    Source { name: "features.cu", text, defines: Vec::new() }.define("DIMENSIONS", DIMENSIONS)
+    Source { name: "features.cu", text, defines: Vec::new() }
+        .define("DIMENSIONS", DIMENSIONS)
+        .define("SURFACE_COLUMNS", SURFACE_COLUMNS)
 }
 
 /// Some frames of the same points.
@@ -142,6 +183,8 @@ pub(in crate::cuda) struct FeatureKernels {
     edge_features: Function<EdgeFeatures>,
     overburden: Function<Overburden>,
     acceleration: Function<Acceleration>,
+    surfaces: Function<Surfaces>,
+    advance_obstacles: Function<AdvanceObstacles>,
 }
 
 impl FeatureKernels {
@@ -153,6 +196,8 @@ impl FeatureKernels {
             edge_features: Function::load(device, module)?,
             overburden: Function::load(device, module)?,
             acceleration: Function::load(device, module)?,
+            surfaces: Function::load(device, module)?,
+            advance_obstacles: Function::load(device, module)?,
             device: device.clone(),
         })
     }
@@ -200,6 +245,31 @@ impl FeatureKernels {
         let (points, column) = (points as u32, column as i32);
         let arguments = Acceleration { points, scales, frames, standard, column };
         self.launch(&self.acceleration, launch, &arguments)
+    }
+
+    /// Surfaces of boxes near each point, standardised, into the further features from `column` on.
+    pub fn surfaces(
+        &self,
+        all: &FeatureFrames,
+        obstacles: Obstacles,
+        standard: SurfaceStandard,
+        column: usize,
+    ) -> Result<(), Error> {
+        let &FeatureFrames { scales, frames, count, points } = all;
+        let launch = one_thread_each(points, count);
+        let (points, column) = (points as u32, column as i32);
+        let arguments = Surfaces { points, scales, frames, obstacles, standard, column };
+        self.launch(&self.surfaces, launch, &arguments)
+    }
+
+    /// Makes the next frame the newest of the windows of `count` obstacles, at least one.
+    pub fn advance_obstacles(
+        &self,
+        obstacles: Pointer<Obstacle>,
+        count: usize,
+    ) -> Result<(), Error> {
+        let arguments = AdvanceObstacles { count: count as u32, obstacles };
+        self.launch(&self.advance_obstacles, one_thread_each(count, 1), &arguments)
     }
 
     fn launch<K: Kernel>(

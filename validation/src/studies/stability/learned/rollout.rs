@@ -92,8 +92,9 @@ impl Direct {
     /// Its first frames, which a model starts from.
     pub fn start(&self, simulator: &Simulator) -> Result<InitialFrames, StudyError> {
         let name = &self.scene.name;
-        let statics = static_features_of(simulator, name, || Ok(self.first.clone()))
-            .map_err(|e| StudyError::Scene { name: name.clone(), reason: e.to_string() })?;
+        let statics =
+            static_features_of(simulator, name, &self.scene, || Ok(self.first.clone()))
+                .map_err(|e| StudyError::Scene { name: name.clone(), reason: e.to_string() })?;
         let given = simulator.first_frames().min(self.positions.len());
         Ok(InitialFrames {
             scene: self.scene.clone(),
