@@ -230,8 +230,8 @@ fn heap<R: CudaReal>(audit: f64) -> Assembly<R> {
     heap
 }
 
-/// Nothing is chaotic until the last grain falls on the others, 0.2 s from here: the same grains sleep, where they are on
-/// the CPU to round-off. Then they wake.
+/// Nothing is chaotic until the last grain falls on the others, 0.19 s from here: the same grains sleep, where they are on
+/// the CPU to round-off. 0.03 s later some have woken.
 #[test]
 fn the_same_discs_sleep() {
     let Some(device) = gpu::for_tests() else { return };
@@ -247,16 +247,16 @@ fn the_same_discs_sleep() {
     assert!(x < 1e-9 && v < 1e-6 && w < 1e-4, "{x:e} {v:e} {w:e}");
     gpu.download_into(&mut host).unwrap();
     assert!(cpu.held() > 200 && host.held() == cpu.held(), "{} {}", cpu.held(), host.held());
+    // Lists reach further on a GPU: fewer discs have nobody awake in theirs.
     let share = |assembly: &Assembly<f64>| assembly.skipped() as f64 / (steps * 291) as f64;
     let [here, there] = [share(&cpu), share(&host)];
-    assert!(here > 0.1 && (here - there).abs() < 0.05, "{here} {there} are left out");
+    assert!(there > 0.1 && there < here + 0.01, "{here} {there} are left out");
     let awake = |assembly: &Assembly<f64>| assembly.len() - assembly.held();
     let before = awake(&host);
-    for assembly in [&mut cpu, &mut host] {
-        assembly.advance(steps).unwrap();
-    }
-    let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
-    gpu.advance(16).unwrap();
+    let steps = (0.12 / cpu.dt()) as usize;
+    cpu.advance(steps).unwrap();
+    gpu.advance(steps).unwrap();
+    gpu.download_into(&mut host).unwrap();
     assert!(awake(&cpu) > before && awake(&host) > before, "the impact wakes grains");
 }
 

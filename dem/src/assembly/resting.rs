@@ -80,38 +80,51 @@ impl<R: Real> Assembly<R> {
     /// Looks what around the grains moves: which of them nothing has to be computed of, and how far those have moved
     /// that are watched.
     fn look_around(&mut self) {
-        let around: Vec<Vec<Around>> =
+        let around: Vec<Option<Vec<Around>>> =
             self.tiles.par_iter().map(|tile| self.around(tile)).collect();
         let unit = R::from_f64(self.region.unit::<R>());
         let mut audit = 0.0_f64;
-        for (tile, around) in self.tiles.iter_mut().zip(&around) {
+        let mut quiet = vec![false; self.tiles.len()];
+        for ((tile, around), quiet) in self.tiles.iter_mut().zip(&around).zip(&mut quiet) {
+            *quiet = tile.quiet > 0;
+            (tile.quiet, tile.left_out) = (0, around.is_some());
+            let Some(around) = around else { continue };
             let own = tile.first as usize..tile.end as usize;
-            (tile.quiet, tile.left_out) = (0, true);
             for ((rest, disc), around) in
                 self.rest[own.clone()].iter_mut().zip(&self.discs[own]).zip(around)
             {
                 let fixed = disc.inv_mass == R::default();
-                rest.quiet = fixed || rest.state == State::Asleep && !around.wakeful;
-                tile.left_out &= rest.quiet;
-                tile.quiet += u32::from(rest.quiet && !fixed);
+                rest.quiet = rest.state == State::Asleep && !around.wakeful;
+                tile.left_out &= rest.quiet || fixed;
+                tile.quiet += u32::from(rest.quiet);
                 if rest.state == State::Watched && !around.moves {
                     let [x, y] = rest.moved(unit, disc).map(R::to_f64);
                     audit = audit.max(x.hypot(y));
                 }
                 rest.disturbed |= rest.state == State::Watched && around.moves;
             }
+            *quiet |= tile.quiet > 0;
         }
         self.audit = self.audit.max(audit);
-        let rest = &self.rest;
-        self.tiles.par_iter_mut().for_each(|tile| {
-            let is_quiet = |place: u32| rest[place as usize].quiet;
+        let (rest, discs) = (&self.rest, &self.discs);
+        let is_quiet = |place: u32| {
+            let place = place as usize;
+            rest[place].quiet || discs[place].inv_mass == R::default()
+        };
+        // Of other tiles no block is quiet, nor was.
+        let tiles = self.tiles.par_iter_mut().zip(quiet).filter(|&(_, quiet)| quiet);
+        tiles.for_each(|(tile, _)| {
             tile.inner.find_quiet(is_quiet);
             tile.outer.find_quiet(is_quiet);
         });
     }
 
-    /// What is around each disc of a tile.
-    fn around(&self, tile: &Tile<R>) -> Vec<Around> {
+    /// What is around each disc of a tile; `None` if all of them are awake.
+    fn around(&self, tile: &Tile<R>) -> Option<Vec<Around>> {
+        let own = tile.first as usize..tile.end as usize;
+        if self.rest[own].iter().all(|rest| rest.state == State::Awake) {
+            return None;
+        }
         let first = tile.first as usize;
         let seen = |k: usize| {
             let state = self.rest[k].state;
@@ -132,6 +145,6 @@ impl<R: Real> Assembly<R> {
             let moves = self.bodies[usize::from(pair.body)].velocity != [0.0; 2];
             around[pair.disc as usize - first].add(Around { wakeful: moves, moves });
         }
-        around
+        Some(around)
     }
 }
