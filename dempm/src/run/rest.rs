@@ -6,8 +6,8 @@ use crate::scene::Scene;
 use crate::trajectory::Frame;
 
 /// How far points stray at rest, over the diameter of a grain: root mean square over the mass, and largest.
-const MEAN_DISTANCE: f64 = 0.04;
-const LARGEST_DISTANCE: f64 = 0.4;
+const MEAN_DISTANCE: f64 = 0.02;
+const LARGEST_DISTANCE: f64 = 0.2;
 /// For how long, over $\sqrt{d / g}$: in that time what falls from rest moves by eight diameters.
 const INTERVAL: f64 = 4.0;
 /// Root mean square of their speeds over $\sqrt{g d}$, at most: packings in points shake with a fifth of that for long.
@@ -15,7 +15,7 @@ const MEAN_SPEED: f64 = 0.05;
 
 /// Looks for the time from which on everything is at rest, frame by frame: with the displacements $u_p$ of points of mass
 /// $m_p$ since a frame, their speeds $v_p$, gravity $g$ and the diameter $d$ of a grain,
-/// $\sum m_p u_p^2 \le (0.04 d)^2 \sum m_p$, $\max u_p \le 0.4 d$ and $\sum m_p v_p^2 \le 0.05^2 g d \sum m_p$ over
+/// $\sum m_p u_p^2 \le (0.02 d)^2 \sum m_p$, $\max u_p \le 0.2 d$ and $\sum m_p v_p^2 \le 0.05^2 g d \sum m_p$ over
 /// $4 \sqrt{d / g}$, after anything has moved. Where nothing falls, or a plate moves, nothing comes to rest.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Rest {
@@ -102,17 +102,17 @@ mod tests {
     #[test]
     fn rest_is_what_lasts() {
         // Three intervals of 0.05 s are more than 0.111 s, two are not.
-        assert_eq!(rest_of("", &slows_to(0.01, 4)), Some(0.25));
-        assert_eq!(rest_of("", &slows_to(0.01, 3)), None);
+        assert_eq!(rest_of("", &slows_to(0.005, 4)), Some(0.25));
+        assert_eq!(rest_of("", &slows_to(0.005, 3)), None);
         // The top of a throw: there for a moment.
         assert_eq!(rest_of("", &[[0.0, 1.0], [0.1, 0.0], [0.1, 0.0], [0.0, -1.0]]), None);
     }
 
-    /// A tenth of the displacement of the one point is the mean: within 0.3 mm over 0.15 s up to 0.02 m/s.
+    /// A tenth of the displacement of the one point is the mean: within 0.15 mm over 0.15 s up to 0.01 m/s.
     #[test]
     fn slow_creep_is_rest() {
-        assert!(rest_of("", &slows_to(0.019, 9)).is_some());
-        assert!(rest_of("", &slows_to(0.021, 9)).is_none());
+        assert!(rest_of("", &slows_to(0.0095, 9)).is_some());
+        assert!(rest_of("", &slows_to(0.0105, 9)).is_none());
     }
 
     /// A tenth of the speed is the mean: shaking in one place is rest up to 0.0136 m/s.
