@@ -5,10 +5,13 @@ use dempm::scene::{Material, Scene};
 
 use super::obstacle::friction_coefficient;
 
+/// Numbers that describe a material.
+pub const MATERIAL_COLUMNS: usize = 4;
+
 /// What a network may know of the material: friction coefficient of the grains; log2 of their mean
 /// diameter over the distance of points; friction coefficient of the floor; 1 if the floor is a row of
 /// grains. A law instead of grains has its static friction and grain diameter, elasticity neither.
-pub fn material(scene: &Scene) -> [f32; 4] {
+pub fn material(scene: &Scene) -> [f32; MATERIAL_COLUMNS] {
     let (friction, diameter) = match (&scene.material, scene.material.grains()) {
         (_, Some(grains)) => (grains.friction, grains.radius_min + grains.radius_max),
         (Material::MuI(law), None) => (law.static_friction, law.grain_diameter),

@@ -6,9 +6,9 @@ use super::obstacle::Obstacle;
 const FIXED: usize = 4;
 const MOVING: usize = 6;
 /// Columns of both.
-pub const COLUMNS: usize = FIXED + MOVING;
-/// The columns that are velocities.
-pub const VELOCITY: [usize; 2] = [FIXED + 3, FIXED + 4];
+pub const SURFACE_COLUMNS: usize = FIXED + MOVING;
+/// Those of them that are velocities.
+pub const SURFACE_VELOCITY: [usize; 2] = [FIXED + 3, FIXED + 4];
 
 /// The nearest surface of a fixed box and the nearest one of a moving box, of each point: closeness
 /// c = 1 - distance / radius, and c times the outward normal, the velocity (m/frame; of a moving box
@@ -16,10 +16,10 @@ pub const VELOCITY: [usize; 2] = [FIXED + 3, FIXED + 4];
 /// that nothing jumps when a box comes into reach. Inside a box the distance is negative and c at most 2.
 ///
 /// `positions` (m) are points x 2, in the frame `back` frames before the newest one of the window.
-/// Returns points x [`COLUMNS`].
+/// Returns points x [`SURFACE_COLUMNS`].
 pub fn surfaces(positions: &[f32], obstacles: &[Obstacle], back: usize, radius: f32) -> Vec<f32> {
     let points = positions.as_chunks::<2>().0;
-    let mut columns = Vec::with_capacity(points.len() * COLUMNS);
+    let mut columns = Vec::with_capacity(points.len() * SURFACE_COLUMNS);
     for &point in points {
         let nearest = |fixed: bool| {
             let kind = obstacles.iter().filter(|obstacle| obstacle.is_fixed() == fixed);
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(seen([1.5, 1.0], 4)[..4], [1.0, 0.0, 1.0, 1.0]);
         assert_eq!(seen([1.5, 0.875], 4)[..4], [1.25, 0.0, 1.25, 1.25]);
         // Out of reach.
-        assert_eq!(seen([0.4, 0.5], 4), [0.0; COLUMNS]);
+        assert_eq!(seen([0.4, 0.5], 4), [0.0; SURFACE_COLUMNS]);
         // Beyond a corner, (0.3, 0.4) from it: the radius, where all vanishes.
         let corner = surfaces(&[2.15, 1.2], &boxes()[..1], 0, RADIUS);
         for (found, expected) in corner.iter().zip([0.5, 0.3, 0.4, 0.5]) {
@@ -128,7 +128,7 @@ mod tests {
         let plate = [0.5, 0.0, -0.5, 0.0, -0.125, 0.25];
         assert_eq!(seen([1.5, 1.75], 0), [&[0.0; FIXED][..], &plate].concat());
         // Before it moved it was out of reach.
-        assert_eq!(seen([1.5, 1.75], 4), [0.0; COLUMNS]);
+        assert_eq!(seen([1.5, 1.75], 4), [0.0; SURFACE_COLUMNS]);
     }
 
     #[test]

@@ -6,6 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::features::{MATERIAL_COLUMNS, SURFACE_COLUMNS};
+
 /// An optional feature of every node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -22,10 +24,10 @@ pub enum NodeFeature {
     /// Solid fraction in the first frame of the trajectory.
     InitialSolidFraction,
     /// The nearest surface of a fixed box and that of a moving one
-    /// ([`surfaces`](crate::features::surfaces)). Changes from frame to frame.
+    /// ([`surfaces`](fn@crate::features::surfaces)). Changes from frame to frame.
     Surfaces,
     /// Friction of the grains, size of the grains, friction and kind of the floor
-    /// ([`material`](crate::features::material)): the same for all points.
+    /// ([`material`](fn@crate::features::material)): the same for all points.
     Material,
 }
 
@@ -36,8 +38,8 @@ impl NodeFeature {
             Self::Overburden | Self::InitialSolidFraction => 1,
             Self::InitialStress => 2,
             Self::Acceleration => dimensions,
-            Self::Surfaces => 10,
-            Self::Material => 4,
+            Self::Surfaces => SURFACE_COLUMNS,
+            Self::Material => MATERIAL_COLUMNS,
         }
     }
 

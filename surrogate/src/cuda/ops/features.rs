@@ -10,13 +10,11 @@ use gpu::{
 
 use super::geometry::{WARP, one_thread_each};
 use super::graph::FRAMES;
+use crate::features::SURFACE_COLUMNS;
 use crate::network::DIMENSIONS;
 
 /// Most frames of a history: more than the GNS has at most.
 pub(in crate::cuda) const PAST: usize = 16;
-
-/// Columns of the features of surfaces.
-const SURFACE_COLUMNS: usize = 10;
 
 cuda_struct! {
     /// A rigid box: [`Obstacle`](crate::features::Obstacle).
