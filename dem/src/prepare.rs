@@ -104,6 +104,12 @@ pub fn ladder(
 /// An element with the damping of preparation, which is never stress-free. It takes the default step, not
 /// that of flow: packings would differ with the step, by more than flows do.
 fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, StageError> {
+    let (p, macro_step) = preparation(p);
+    Element::new(packing, &p, macro_step)
+}
+
+/// Parameters while a packing is prepared, with the friction of flow, and the time between two servo decisions (s).
+pub(crate) fn preparation(p: &RveParameters) -> (RveParameters, f64) {
     let p = RveParameters {
         grains: Grains {
             local_damping: p.preparation.local_damping,
@@ -114,11 +120,12 @@ fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, Stage
         free_solid_fraction: 0.0,
         ..p.clone()
     };
-    Element::new(packing, &p, CONTROL_STEPS * p.grains.step())
+    let macro_step = CONTROL_STEPS * p.grains.step();
+    (p, macro_step)
 }
 
 /// Random non-overlapping discs, radii uniform in `[radius_min, radius_max]`, in a square cell.
-fn cloud(p: &RveParameters, seed: u64) -> Result<Packing<f64>, String> {
+pub(crate) fn cloud(p: &RveParameters, seed: u64) -> Result<Packing<f64>, String> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut radii: Vec<f64> =
         (0..p.discs).map(|_| rng.random_range(p.grains.radius_min..=p.grains.radius_max)).collect();

@@ -57,4 +57,5 @@ pub mod run;
 pub mod scene;
 pub mod simulation;
 pub mod soundness;
+pub mod toml_error;
 pub mod trajectory;

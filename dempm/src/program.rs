@@ -60,7 +60,7 @@ impl Arguments {
             Command::Dataset(args) => dataset::dataset(&args, verbose),
             Command::Check(args) => check::check(&args).map(done),
             Command::Element(args) => element::element(&args).map(done),
-            Command::Calibrate(args) => calibrate::calibrate(&args),
+            Command::Calibrate(args) => calibrate::calibrate(&args, verbose),
             Command::Bench(args) => bench::bench(&args, verbose).map(done),
             Command::Info(args) => info::info(&args).map(done),
             Command::Plot(args) => plot::plot(&args).map(done),

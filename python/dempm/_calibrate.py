@@ -52,17 +52,24 @@ class Calibration:
 
 
 def calibrate(
-    targets: Values, output: FilePath, *, law: str | None = None, resume: bool = False, overwrite: bool = False
+    targets: Values,
+    output: FilePath,
+    *,
+    law: str | None = None,
+    device: str = "auto",
+    resume: bool = False,
+    overwrite: bool = False,
 ) -> Calibration:
     """Finds grains whose packings behave like a measured material: [calibration](calibration.md).
 
     `targets` is a file or a dictionary with its keys, in which tables are files relative to the current folder.
-    `output` is the folder of the results. `law="mu-i"` also fits this law. After Ctrl-C the same call with `resume=True`
+    `output` is the folder of the results. `law="mu-i"` also fits this law. `device` is `auto` (a GPU if there is one),
+    `cpu`, `cuda` or `cuda:N`. After Ctrl-C the same call with `resume=True`
     continues from the last whole round with the same bits. Raises `dempm.Error` if a key or a table is wrong, or the
     grains cannot be simulated.
     """
     values = _absolute(targets) if isinstance(targets, Mapping) else targets
-    options = [f"--output={os.fspath(output)}", *([f"--law={law}"] if law is not None else [])]
+    options = [f"--output={os.fspath(output)}", f"--device={device}", *([f"--law={law}"] if law is not None else [])]
     options += [name for name, on in (("--resume", resume), ("--overwrite", overwrite)) if on]
     with _scene.as_file(values) as file:
         command("dempm", "calibrate", file, *options)

@@ -139,6 +139,8 @@ cuda_struct! {
         pub(super) free: u32,
         pub(super) thin: u32,
         pub(super) dense: u32,
+        /// Mean resultant force on a disc over the mean normal force, in batches of unequal parameters.
+        pub(super) unbalanced: f64,
     }
 
     /// The RVE of one block.
@@ -157,36 +159,6 @@ cuda_struct! {
         pub queued: u64,
         /// Number of this launch.
         pub launch: u32,
-    }
-
-    /// Arrays over RVEs; index `rves` holds the fresh packing.
-    pub(super) struct Batch<R: CudaReal> {
-        pub header: Pointer<Header>,
-        pub state: Pointer<State>,
-        /// By seat, as `motion`, `reference` and `seated`.
-        pub position: Pointer<Position<R>>,
-        pub motion: Pointer<Motion<R>>,
-        /// Position at the last search.
-        pub reference: Pointer<Position<R>>,
-        /// Disc of the seat.
-        pub seated: Pointer<u16>,
-        pub rows: Pointer<Rows>,
-        /// By slot, as `pair`, `tangential` and `incoming`: seat and image, see `Slots` in
-        /// `shared.cuh`.
-        pub neighbour: Pointer<u32>,
-        /// Distance at touch (m) and dashpot (kg/s).
-        pub pair: Pointer<Vector<R>>,
-        /// Tangential spring force (N) and, where contacts resist it, the rolling spring force in as many slots.
-        pub spring: Pointer<R>,
-        /// Slot of a pair at its owner.
-        pub incoming: Pointer<u16>,
-        /// Once for all RVEs that have the same discs.
-        pub disc: ConstPointer<Disc<R>>,
-        /// Lowest index of an RVE that failed.
-        pub failed: Pointer<i32>,
-        /// By block.
-        pub turn: Pointer<Turn>,
-        pub queue: Pointer<Queue>,
     }
 
     /// Parameters of a macro step.
@@ -221,7 +193,7 @@ cuda_struct! {
         pub local_damping: R,
         /// Number of RVEs.
         pub rves: u32,
-        /// Substeps in the macro step.
+        /// Substeps in the macro step. In batches of unequal parameters, 0: the RVE stands still.
         pub substeps: u32,
         /// Substeps at its end over which stress is averaged.
         pub samples: u32,
@@ -233,6 +205,38 @@ cuda_struct! {
         pub rolling_spring: R,
         /// The rolling dashpot over the normal one.
         pub rolling_dashpot: R,
+    }
+
+    /// Arrays over RVEs; index `rves` holds the fresh packing.
+    pub(super) struct Batch<R: CudaReal> {
+        pub header: Pointer<Header>,
+        pub state: Pointer<State>,
+        /// By seat, as `motion`, `reference` and `seated`.
+        pub position: Pointer<Position<R>>,
+        pub motion: Pointer<Motion<R>>,
+        /// Position at the last search.
+        pub reference: Pointer<Position<R>>,
+        /// Disc of the seat.
+        pub seated: Pointer<u16>,
+        pub rows: Pointer<Rows>,
+        /// By slot, as `pair`, `tangential` and `incoming`: seat and image, see `Slots` in
+        /// `shared.cuh`.
+        pub neighbour: Pointer<u32>,
+        /// Distance at touch (m) and dashpot (kg/s).
+        pub pair: Pointer<Vector<R>>,
+        /// Tangential spring force (N) and, where contacts resist it, the rolling spring force in as many slots.
+        pub spring: Pointer<R>,
+        /// Slot of a pair at its owner.
+        pub incoming: Pointer<u16>,
+        /// Once for all RVEs that have the same discs.
+        pub disc: ConstPointer<Disc<R>>,
+        /// Lowest index of an RVE that failed.
+        pub failed: Pointer<i32>,
+        /// By block.
+        pub turn: Pointer<Turn>,
+        pub queue: Pointer<Queue>,
+        /// Parameters of each RVE, in batches of unequal parameters.
+        pub each: ConstPointer<Parameters<R>>,
     }
 }
 

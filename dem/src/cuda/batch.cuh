@@ -9,6 +9,7 @@
 //   BLOCKS        thread blocks that one multiprocessor should hold
 //   SHARED_BYTES  what shape.rs reserves for `Shared`
 //   ROLLING       1 where contacts resist rolling, else 0
+//   UNEQUAL       1 where each RVE has parameters of its own, else 0
 
 constexpr int LANES = 32;
 constexpr int WARPS = THREADS / LANES;

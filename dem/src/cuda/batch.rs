@@ -44,6 +44,8 @@ pub struct CudaRveBatch<R: CudaReal> {
     spring: CudaSlice<R>,
     incoming: CudaSlice<u16>,
     disc: CudaSlice<Disc<R>>,
+    /// Parameters of each RVE, if they are unequal.
+    each: CudaSlice<Parameters<R>>,
     velocity_gradient: CudaSlice<Tensor>,
     failed: CudaSlice<i32>,
     turn: CudaSlice<Turn>,
@@ -84,8 +86,27 @@ impl<R: CudaReal> CudaRveBatch<R> {
         room: Room,
     ) -> Result<Self, CudaError> {
         let discs = batch.fresh.discs.len();
-        let rves = batch.rves.len();
         let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?, room)?;
+        Self::upload_with_shape(device, batch, shape)
+    }
+
+    /// As [`upload`](Self::upload), of RVEs that have parameters of their own: [`advance_each`](Self::advance_each)
+    /// takes them, and the parameters of the batch only tell the room for lists and whether contacts resist rolling.
+    pub(super) fn upload_unequal(
+        device: &Arc<Device>,
+        batch: &RveBatch<R>,
+    ) -> Result<Self, CudaError> {
+        let discs = batch.fresh.discs.len();
+        let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?, Room::Ample)?;
+        Self::upload_with_shape(device, batch, shape.with_unequal_parameters())
+    }
+
+    fn upload_with_shape(
+        device: &Arc<Device>,
+        batch: &RveBatch<R>,
+        shape: Shape,
+    ) -> Result<Self, CudaError> {
+        let rves = batch.rves.len();
         let host = Arrays::from_batch(batch, &shape)?;
         device.reserve(Arrays::<R>::bytes(&shape, rves))?;
         let turns: Vec<Turn> = (0..rves as u32).map(|k| Turn { even: k, odd: k }).collect();
@@ -106,6 +127,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             spring: device.upload(&host.spring)?,
             incoming: device.upload(&host.incoming)?,
             disc: device.upload(&host.disc)?,
+            each: device.zeros(if shape.unequal { rves } else { 1 })?,
             velocity_gradient: device.zeros(rves)?,
             failed: device.upload(&[i32::MAX])?,
             turn: device.upload(&turns)?,
@@ -199,6 +221,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             failed: Pointer::to(&self.failed, stream),
             turn: Pointer::to(&self.turn, stream),
             queue: Pointer::to(&self.queue, stream),
+            each: ConstPointer::to(&self.each, stream),
         };
         let p = Parameters::new(&self.parameters, dt, self.rves);
         let launch = Launch::blocks(self.rves as u32, self.shape.threads as u32)
@@ -231,6 +254,34 @@ impl<R: CudaReal> CudaRveBatch<R> {
         Ok(())
     }
 
+    /// Advances each RVE of an [unequal](Self::upload_unequal) batch by a macro step of its own, and waits. RVEs that
+    /// failed stand still.
+    pub(super) fn advance_each(
+        &mut self,
+        each: &[Parameters<R>],
+        velocity_gradient: &[Tensor],
+    ) -> Result<Vec<State>, CudaError> {
+        let stream = self.device.stream().clone();
+        stream.memcpy_htod(each, &mut self.each)?;
+        stream.memcpy_htod(velocity_gradient, &mut self.velocity_gradient)?;
+        self.launch_at(&stream, 1.0, ConstPointer::to(&self.velocity_gradient, &stream))?;
+        Ok(stream.clone_dtoh(&self.state)?)
+    }
+
+    /// Why each RVE failed that did.
+    pub(super) fn failures(&self) -> Result<Vec<Option<RveFailure>>, CudaError> {
+        let stream = self.device.stream();
+        if stream.clone_dtoh(&self.failed)?[0] == i32::MAX {
+            return Ok(vec![None; self.rves]);
+        }
+        let headers = stream.clone_dtoh(&self.header)?;
+        let states = stream.clone_dtoh(&self.state)?;
+        let failure = |(header, state): (&Header, &State)| {
+            (header.status != Status::OK).then(|| self.reason(header, state))
+        };
+        Ok(headers.iter().zip(&states).map(failure).collect())
+    }
+
     /// States after the last macro step, once it is done.
     ///
     /// # Errors
@@ -258,14 +309,19 @@ impl<R: CudaReal> CudaRveBatch<R> {
     pub fn failure(&self, rve: usize) -> Result<CudaError, CudaError> {
         let stream = self.device.stream();
         let header = stream.clone_dtoh(&self.header.slice(rve..=rve))?[0];
-        let overlap = stream.clone_dtoh(&self.state.slice(rve..=rve))?[0].relative_overlap;
-        let failure = match header.status {
-            Status::OVERLAP => RveFailure::Packing(Failure::Overlap(overlap)),
+        let state = stream.clone_dtoh(&self.state.slice(rve..=rve))?[0];
+        let failure = self.reason(&header, &state);
+        Ok(CudaError::Rve { rve, step: header.steps as usize, failure })
+    }
+
+    /// Why an RVE failed.
+    fn reason(&self, header: &Header, state: &State) -> RveFailure {
+        match header.status {
+            Status::OVERLAP => RveFailure::Packing(Failure::Overlap(state.relative_overlap)),
             Status::LIST_FULL => RveFailure::ListFull { rows: self.shape.rows },
             Status::SLOTS_FULL => RveFailure::SlotsFull { slots: self.shape.slots },
             _ => RveFailure::Packing(Failure::NotFinite),
-        };
-        Ok(CudaError::Rve { rve, step: header.steps as usize, failure })
+        }
     }
 
     /// Resources that the kernel takes.

@@ -38,6 +38,9 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
     c.status = OK;
     Header& h = c.header;
     if (h.status != OK) return DONE;
+#if UNEQUAL
+    if (p.substeps == 0) return DONE;
+#endif
     h.steps += 1;
     const double dt = p.dt * p.substeps;
     if (!finite(l)) {

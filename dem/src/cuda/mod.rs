@@ -8,6 +8,7 @@ mod abi;
 mod arrays;
 mod assembly;
 mod batch;
+mod elements;
 mod error;
 mod list;
 mod real;
@@ -19,6 +20,7 @@ pub use assembly::{
     CudaAssembly, CudaAssemblyError, defines as assembly_defines, source as assembly_source,
 };
 pub use batch::{CudaRveBatch, KernelResources};
+pub use elements::{ElementTest, consolidate_all, run_stages};
 pub use error::{CudaError, RveFailure};
 pub use real::CudaReal;
 pub use rve::source;

@@ -122,6 +122,10 @@ __device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bo
     state.searches = c.searches;
     state.thin = c.thin;
     state.dense = c.dense;
+#if UNEQUAL
+    const double normal = double(p.normal_stiffness) * double(sh.sum[TOTAL_OVERLAP]);
+    state.unbalanced = double(sh.sum[RESULTANTS]) / DISCS * double(sh.sum[CONTACTS]) / normal;
+#endif
     if (c.status == OK && broken) c.status = NOT_FINITE;
     if (c.status == OK && state.relative_overlap > p.overlap_limit) c.status = OVERLAP;
     if (c.status != OK) {
@@ -135,13 +139,18 @@ __device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bo
 }
 
 extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
-rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Parameters p,
+rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Parameters common,
             const Matrix* __restrict__ velocity_gradient) {
     await_turn();
     Shared& sh = shared();
     Control& c = sh.control;
     const unsigned launch = batch.queue->launch;
     const unsigned rve = next_rve(batch, launch);
+#if UNEQUAL
+    const Parameters& p = batch.each[rve];
+#else
+    const Parameters& p = common;
+#endif
     const int t = int(threadIdx.x);
     const int lane = t % LANES;
     const int warp = t / LANES;
@@ -232,6 +241,10 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     sh.summand[VIRIAL_SHEAR][t] = total.virial.shear;
     sh.summand[CONTACTS][t] = Real(total.contacts);
     sh.summand[OVERLAPS][t] = total.relative_overlap;
+#if UNEQUAL
+    sh.summand[RESULTANTS][t] = t < DISCS ? total.resultant : Real(0);
+    sh.summand[TOTAL_OVERLAP][t] = total.overlap;
+#endif
     put_momentum(disc.mass, body.u, t);
     offer_stores();
     // A search may be due soon where half of the squared way to it will be done in another macro step.

@@ -54,8 +54,8 @@ pub fn source<R: CudaReal>() -> String {
         State,
         Turn,
         Queue,
-        Batch<R>,
         Parameters<R>,
+        Batch<R>,
     ];
     [&structs, FILES, &checks![RveAdvance<R>]].concat()
 }

@@ -24,6 +24,8 @@ pub struct Shape {
     pub shared_bytes: usize,
     /// Whether contacts resist rolling.
     pub rolling: bool,
+    /// Whether each RVE has parameters of its own.
+    pub unequal: bool,
     real_bits: usize,
 }
 
@@ -128,6 +130,7 @@ impl Shape {
                         .max(search_shared::<R>(threads, rows))
                         .max(sums_shared::<R>(threads)),
                 rolling,
+                unequal: false,
                 real_bits: R::BITS,
             })
         };
@@ -136,6 +139,12 @@ impl Shape {
             Room::Ample => &AMPLE,
         };
         (1..=wanted).rev().find_map(|blocks| fit(blocks, fewest)).or_else(|| fit(1, &LEAST))
+    }
+
+    /// The same for RVEs that have parameters of their own.
+    #[must_use]
+    pub fn with_unequal_parameters(self) -> Self {
+        Self { unequal: true, ..self }
     }
 
     /// Room for listed pairs at the discs that do not own them.
@@ -159,6 +168,7 @@ impl Shape {
             ("BLOCKS", self.blocks),
             ("SHARED_BYTES", self.shared_bytes),
             ("ROLLING", usize::from(self.rolling)),
+            ("UNEQUAL", usize::from(self.unequal)),
         ]
         .map(|(name, value)| format!("{name}={value}"))
         .to_vec()
@@ -186,7 +196,7 @@ fn fixed_shared<R: Real>(threads: usize) -> usize {
 
 /// Shared memory of the sums over the discs (bytes).
 fn sums_shared<R: Real>(threads: usize) -> usize {
-    7 * threads * size_of::<R>()
+    9 * threads * size_of::<R>()
 }
 
 /// Shared memory of a search (bytes): discs by bins or who is near them, bins, a census and rows.

@@ -84,7 +84,13 @@ struct Virial {
 };
 
 // What is added up over the seats at the end; of overlaps, the largest.
-enum Sum { VIRIAL_XX, VIRIAL_YY, VIRIAL_SHEAR, CONTACTS, MOMENTUM_X, MOMENTUM_Y, OVERLAPS, SUMS };
+enum Sum {
+    VIRIAL_XX, VIRIAL_YY, VIRIAL_SHEAR, CONTACTS, MOMENTUM_X, MOMENTUM_Y, OVERLAPS,
+#if UNEQUAL
+    RESULTANTS, TOTAL_OVERLAP,
+#endif
+    SUMS
+};
 
 struct alignas(16) Binned {
     Position s;

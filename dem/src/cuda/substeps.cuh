@@ -7,6 +7,10 @@ struct Totals {
     Real relative_overlap;
     // Touching pairs that the disc owns, in the last substep.
     int contacts;
+#if UNEQUAL
+    // Their overlaps (m), and the resultant of all contact forces on the disc (N).
+    Real overlap, resultant;
+#endif
 };
 
 // Minus the force (N) and minus the torque (N m) on a disc.
@@ -94,6 +98,9 @@ __device__ inline Resistance contact_forces(const Parameters& p, const Real* cel
             total.virial.shear += force.x * ly;
             total.virial.shear += force.y * lx;
             total.contacts += touching;
+#if UNEQUAL
+            total.overlap += touching ? overlap : Real(0);
+#endif
         }
         sh.slot.tangential[slot] = tangential;
         sh.reaction.force[slot] = force;
@@ -139,6 +146,9 @@ __device__ inline void substep(const Parameters& p, const Substep& now, const Re
         total.virial.yy *= c.growth;
         total.virial.shear *= c.growth;
         total.contacts = 0;
+#if UNEQUAL
+        total.overlap = 0;
+#endif
     }
     const Range owned = sh.owned[seat()];
     Resistance f =
@@ -147,6 +157,9 @@ __device__ inline void substep(const Parameters& p, const Substep& now, const Re
     // The barrier publishes the reactions, and every thread has read its neighbours.
     __syncthreads();
     add_reactions(f, incoming.first, incoming.end);
+#if UNEQUAL
+    if (SAMPLED) total.resultant = length_and_inverse<Vec>(f.x * f.x + f.y * f.y).x;
+#endif
     if (p.local_damping != Real(0)) {
         f.x = damped(f.x, u.x, p.local_damping);
         f.y = damped(f.y, u.y, p.local_damping);

@@ -3,6 +3,7 @@
 //! Stages take pressures (compression positive); rows of the path hold stresses (tension positive), as
 //! the MPM and the output files do.
 
+mod drive;
 mod path;
 mod servo;
 mod stage;
@@ -19,14 +20,9 @@ use crate::rve::{Rve, RveState, Substepping};
 pub use path::{Row, Summary, sin_phi, summary};
 pub use stage::{Axis, Control, Stage, Until};
 
-use path::Sampler;
-use servo::Servo;
-use stage::End;
+pub(crate) use drive::Drive;
 
-/// Relative stress error and unbalanced force at which a stage without duration ends.
-const TOLERANCE: f64 = 1.0e-3;
-/// Give up after this many DEM steps in a stage that ends at a state, not at a time.
-const MAX_STEPS: usize = 20_000_000;
+use drive::MAX_STEPS;
 
 /// Why a stage ended early.
 #[derive(Debug, thiserror::Error)]
@@ -39,6 +35,14 @@ pub enum StageError {
         /// Time since the start of the path (s).
         t: f64,
     },
+    /// The RVE failed on a GPU.
+    #[error("at t = {t:.4} s: {failure}")]
+    FailedOnGpu {
+        /// Why.
+        failure: String,
+        /// Time since the start of the path (s).
+        t: f64,
+    },
     /// The state at which the stage ends was not reached.
     #[error("{wanted} not reached after {MAX_STEPS} DEM steps (reached {:.0} and {:.0} Pa)", .reached[0], .reached[1])]
     Unreached {
@@ -47,6 +51,13 @@ pub enum StageError {
         /// Pressures along x and y (Pa).
         reached: [f64; 2],
     },
+}
+
+impl StageError {
+    /// The state in which a stage was given up.
+    pub(crate) fn unreached(wanted: String, state: &RveState) -> Self {
+        Self::Unreached { wanted, reached: [state.stress[(0, 0)], state.stress[(1, 1)]] }
+    }
 }
 
 /// One RVE on its path.
@@ -107,9 +118,7 @@ impl<R: Real> Element<R> {
 
     /// The present state as a row of the path.
     pub fn row(&self) -> Row {
-        let mut sampler = Sampler::default();
-        sampler.add(&self.state, &Matrix2::zeros());
-        sampler.row(self.t, self.strain, &self.parameters)
+        Row::at(&self.state, self.t, self.strain, &self.parameters)
     }
 
     /// Runs one stage and passes a row to `on_row` every `sampling` seconds and at the end.
@@ -122,41 +131,21 @@ impl<R: Real> Element<R> {
         sampling: f64,
         mut on_row: impl FnMut(&Row),
     ) -> Result<(), StageError> {
-        let (control, end) = (stage.control(), stage.end());
-        let limit = match end {
-            End::Duration(duration) => (duration / self.macro_step).round() as usize,
-            End::Vertical { .. } | End::Balanced { .. } => {
-                MAX_STEPS / self.parameters.grains.substeps(self.macro_step)
-            }
-        };
-        // Infinite sampling saturates: one row, at the end of the stage.
-        let per_row = ((sampling / self.macro_step).round() as usize).max(1);
-        let mut servo = Servo::default();
-        let mut sampler = Sampler::default();
-        for n in 0..limit {
-            let l = servo.velocity_gradient(
-                &control,
-                &self.state.stress,
-                &self.parameters,
-                self.macro_step,
-            );
+        let mut drive = Drive::new(stage, sampling, &self.parameters, self.macro_step);
+        while !drive.is_over() {
+            let l = drive.velocity_gradient(&self.state, &self.parameters);
             self.advance(&l)?;
-            sampler.add(&self.state, &l);
-            let last = n + 1 == limit && matches!(end, End::Duration(_));
-            let done = last || self.reached(&end);
-            if done || (n + 1) % per_row == 0 {
-                on_row(&sampler.row(self.t, self.strain, &self.parameters));
+            let due = drive.after(&self.state, &l, || self.unbalanced_force());
+            if due.row {
+                on_row(&drive.row(self.t, self.strain, &self.parameters));
             }
-            if done {
+            if due.end {
                 return Ok(());
             }
         }
-        match end {
-            End::Duration(_) => Ok(()),
-            End::Vertical { pressure, .. } => Err(self.unreached(format!("{pressure} Pa"))),
-            End::Balanced { pressure } => {
-                Err(self.unreached(format!("equilibrium at {pressure} Pa")))
-            }
+        match drive.unreached() {
+            None => Ok(()),
+            Some(wanted) => Err(StageError::unreached(wanted, &self.state)),
         }
     }
 
@@ -177,18 +166,6 @@ impl<R: Real> Element<R> {
         Ok(())
     }
 
-    fn reached(&self, end: &End) -> bool {
-        let stress = &self.state.stress;
-        match *end {
-            End::Duration(_) => false,
-            End::Vertical { pressure, loading } => (stress[(1, 1)] >= pressure) == loading,
-            End::Balanced { pressure } => {
-                let near = |s: f64| (s / pressure - 1.0).abs() < TOLERANCE;
-                near(stress[(0, 0)]) && near(stress[(1, 1)]) && self.unbalanced_force() < TOLERANCE
-            }
-        }
-    }
-
     /// Mean resultant force on a disc over the mean normal contact force.
     pub fn unbalanced_force(&self) -> f64 {
         let length = |f: &Force<R>| f[0].to_f64().hypot(f[1].to_f64());
@@ -202,10 +179,5 @@ impl<R: Real> Element<R> {
             return f64::INFINITY;
         }
         (resultant / self.forces.on_disc.len() as f64) / (normal / contacts)
-    }
-
-    fn unreached(&self, wanted: String) -> StageError {
-        let stress = &self.state.stress;
-        StageError::Unreached { wanted, reached: [stress[(0, 0)], stress[(1, 1)]] }
     }
 }

@@ -61,6 +61,13 @@ impl Row {
         ]
     }
 
+    /// A single state at rest, at time `t` (s) and `strain`.
+    pub(crate) fn at(state: &RveState, t: f64, strain: Matrix2<f64>, p: &RveParameters) -> Self {
+        let mut sampler = Sampler::default();
+        sampler.add(state, &Matrix2::zeros());
+        sampler.row(t, strain, p)
+    }
+
     /// Mean pressure (Pa), compression positive.
     pub fn pressure(&self) -> f64 {
         -0.5 * self.stress.trace()

@@ -5,6 +5,7 @@ use dem::assembly::{
     Assembly, Boundary, ColumnBox, Faces, Floor, GrainState, on_cpu, prepare_column,
 };
 
+use super::line::Line;
 use crate::fronts::mass_front;
 
 /// A column at rest against a smooth wall, on a floor of grains.
@@ -79,10 +80,7 @@ fn slope(states: &[GrainState], grains: &Grains) -> f64 {
     let highest = surface.iter().map(|x| x[1]).fold(0.0, f64::max);
     let flank =
         surface.iter().filter(|x| (FLANK[0] * highest..=FLANK[1] * highest).contains(&x[1]));
-    let (n, sx, sy, sxx, sxy) = flank.fold((0.0, 0.0, 0.0, 0.0, 0.0), |s, [x, y]| {
-        (s.0 + 1.0, s.1 + x, s.2 + y, s.3 + x * x, s.4 + x * y)
-    });
-    let steepness = (n * sxy - sx * sy) / (n * sxx - sx * sx);
+    let steepness = flank.copied().collect::<Line>().slope();
     if steepness.is_finite() { (-steepness).atan().to_degrees() } else { 90.0 }
 }
 

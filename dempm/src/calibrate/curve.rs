@@ -9,6 +9,7 @@ use dem::element::Row;
 
 use super::error::CalibrationError;
 use super::quantity::Quantity;
+use crate::element::PathColumns;
 
 /// Points of a curve: the abscissa, and one value of each ordinate.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,8 +40,8 @@ pub(super) fn read(
     let Some((header_line, header)) = lines.next() else {
         return error(1, "the table is empty".into());
     };
-    if header == Row::COLUMNS.join(",") {
-        let rows = element_rows(path, lines)?;
+    if let Ok(columns) = PathColumns::of(header) {
+        let rows = element_rows(path, &columns, lines)?;
         let curve = of_rows(&rows, abscissa, ordinates);
         return Ok((curve, ordinates.to_vec()));
     }
@@ -58,8 +59,8 @@ pub(super) fn read(
         let wanted = format!("{} with {}", abscissa.name(), abscissa.units());
         return error(header_line, format!("there is no column {wanted}"));
     };
-    let found: Vec<Quantity> =
-        ordinates.iter().copied().filter(|&quantity| place(quantity).is_some()).collect();
+    let found: Vec<(Quantity, usize)> =
+        ordinates.iter().filter_map(|&quantity| Some((quantity, place(quantity)?))).collect();
     if found.is_empty() {
         let names: Vec<_> = ordinates.iter().map(|quantity| quantity.name()).collect();
         return error(header_line, format!("there is no column {}", names.join(" or ")));
@@ -84,8 +85,8 @@ pub(super) fn read(
             return error(line, problem);
         }
         curve.x.push(x);
-        for (values, &quantity) in curve.y.iter_mut().zip(&found) {
-            match value(place(quantity).unwrap_or(x_column)) {
+        for (values, &(_, place)) in curve.y.iter_mut().zip(&found) {
+            match value(place) {
                 Ok(y) => values.push(y),
                 Err(problem) => return error(line, problem),
             }
@@ -94,7 +95,7 @@ pub(super) fn read(
     if curve.x.len() < FEWEST {
         return error(header_line, format!("{} points are too few", curve.x.len()));
     }
-    Ok((curve, found))
+    Ok((curve, found.into_iter().map(|(quantity, _)| quantity).collect()))
 }
 
 /// The quantity of a column and the factor of its unit; `None` for columns that no test knows.
@@ -121,33 +122,21 @@ fn column(
 /// Rows of a path that `dempm element` has written.
 fn element_rows<'a>(
     path: &Path,
+    columns: &PathColumns,
     lines: impl Iterator<Item = (usize, &'a str)>,
 ) -> Result<Vec<Row>, CalibrationError> {
-    let mut rows = Vec::new();
-    for (line, text) in lines {
-        let error =
-            |problem: String| CalibrationError::Data { path: path.to_owned(), line, problem };
-        let values: Vec<f64> = text
-            .split(',')
-            .map(|cell| cell.trim().parse().map_err(|_| error(format!("`{cell}` is not a number"))))
-            .collect::<Result<_, _>>()?;
-        let &[t, exx, exy, eyx, eyy, sxx, sxy, syx, syy, solid_fraction, coordination, inertial] =
-            values.as_slice()
-        else {
-            return Err(error(format!("{} values for 12 columns", values.len())));
-        };
-        rows.push(Row {
-            t,
-            strain: nalgebra::Matrix2::new(exx, exy, eyx, eyy),
-            stress: nalgebra::Matrix2::new(sxx, sxy, syx, syy),
-            solid_fraction,
-            coordination,
-            inertial_number: inertial,
-        });
-    }
+    let error = |line, problem| CalibrationError::Data { path: path.to_owned(), line, problem };
+    let rows: Vec<Row> = lines
+        .map(|(line, text)| {
+            let count = text.split(',').count();
+            if count != Row::COLUMNS.len() {
+                return Err(error(line, format!("{count} values for 12 columns")));
+            }
+            columns.row(text).map_err(|problem| error(line, problem.to_string()))
+        })
+        .collect::<Result<_, _>>()?;
     if rows.len() < FEWEST {
-        let problem = format!("{} points are too few", rows.len());
-        return Err(CalibrationError::Data { path: path.to_owned(), line: 1, problem });
+        return Err(error(1, format!("{} points are too few", rows.len())));
     }
     Ok(rows)
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use miette::{LabeledSpan, NamedSource};
+use crate::toml_error::TomlError;
 
 /// Targets that cannot be read, or a calibration that cannot go on.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -16,17 +16,9 @@ pub enum CalibrationError {
         source: std::io::Error,
     },
     /// The targets file is wrong at one place.
-    #[error("{message}")]
-    Invalid {
-        /// What is wrong.
-        message: String,
-        /// The text of the file.
-        #[source_code]
-        text: NamedSource<String>,
-        /// The place.
-        #[label(collection)]
-        place: Vec<LabeledSpan>,
-    },
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Invalid(#[from] TomlError),
     /// The targets file is wrong as a whole.
     #[error("{}: {problem}", path.display())]
     Targets {
@@ -56,6 +48,12 @@ pub enum CalibrationError {
         /// Why the first other one could not.
         reason: String,
     },
+    /// A packing of the calibrated grains cannot be made or sheared.
+    #[error("the law cannot be fitted: {0}")]
+    Law(String),
+    /// The GPU fails.
+    #[error(transparent)]
+    Gpu(#[from] Box<dem::cuda::CudaError>),
     /// The covariance of the measurements cannot be inverted.
     #[error("the standard deviations of the targets make no covariance that can be inverted")]
     Covariance,

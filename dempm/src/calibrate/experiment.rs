@@ -1,9 +1,9 @@
-//! The tests of a laboratory, simulated with packings.
+//! The tests of a laboratory: how packings are driven through them, and what is compared.
 
-use dem::element::{Element, Row, Stage, Until, sin_phi};
-use dem::{Grains, Packing, RveParameters, consolidate};
+use dem::element::{Row, Stage, Until, sin_phi};
+use dem::{Grains, RveParameters};
 
-use super::column::{self, ColumnTest};
+use super::column::{ColumnTest, Pile};
 use super::curve::{Curve, of_rows};
 use super::quantity::Quantity;
 
@@ -53,18 +53,51 @@ pub struct Observation {
     pub(super) sd: Vec<f64>,
 }
 
-/// Strains of steady shear: up to the first it becomes steady, and then it is averaged.
-const STEADY: [f64; 2] = [0.5, 1.0];
+/// Grains and the seed that packings of them are made from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Specimen {
+    /// The grains, and the number of them in a packing.
+    pub rve: RveParameters,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// How a packing is driven through a test.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Loading {
+    /// Pressure (Pa) at which the packing is consolidated.
+    pub pressure: f64,
+    /// What then follows, if anything.
+    pub stage: Option<Stage>,
+    /// Time between two rows of its path (s).
+    pub sampling: f64,
+}
+
+/// What a test of a packing gives.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Tested {
+    /// Solid fraction after consolidation.
+    pub solid_fraction: f64,
+    /// The path after it.
+    pub rows: Vec<Row>,
+}
+
+/// Strain of slow shear, and how much more of it for an inertial number of 1: fast flow dilates, and takes strains of
+/// some ten times as much to find its density. Shear is steady in the second half.
+const SHEAR_STRAIN: f64 = 1.0;
+const DILATION_STRAIN: f64 = 25.0;
+/// Rows of steady shear.
+const STEADY_ROWS: f64 = 50.0;
 /// Rows of a simulated curve for every point that is compared.
 const ROWS: f64 = 4.0;
 /// Simulated beyond the last point, in parts of its abscissa.
 const BEYOND: f64 = 1.02;
-/// DEM steps between two decisions of the servo.
-const CONTROL_STEPS: f64 = 10.0;
 /// Fastest shortening (1/s) in which the servo, of 1/s at most, holds the lateral pressure of a packing that dilates.
 const FASTEST: f64 = 0.4;
 /// Largest axial strain of an oedometer.
 const CRUSHED: f64 = 0.2;
+/// Least stress of an oedometer, in parts of the largest: that of the packing before the test.
+const SEATING: f64 = 1.0e-3;
 
 impl Observation {
     /// The measured values: curve by curve, point by point.
@@ -86,126 +119,106 @@ impl Observation {
             _ => "",
         }
     }
-}
 
-/// What one packing made from `seed` gives in place of the measured values. Flow is quasi-static: it has the
-/// inertial number `inertial`.
-///
-/// # Errors
-/// The packing cannot be made, or the test cannot be driven; the reason.
-pub fn simulate(
-    rve: &RveParameters,
-    observation: &Observation,
-    inertial: f64,
-    seed: u64,
-) -> Result<Vec<f64>, String> {
-    match observation.experiment {
-        Experiment::Biaxial { pressure } => {
-            let strain = BEYOND * last(&observation.curve.x);
-            // Shortening in logarithmic strain; a biaxial test that dilates has a shear rate near twice this.
-            let shortening_rate = (0.5 * shear_rate(&rve.grains, pressure, inertial)).min(FASTEST);
-            let stage = Stage::Biaxial { pressure, shortening_rate, strain: -(-strain).ln_1p() };
-            curve_of(rve, observation, pressure, seed, &stage, strain / shortening_rate)
+    /// The column of the test, if it is one.
+    pub(super) fn column(&self) -> Option<ColumnTest> {
+        match self.experiment {
+            Experiment::RunOut(test) | Experiment::Repose(test) => Some(test),
+            _ => None,
         }
-        Experiment::SimpleShear { pressure } => {
-            let strain = BEYOND * last(&observation.curve.x);
-            let shear_rate = shear_rate(&rve.grains, pressure, inertial);
-            let stage = Stage::ConstantPressureShear { pressure, shear_rate, strain };
-            curve_of(rve, observation, pressure, seed, &stage, strain / shear_rate)
+    }
+
+    /// How packings of these grains are driven; `None` for columns. Flow is quasi-static: it has the inertial number
+    /// `inertial`.
+    pub(super) fn loading(&self, grains: &Grains, inertial: f64) -> Option<Loading> {
+        let last = last(&self.curve.x);
+        let rows = ROWS * self.curve.x.len() as f64;
+        Some(match self.experiment {
+            Experiment::Biaxial { pressure } => {
+                let strain = BEYOND * last;
+                // Shortening in logarithmic strain; a biaxial test that dilates has a shear rate near twice this.
+                let rate = (0.5 * shear_rate(grains, pressure, inertial)).min(FASTEST);
+                let strain = -(-strain).ln_1p();
+                let stage = Stage::Biaxial { pressure, shortening_rate: rate, strain };
+                Loading { pressure, stage: Some(stage), sampling: strain / rate / rows }
+            }
+            Experiment::SimpleShear { pressure } => {
+                let strain = BEYOND * last;
+                let shear_rate = shear_rate(grains, pressure, inertial);
+                let stage = Stage::ConstantPressureShear { pressure, shear_rate, strain };
+                Loading { pressure, stage: Some(stage), sampling: strain / shear_rate / rows }
+            }
+            Experiment::Oedometer => {
+                let pressure = self.curve.x[0].max(SEATING * last);
+                let rate = 0.5 * shear_rate(grains, pressure, inertial);
+                let until = Until::Pressure(last);
+                let stage = Stage::Oedometric { shortening_rate: rate, until };
+                let strain = self::last(&self.curve.y[0]).abs().clamp(1.0e-3, CRUSHED);
+                Loading { pressure, stage: Some(stage), sampling: strain / rate / rows }
+            }
+            Experiment::CriticalFriction { pressure } => steady_shear(grains, pressure, inertial),
+            Experiment::BulkDensity { pressure } => {
+                Loading { pressure, stage: None, sampling: f64::INFINITY }
+            }
+            Experiment::RunOut(_) | Experiment::Repose(_) => return None,
+        })
+    }
+
+    /// What a packing of these grains gives in place of the measured values.
+    pub(super) fn of_packing(&self, grains: &Grains, tested: &Tested) -> Vec<f64> {
+        match self.experiment {
+            Experiment::CriticalFriction { .. } => {
+                vec![steady_friction(tested)[1].asin().to_degrees()]
+            }
+            Experiment::BulkDensity { .. } => vec![grains.grain_density * tested.solid_fraction],
+            _ => self.on_curve(&tested.rows),
         }
-        Experiment::Oedometer => {
-            let least = observation.curve.x[0].max(1.0e-3 * last(&observation.curve.x));
-            let until = Until::Pressure(last(&observation.curve.x));
-            let shortening_rate = 0.5 * shear_rate(&rve.grains, least, inertial);
-            let stage = Stage::Oedometric { shortening_rate, until };
-            let strain = last(&observation.curve.y[0]).abs().clamp(1.0e-3, CRUSHED);
-            curve_of(rve, observation, least, seed, &stage, strain / shortening_rate)
-        }
-        Experiment::CriticalFriction { pressure } => {
-            let friction = steady_friction(rve, pressure, inertial, seed)?;
-            Ok(vec![friction.asin().to_degrees()])
-        }
-        Experiment::BulkDensity { pressure } => {
-            let (_, packing) = prepared(rve, pressure, seed)?;
-            Ok(vec![rve.grains.grain_density * packing.solid_fraction()])
-        }
-        Experiment::RunOut(test) => Ok(vec![column::collapse(&rve.grains, &test, seed)?.run_out]),
-        Experiment::Repose(test) => Ok(vec![column::collapse(&rve.grains, &test, seed)?.slope]),
+    }
+
+    /// What a column gives in place of the measured value.
+    pub(super) fn of_pile(&self, pile: &Pile) -> Vec<f64> {
+        vec![if matches!(self.experiment, Experiment::RunOut(_)) {
+            pile.run_out
+        } else {
+            pile.slope
+        }]
+    }
+
+    /// The curve of a path at the measured points.
+    fn on_curve(&self, rows: &[Row]) -> Vec<f64> {
+        let abscissa = self.abscissa.unwrap_or(Quantity::AxialStrain);
+        let curve = of_rows(rows, abscissa, &self.ordinates).rising();
+        // Stresses fluctuate: neighbouring rows are averaged, but for the first points.
+        let at = |k: usize, x: f64| curve.at(k, x);
+        let half = 0.5 * last(&self.curve.x) / (self.curve.x.len() as f64 * ROWS);
+        let mean = |k: usize, x: f64| (at(k, x - half) + at(k, x) + at(k, x + half)) / 3.0;
+        let values = (0..self.ordinates.len())
+            .flat_map(|k| self.curve.x.iter().map(move |&x| (k, x)))
+            .map(|(k, x)| if x > half { mean(k, x) } else { at(k, x) });
+        values.collect()
     }
 }
 
-/// `sin phi` of steady shear at an inertial number, from the mean stress.
-pub(super) fn steady_friction(
-    rve: &RveParameters,
-    pressure: f64,
-    inertial: f64,
-    seed: u64,
-) -> Result<f64, String> {
-    let (rve, packing) = prepared(rve, pressure, seed)?;
-    let shear_rate = shear_rate(&rve.grains, pressure, inertial);
-    let stage = Stage::ConstantPressureShear { pressure, shear_rate, strain: STEADY[1] };
-    let rows = drive(&rve, packing, &stage, 0.02 / shear_rate)?;
-    let steady = rows.iter().filter(|row| row.strain[(0, 1)] > STEADY[0]);
-    let stress: nalgebra::Matrix2<f64> = steady.map(|row| row.stress).sum();
-    Ok(sin_phi(&stress))
+/// Shear at an inertial number, half of it until it is steady.
+pub(super) fn steady_shear(grains: &Grains, pressure: f64, inertial: f64) -> Loading {
+    let shear_rate = shear_rate(grains, pressure, inertial);
+    let strain = SHEAR_STRAIN + DILATION_STRAIN * inertial;
+    let stage = Stage::ConstantPressureShear { pressure, shear_rate, strain };
+    Loading { pressure, stage: Some(stage), sampling: strain / STEADY_ROWS / shear_rate }
+}
+
+/// Mean inertial number and `sin phi` of the mean stress of steady shear.
+pub(super) fn steady_friction(tested: &Tested) -> [f64; 2] {
+    let steady = &tested.rows[tested.rows.len() / 2..];
+    let stress: nalgebra::Matrix2<f64> = steady.iter().map(|row| row.stress).sum();
+    let inertial = steady.iter().map(|row| row.inertial_number).sum::<f64>();
+    [inertial / steady.len() as f64, sin_phi(&stress)]
 }
 
 /// Shear rate (1/s) of an inertial number at a pressure (Pa).
 fn shear_rate(grains: &Grains, pressure: f64, inertial: f64) -> f64 {
     let density = grains.mass_scale * grains.grain_density;
     inertial / grains.mean_diameter() * (pressure / density).sqrt()
-}
-
-/// A packing in equilibrium under `pressure`, and its parameters.
-pub(super) fn prepared(
-    rve: &RveParameters,
-    pressure: f64,
-    seed: u64,
-) -> Result<(RveParameters, Packing<f64>), String> {
-    let mut rve = rve.clone();
-    rve.preparation.pressure = pressure;
-    let mut packing = consolidate(&rve, seed).map_err(|error| error.to_string())?;
-    packing.scale_mass(rve.grains.mass_scale);
-    Ok((rve, packing))
-}
-
-/// Rows of a stage, from the state before it.
-fn drive(
-    rve: &RveParameters,
-    packing: Packing<f64>,
-    stage: &Stage,
-    sampling: f64,
-) -> Result<Vec<Row>, String> {
-    let macro_step = CONTROL_STEPS * rve.grains.step();
-    let mut element = Element::<f32>::new(packing.convert(), rve, macro_step)
-        .map_err(|error| error.to_string())?;
-    let mut rows = vec![element.row()];
-    element.run(stage, sampling, |row| rows.push(*row)).map_err(|error| error.to_string())?;
-    Ok(rows)
-}
-
-/// The curve of a stage that takes `duration` (s), at the measured points.
-fn curve_of(
-    rve: &RveParameters,
-    observation: &Observation,
-    pressure: f64,
-    seed: u64,
-    stage: &Stage,
-    duration: f64,
-) -> Result<Vec<f64>, String> {
-    let (rve, packing) = prepared(rve, pressure, seed)?;
-    let points = observation.curve.x.len();
-    let rows = drive(&rve, packing, stage, duration / (ROWS * points as f64))?;
-    let abscissa = observation.abscissa.unwrap_or(Quantity::AxialStrain);
-    let curve = of_rows(&rows, abscissa, &observation.ordinates).rising();
-    // Stresses fluctuate: neighbouring rows are averaged, but for the first points.
-    let at = |k: usize, x: f64| curve.at(k, x);
-    let half = 0.5 * last(&observation.curve.x) / (points as f64 * ROWS);
-    let mean = |k: usize, x: f64| (at(k, x - half) + at(k, x) + at(k, x + half)) / 3.0;
-    let values = (0..observation.ordinates.len())
-        .flat_map(|k| observation.curve.x.iter().map(move |&x| (k, x)))
-        .map(|(k, x)| if x > half { mean(k, x) } else { at(k, x) });
-    Ok(values.collect())
 }
 
 fn last(values: &[f64]) -> f64 {

@@ -1,12 +1,15 @@
 //! The mu(I) law of the same grains: shear of packings over inertial numbers, their stiffness and density.
 
-use dem::RveParameters;
 use dem::element::{Element, Stage};
+use dem::{RveParameters, consolidate};
 use mpm::DruckerPragerParameters;
 use nalgebra::Matrix2;
 use rayon::prelude::*;
 
-use super::experiment::{prepared, steady_friction};
+use super::error::CalibrationError;
+use super::experiment::{Specimen, steady_friction, steady_shear};
+use super::laboratory::{Laboratory, Progress, Task, parameters};
+use super::line::Line;
 
 /// The law with what it was fitted to.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,8 +22,6 @@ pub struct Law {
 
 /// Inertial numbers of the shear tests.
 const INERTIAL: [f64; 6] = [1.0e-3, 3.0e-3, 1.0e-2, 3.0e-2, 0.1, 0.3];
-/// Fast flow is looser than packings of a scene may be.
-const LOOSEST: f64 = 0.3;
 /// Strain of the elastic moduli, its rate (1/s), and the rest after it (s).
 const STRAIN: f64 = 2.0e-4;
 const RATE: f64 = 0.05;
@@ -30,35 +31,54 @@ const I0: [f64; 2] = [0.03, 3.0];
 /// Largest friction at infinite inertial number.
 const STRONGEST: f64 = 0.99;
 
-/// Fits the law to `packings` packings at a pressure (Pa).
+/// Shear tests of a fit to so many packings.
+pub fn tests(packings: usize) -> usize {
+    INERTIAL.len() * packings
+}
+
+/// Fits the law to `packings` packings at a pressure (Pa); `None` if it was told to stop.
 ///
 /// # Errors
-/// A packing cannot be made or sheared; the reason.
-pub fn fit(rve: &RveParameters, pressure: f64, packings: usize, seed: u64) -> Result<Law, String> {
-    let mut loose = rve.clone();
-    loose.free_solid_fraction = loose.free_solid_fraction.min(LOOSEST);
-    let seeds: Vec<u64> = (0..packings as u64).map(|k| (seed << 32) + k).collect();
-    let tests: Vec<(f64, u64)> = INERTIAL
+/// A packing cannot be made or sheared, or the device fails.
+pub fn fit(
+    laboratory: &Laboratory<impl Progress>,
+    rve: &RveParameters,
+    pressure: f64,
+    packings: usize,
+    seed: u64,
+) -> Result<Option<Law>, CalibrationError> {
+    let seeds: Vec<u64> = (0..packings as u64).map(|k| seed.wrapping_shl(32) + k).collect();
+    let tasks: Vec<Task> = INERTIAL
         .iter()
-        .flat_map(|&inertial| seeds.iter().map(move |&seed| (inertial, seed)))
+        .flat_map(|&inertial| {
+            let loading = steady_shear(&rve.grains, pressure, inertial);
+            seeds.iter().map(move |&seed| Task {
+                specimen: Specimen { rve: rve.clone(), seed },
+                loading: loading.clone(),
+            })
+        })
         .collect();
-    let friction: Vec<f64> = tests
-        .par_iter()
-        .map(|&(inertial, seed)| steady_friction(&loose, pressure, inertial, seed))
-        .collect::<Result<_, _>>()?;
-    let points: Vec<[f64; 3]> = INERTIAL
-        .iter()
-        .zip(friction.chunks(packings))
-        .map(|(&inertial, values)| {
+    let Some(tested) = laboratory.test(&tasks)? else { return Ok(None) };
+    let steady: Vec<[f64; 2]> = tested
+        .into_iter()
+        .map(|tested| Ok(steady_friction(&tested?)))
+        .collect::<Result<_, String>>()
+        .map_err(CalibrationError::Law)?;
+    let points: Vec<[f64; 3]> = steady
+        .chunks(packings)
+        .map(|values| {
             let n = values.len() as f64;
-            let mean = values.iter().sum::<f64>() / n;
+            let [inertial, mean] = [0, 1].map(|k| values.iter().map(|x| x[k]).sum::<f64>() / n);
             let variance =
-                values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+                values.iter().map(|x| (x[1] - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
             [inertial, mean, variance.sqrt()]
         })
         .collect();
-    let elastic: Vec<[f64; 3]> =
-        seeds.par_iter().map(|&seed| elasticity(rve, pressure, seed)).collect::<Result<_, _>>()?;
+    let elastic: Vec<[f64; 3]> = seeds
+        .par_iter()
+        .map(|&seed| elasticity(rve, pressure, seed))
+        .collect::<Result<_, _>>()
+        .map_err(CalibrationError::Law)?;
     let mean = |k: usize| elastic.iter().map(|e| e[k]).sum::<f64>() / elastic.len() as f64;
     let [static_friction, dynamic_friction, inertial_number] = friction_law(&points);
     let parameters = DruckerPragerParameters {
@@ -71,12 +91,14 @@ pub fn fit(rve: &RveParameters, pressure: f64, packings: usize, seed: u64) -> Re
         grain_diameter: rve.grains.mean_diameter(),
         grain_density: rve.grains.grain_density,
     };
-    Ok(Law { parameters, points })
+    Ok(Some(Law { parameters, points }))
 }
 
 /// Bulk and shear modulus (Pa) at a small strain, and bulk density (kg/m³).
 fn elasticity(rve: &RveParameters, pressure: f64, seed: u64) -> Result<[f64; 3], String> {
-    let (rve, packing) = prepared(rve, pressure, seed)?;
+    let rve = parameters(rve, pressure);
+    let mut packing = consolidate(&rve, seed).map_err(|error| error.to_string())?;
+    packing.scale_mass(rve.grains.mass_scale);
     let density = rve.grains.grain_density * packing.solid_fraction();
     let change = |direction: [f64; 2]| -> Result<Matrix2<f64>, String> {
         let macro_step = 10.0 * rve.grains.step();
@@ -102,18 +124,12 @@ fn elasticity(rve: &RveParameters, pressure: f64, seed: u64) -> Result<[f64; 3],
 /// sought over the third.
 fn friction_law(points: &[[f64; 3]]) -> [f64; 3] {
     let at = |i0: f64| {
-        let (mut n, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for [inertial, friction, _] in points {
-            let x = inertial / (i0 + inertial);
-            n += 1.0;
-            sx += x;
-            sxx += x * x;
-            sy += friction;
-            sxy += x * friction;
-        }
-        let slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
-        let slope = slope.max(0.0);
-        let first = (sy - slope * sx) / n;
+        let line: Line = points
+            .iter()
+            .map(|[inertial, friction, _]| [inertial / (i0 + inertial), *friction])
+            .collect();
+        let slope = line.slope().max(0.0);
+        let first = line.intercept(slope);
         // A law that would become too strong ends at the strongest.
         let slope = slope.min(STRONGEST - first);
         let misfit: f64 = points
@@ -149,7 +165,8 @@ mod tests {
     #[test]
     fn default_grains_have_about_the_default_law() {
         let rve = RveParameters { discs: 60, ..RveParameters::default() };
-        let law = fit(&rve, 20.0e3, 2, 1).unwrap();
+        let law =
+            fit(&Laboratory { gpu: None, progress: () }, &rve, 20.0e3, 2, 1).unwrap().unwrap();
         let p = law.parameters;
         let scale = rve.grains.normal_stiffness / rve.grains.thickness;
         assert!((0.3..0.8).contains(&(p.bulk_modulus / scale)), "{p:?}");

@@ -59,6 +59,18 @@ impl Free {
         }
     }
 
+    /// The value on the scale of its prior, from -1 to 1 over the range: what grains do changes smoothly with it, also
+    /// where it comes to an end of its range.
+    pub fn coordinate(&self, u: f64) -> f64 {
+        match self.prior {
+            Prior::Uniform | Prior::LogUniform => libm::erf(u / std::f64::consts::SQRT_2),
+            Prior::Normal { .. } => {
+                let [low, high] = self.range;
+                (2.0 * self.value(u) - low - high) / (high - low)
+            }
+        }
+    }
+
     /// The standard normal variable of a value, by bisection.
     pub fn normal(&self, value: f64) -> f64 {
         let (mut low, mut high) = (-FARTHEST, FARTHEST);
@@ -120,6 +132,9 @@ mod tests {
             assert_eq!(free.problem(), None);
             for u in [-2.0, -0.3, 0.0, 1.7] {
                 assert!((free.normal(free.value(u)) - u).abs() < 1e-9, "{prior:?} {u}");
+            }
+            for (value, end) in [(0.1, -1.0), (0.9, 1.0)] {
+                assert!((free.coordinate(free.normal(value)) - end).abs() < 1e-6);
             }
         }
     }

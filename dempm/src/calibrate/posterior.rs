@@ -1,11 +1,13 @@
-//! What the tests tell about the parameters: samples of the posterior, by the algorithm of Metropolis.
+//! What the tests tell about the parameters: samples of the posterior.
 
 use nalgebra::{DMatrix, DVector};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::emulator::Emulator;
 use super::ensemble::standard_normal;
+use super::likelihood::Likelihood;
+use super::sampler::sample;
 use super::targets::Targets;
 
 /// How well the tests determine a parameter.
@@ -22,8 +24,9 @@ pub enum Determined {
 /// Samples of the parameters given the measurements, and their moments.
 #[derive(Clone, Debug)]
 pub struct Posterior {
-    /// Samples of standard normal variables.
-    normal: Vec<Vec<f64>>,
+    likelihood: Likelihood,
+    /// Logarithm of the likelihood of each sample.
+    fit: Vec<f64>,
     /// Samples of the values of the parameters.
     pub samples: Vec<Vec<f64>>,
     /// Mean of each parameter.
@@ -40,9 +43,13 @@ pub struct Posterior {
     pub predicted: Vec<[f64; 3]>,
 }
 
-const STEPS: usize = 60_000;
-const BURN_IN: usize = 10_000;
-const KEEP: usize = 25;
+/// Samples are drawn by so many walkers in so many sweeps; the first of these are left out, and of the others most.
+const WALKERS: usize = 100;
+const SWEEPS: usize = 800;
+const BURN_IN: usize = 200;
+const KEEP: usize = 20;
+/// Distance of walkers from the members of the ensemble where they start.
+const APART: f64 = 0.1;
 /// Posterior over prior standard deviation below which a parameter is well, and weakly, determined.
 const WELL: f64 = 1.0 / 3.0;
 const WEAKLY: f64 = 2.0 / 3.0;
@@ -50,42 +57,26 @@ const WEAKLY: f64 = 2.0 / 3.0;
 const TOGETHER: f64 = 0.8;
 
 impl Posterior {
-    /// Samples from near the parameters `u` of an ensemble, one column each. The likelihood has the standard
-    /// deviations of the targets and the residuals of the emulator. `None` if they make no covariance.
-    pub fn sample(targets: &Targets, emulator: &Emulator, u: &DMatrix<f64>) -> Option<Self> {
-        let y = DVector::from_vec(targets.observed());
-        let sd = DVector::from_vec(targets.deviations());
-        let likelihood =
-            (DMatrix::from_diagonal(&sd.component_mul(&sd)) + &emulator.residuals).cholesky()?;
+    /// Samples from near the variables `u` of an ensemble. `None` if simulations and measurements make no covariance.
+    pub(super) fn sample(targets: &Targets, emulator: Emulator, u: &[Vec<f64>]) -> Option<Self> {
+        let [y, sd] = [targets.observed(), targets.deviations()];
+        let likelihood = Likelihood::new(emulator, &y, &sd, targets.free.len())?;
         let log_density = |u: &DVector<f64>| {
-            let misfit = &y - emulator.predict(u.as_slice());
-            -0.5 * (u.norm_squared() + misfit.dot(&likelihood.solve(&misfit)))
+            -0.5 * u.norm_squared() + likelihood.log(&targets.coordinates(u.as_slice()))
         };
-        let dimensions = u.nrows();
-        let mean = u.column_mean();
-        let differences = DMatrix::from_fn(dimensions, u.ncols(), |i, k| u[(i, k)] - mean[i]);
-        let spread = &differences * differences.transpose() / (u.ncols() - 1) as f64;
-        let step = (spread + DMatrix::identity(dimensions, dimensions) * 1.0e-6).cholesky()?.l()
-            * (2.38 / (dimensions as f64).sqrt());
-
         let mut rng = ChaCha8Rng::seed_from_u64(targets.seed ^ 0x9057);
-        let (mut now, mut density) = (mean.clone(), log_density(&mean));
-        let mut normal = Vec::new();
-        for n in 0..STEPS {
-            let jump = DVector::from_fn(dimensions, |_, _| standard_normal(&mut rng));
-            let next = &now + &step * jump;
-            let next_density = log_density(&next);
-            if (next_density - density).exp() > rng.random::<f64>() {
-                (now, density) = (next, next_density);
-            }
-            if n >= BURN_IN && n % KEEP == 0 {
-                normal.push(now.as_slice().to_vec());
-            }
-        }
-        Some(Self::of_samples(targets, emulator, normal))
+        let walkers = u.iter().cycle().take(WALKERS).map(|u| {
+            DVector::from_iterator(u.len(), u.iter().map(|u| u + APART * standard_normal(&mut rng)))
+        });
+        let walkers = walkers.collect();
+        let keep = |sweep: usize| sweep >= BURN_IN && sweep.is_multiple_of(KEEP);
+        let samples = sample(log_density, walkers, SWEEPS, keep, &mut rng);
+        let normal = samples.into_iter().map(|u| u.as_slice().to_vec()).collect();
+        Some(Self::of_samples(targets, likelihood, normal))
     }
 
-    fn of_samples(targets: &Targets, emulator: &Emulator, normal: Vec<Vec<f64>>) -> Self {
+    fn of_samples(targets: &Targets, likelihood: Likelihood, normal: Vec<Vec<f64>>) -> Self {
+        let coordinates: Vec<Vec<f64>> = normal.iter().map(|u| targets.coordinates(u)).collect();
         let dimensions = targets.free.len();
         let samples: Vec<Vec<f64>> = normal.iter().map(|u| targets.values(u)).collect();
         let column = |samples: &[Vec<f64>], k: usize| -> Vec<f64> {
@@ -106,8 +97,10 @@ impl Posterior {
             _ => Determined::Not,
         });
         let determined = determined.collect();
-        let predictions: Vec<Vec<f64>> =
-            normal.iter().map(|u| emulator.predict(u).as_slice().to_vec()).collect();
+        let predictions: Vec<Vec<f64>> = coordinates
+            .iter()
+            .map(|x| likelihood.emulator().predict(x).as_slice().to_vec())
+            .collect();
         let predicted = (0..targets.observed().len()).map(|k| {
             let values = column(&predictions, k);
             let [low, high] = interval(&values);
@@ -121,28 +114,23 @@ impl Posterior {
             determined,
             predicted: predicted.collect(),
             samples,
-            normal,
+            fit: coordinates.iter().map(|x| likelihood.log(x)).collect(),
+            likelihood,
         }
     }
 
-    /// Share of the posterior that lies closer to its centre than these values, by the distance of Mahalanobis: the
-    /// values are within the 95 % region if it is below 0.95. `None` for a posterior without width.
-    pub fn level(&self, targets: &Targets, values: &[f64]) -> Option<f64> {
-        let samples = DMatrix::from_fn(values.len(), self.normal.len(), |i, k| self.normal[k][i]);
-        let mean = samples.column_mean();
-        let differences =
-            DMatrix::from_fn(values.len(), self.normal.len(), |i, k| samples[(i, k)] - mean[i]);
-        let covariance = &differences * differences.transpose() / self.normal.len() as f64;
-        let inverse = covariance.cholesky()?;
-        let distance = |u: &DVector<f64>| {
-            let d = u - &mean;
-            d.dot(&inverse.solve(&d))
-        };
+    /// Share of the posterior under which the measurements are more likely than under these values: the values are
+    /// within the 95 % region if it is below 0.95.
+    ///
+    /// That region has the largest ratio of posterior to prior. It does not depend on the variables that stand for the
+    /// parameters, and reaches to the ends of their ranges: an ellipsoid around the mean of the normal variables, which
+    /// are infinite there, would not.
+    pub fn level(&self, targets: &Targets, values: &[f64]) -> f64 {
         let u: Vec<f64> =
             targets.free.iter().zip(values).map(|(free, &value)| free.normal(value)).collect();
-        let far = distance(&DVector::from_vec(u));
-        let closer = samples.column_iter().filter(|u| distance(&u.clone_owned()) < far).count();
-        Some(closer as f64 / self.normal.len() as f64)
+        let fit = self.likelihood.log(&targets.coordinates(&u));
+        let better = self.fit.iter().filter(|&&other| other > fit).count();
+        better as f64 / self.fit.len() as f64
     }
 
     /// What the tests determine, in words.

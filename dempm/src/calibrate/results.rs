@@ -13,21 +13,23 @@ use super::targets::Targets;
 const NUMERICS: [&str; 6] =
     ["local_damping", "mass_scale", "step_factor", "skin", "overlap_warning", "overlap_limit"];
 
-/// Grains, ready to use in a scene; with a law, the continuum too.
+/// Grains, ready to use in a scene, with the free parameters of a posterior; with a law, the continuum too.
 ///
 /// # Errors
 /// If parameters cannot be written as TOML.
 pub fn calibrated_toml(
     targets: &Targets,
-    posterior: &Posterior,
+    posterior: Option<&Posterior>,
     law: Option<&Law>,
 ) -> Result<String, toml::ser::Error> {
     let mut text = format!("# {}\n", title(targets));
-    for ((free, mean), sd) in targets.free.iter().zip(&posterior.mean).zip(&posterior.sd) {
+    let [mean, sd] =
+        posterior.map_or([&[][..]; 2], |found| [found.mean.as_slice(), found.sd.as_slice()]);
+    for ((free, mean), sd) in targets.free.iter().zip(mean).zip(sd) {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "# {} = {:.4e}, standard deviation {:.1e}", free.key, mean, sd);
     }
-    let mut grains = toml::Table::try_from(targets.rve_with(&posterior.mean).grains)?;
+    let mut grains = toml::Table::try_from(targets.rve_with(mean).grains)?;
     let usual = toml::Table::try_from(Grains::default())?;
     // Scenes have defaults of their own for these.
     grains.retain(|key, value| !NUMERICS.contains(&key) || usual.get(key) != Some(&*value));

@@ -3,13 +3,12 @@
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::emulator::Emulator;
 use super::ensemble::{standard_normal, update};
 use super::error::CalibrationError;
-use super::experiment::simulate;
+use super::experiment::Specimen;
 use super::posterior::Posterior;
 use super::targets::Targets;
 
@@ -26,17 +25,21 @@ pub struct Member {
     pub misfit: f64,
 }
 
-/// What a calibration tells while it works.
-pub trait Progress: Sync {
-    /// One packing has been through one test.
-    fn simulated(&self) {}
-    /// Whether to stop before the next one.
-    fn stop(&self) -> bool {
-        false
-    }
-}
+/// What each specimen gives in place of all measured values, or the reason why it gives nothing.
+pub type Predictions = Vec<Result<Vec<f64>, String>>;
 
-impl Progress for () {}
+/// What simulates the tests of a calibration.
+pub trait Simulator {
+    /// Takes specimens through all tests; `None` if it was told to stop.
+    ///
+    /// # Errors
+    /// The device fails.
+    fn simulate(
+        &self,
+        targets: &Targets,
+        specimens: &[Specimen],
+    ) -> Result<Option<Predictions>, CalibrationError>;
+}
 
 /// All that has been simulated so far; what a calibration continues from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,9 +51,6 @@ pub struct Study {
     next: Vec<Vec<f64>>,
 }
 
-/// Seeds of one round and of one member are apart by these.
-const SEEDS_OF_A_ROUND: u64 = 1 << 24;
-const SEEDS_OF_A_MEMBER: u64 = 1 << 8;
 /// The last rounds are those that the emulator is fitted to.
 const EMULATED: usize = 3;
 
@@ -74,65 +74,38 @@ impl Study {
         self.rounds.len() > targets.method.rounds
     }
 
-    /// Simulations of a round.
-    pub fn simulations(targets: &Targets) -> usize {
-        targets.method.members * targets.method.packings * targets.observations.len()
-    }
-
     /// The member that fits best so far.
     pub fn best(&self) -> Option<&Member> {
         let simulated = self.rounds.iter().flatten().filter(|member| !member.predicted.is_empty());
         simulated.min_by(|a, b| a.misfit.total_cmp(&b.misfit))
     }
 
-    /// Simulates the next round, on all cores, and moves the ensemble. Returns whether it was done: not if it was
-    /// told to stop.
+    /// Simulates the next round and moves the ensemble. Returns whether it was done: not if the simulator was told to
+    /// stop.
     ///
     /// # Errors
-    /// Most members cannot be simulated.
+    /// Most members cannot be simulated, or the device fails.
     pub fn advance(
         &mut self,
         targets: &Targets,
-        progress: &impl Progress,
+        simulator: &impl Simulator,
     ) -> Result<bool, CalibrationError> {
         let round = self.rounds.len();
         let packings = targets.method.packings;
-        let observations = targets.observations.len();
-        let results: Vec<Option<Result<Vec<f64>, String>>> = (0..Self::simulations(targets))
-            .into_par_iter()
+        let specimens: Vec<Specimen> = (0..targets.method.members * packings)
             .map(|n| {
-                if progress.stop() {
-                    return None;
-                }
-                // Tests of one kind follow each other: they take as long.
-                let (observation, rest) = (n % observations, n / observations);
-                let (packing, member) = (rest % packings, rest / packings);
+                let (member, packing) = (n / packings, n % packings);
                 let rve = targets.rve_with(&targets.values(&self.next[member]));
-                let seed = (targets.seed << 32)
-                    + round as u64 * SEEDS_OF_A_ROUND
-                    + member as u64 * SEEDS_OF_A_MEMBER
-                    + packing as u64;
-                let inertial = targets.method.inertial_number;
-                let result = simulate(&rve, &targets.observations[observation], inertial, seed);
-                progress.simulated();
-                Some(result)
+                Specimen { rve, seed: seed(targets.seed, [round, member, packing]) }
             })
             .collect();
-        let Some(results): Option<Vec<Result<Vec<f64>, String>>> = results.into_iter().collect()
-        else {
-            return Ok(false);
-        };
+        let Some(results) = simulator.simulate(targets, &specimens)? else { return Ok(false) };
         let mut failure = None;
         let members: Vec<Member> = results
-            .chunks(packings * observations)
+            .chunks(packings)
             .zip(&self.next)
             .map(|(results, u)| {
-                let predicted: Result<Vec<Vec<f64>>, String> = results
-                    .chunks(observations)
-                    .map(|tests| -> Result<Vec<f64>, String> {
-                        Ok(tests.iter().cloned().collect::<Result<Vec<_>, String>>()?.concat())
-                    })
-                    .collect();
+                let predicted: Result<Vec<Vec<f64>>, String> = results.iter().cloned().collect();
                 member(targets, u, predicted).unwrap_or_else(|reason| {
                     failure.get_or_insert(reason);
                     let (predicted, scatter) = (Vec::new(), Vec::new());
@@ -190,12 +163,20 @@ impl Study {
         };
         let first = self.rounds.len().saturating_sub(EMULATED);
         let near = simulated(&self.rounds[first..].concat());
-        let [u, g] = columns(&near.iter().collect::<Vec<_>>());
+        let [mut u, g] = columns(&near.iter().collect::<Vec<_>>());
+        for mut column in u.column_iter_mut() {
+            column.copy_from_slice(&targets.coordinates(column.clone_owned().as_slice()));
+        }
         let emulator = Emulator::fit(&u, &g).ok_or(CalibrationError::Covariance)?;
         let last = simulated(self.rounds.last().map_or(&[][..], Vec::as_slice));
-        let [u, _] = columns(&last.iter().collect::<Vec<_>>());
-        Posterior::sample(targets, &emulator, &u).ok_or(CalibrationError::Covariance)
+        let u: Vec<Vec<f64>> = last.into_iter().map(|member| member.u).collect();
+        Posterior::sample(targets, emulator, &u).ok_or(CalibrationError::Covariance)
     }
+}
+
+/// The seed of a packing, from that of the calibration and the numbers of its round, member and packing.
+fn seed(first: u64, [round, member, packing]: [usize; 3]) -> u64 {
+    first.wrapping_shl(32) + ((round as u64) << 24) + ((member as u64) << 8) + packing as u64
 }
 
 /// A member from the predictions of its packings.

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use dem::{Grains, RveParameters};
-use miette::{LabeledSpan, NamedSource};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -15,6 +14,7 @@ use super::experiment::{Experiment, Observation};
 use super::parameter::{Free, Prior, with};
 use super::quantity::Quantity;
 use crate::scene::parameters::outside;
+use crate::toml_error::TomlError;
 
 /// What is measured, what is free and what stays.
 #[derive(Clone, Debug)]
@@ -27,7 +27,7 @@ pub struct Targets {
     pub method: Method,
     /// Grains and packings, but for what is free.
     pub rve: RveParameters,
-    /// Free parameters.
+    /// Free parameters; none, and no measurements, if only a law is fitted to these grains.
     pub free: Vec<Free>,
     /// The measurements.
     pub observations: Vec<Observation>,
@@ -72,7 +72,9 @@ struct File {
     grains: Grains,
     #[serde(default = "small")]
     rve: RveParameters,
+    #[serde(default)]
     free: BTreeMap<String, Spanned<FreeEntry>>,
+    #[serde(default)]
     target: Vec<Spanned<Target>>,
 }
 
@@ -113,14 +115,11 @@ impl Targets {
     pub fn load(path: &Path) -> Result<Self, CalibrationError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| CalibrationError::Read { path: path.to_owned(), source })?;
-        let at = |span: std::ops::Range<usize>, message: String| CalibrationError::Invalid {
-            message,
-            text: NamedSource::new(path.to_string_lossy(), text.clone()).with_language("TOML"),
-            place: vec![LabeledSpan::new_with_span(Some("here".to_owned()), span)],
+        let at = |span: std::ops::Range<usize>, message: String| {
+            CalibrationError::Invalid(TomlError::at(path, &text, span, "here", message))
         };
         let whole = |problem: String| CalibrationError::Targets { path: path.to_owned(), problem };
-        let file: File = toml::from_str(&text)
-            .map_err(|error| at(error.span().unwrap_or(0..0), error.message().to_owned()))?;
+        let file: File = TomlError::read(path, &text)?;
         let Method { members, packings, rounds, points, inertial_number } = file.method;
         if members < 8 || packings == 0 || rounds == 0 || points < 3 {
             return Err(whole(
@@ -150,8 +149,8 @@ impl Targets {
         if let Some(problem) = outside("grains", &rve.grains).or_else(|| outside("rve", &rve)) {
             return Err(whole(problem));
         }
-        if free.is_empty() || file.target.is_empty() {
-            return Err(whole("at least one [free.KEY] and one [[target]] are needed".into()));
+        if free.is_empty() != file.target.is_empty() {
+            return Err(whole("[free.KEY] and [[target]] need each other".into()));
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut inputs = vec![path.to_owned()];
@@ -194,6 +193,16 @@ impl Targets {
     /// Values that standard normal variables stand for.
     pub fn values(&self, u: &[f64]) -> Vec<f64> {
         self.free.iter().zip(u).map(|(free, &u)| free.value(u)).collect()
+    }
+
+    /// Tests of all packings in a round.
+    pub fn tests(&self) -> usize {
+        self.method.members * self.method.packings * self.observations.len()
+    }
+
+    /// The coordinates of standard normal variables.
+    pub fn coordinates(&self, u: &[f64]) -> Vec<f64> {
+        self.free.iter().zip(u).map(|(free, &u)| free.coordinate(u)).collect()
     }
 
     /// All measured values.

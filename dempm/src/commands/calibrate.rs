@@ -11,11 +11,14 @@ use files::{
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, bail, miette};
 
+use super::device::report as report_device;
 use super::outputs::default_output;
 use super::progress::bars;
 use crate::calibrate::{
-    Experiment, Progress, Study, Targets, calibrated_toml, law, members_csv, page, summary_toml,
+    Experiment, Laboratory, Progress, Study, Targets, calibrated_toml, law, members_csv, page,
+    summary_toml,
 };
+use crate::device::Device;
 
 /// Laws that can be fitted to the calibrated grains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -35,6 +38,9 @@ pub struct CalibrateArgs {
     /// Also fit this law to packings of the calibrated grains
     #[arg(long, value_enum)]
     pub law: Option<LawKind>,
+    /// auto, cpu, cuda or cuda:N; columns are simulated on the CPU
+    #[arg(long, default_value = "auto")]
+    pub device: Device,
     /// Continue an interrupted calibration, or begin it
     #[arg(long, conflicts_with = "overwrite")]
     pub resume: bool,
@@ -59,7 +65,7 @@ const LAW_PACKINGS: usize = 8;
 ///
 /// # Errors
 /// If a file cannot be read or written, the targets are wrong, or grains cannot be simulated.
-pub fn calibrate(args: &CalibrateArgs) -> miette::Result<ExitCode> {
+pub fn calibrate(args: &CalibrateArgs, verbose: bool) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
     let targets = Targets::load(&args.targets)?;
     let folder = args.output.clone().unwrap_or_else(|| default_output(&args.targets, ""));
@@ -67,48 +73,60 @@ pub fn calibrate(args: &CalibrateArgs) -> miette::Result<ExitCode> {
     for name in [STATE, GRAINS, SUMMARY, LOG, PAGE] {
         refuse_input(&file(name), &targets.inputs)?;
     }
-    let _lock = FileLock::take(&file(STATE))?;
-    let mut study = start(args, &targets, &file(STATE))?;
-    let rounds = targets.method.rounds + 1;
-    while !study.is_done(&targets) {
-        let round = study.rounds.len() + 1;
-        let shown = Shown { bar: bar(&bars(), &targets, round, rounds), interrupt: &interrupt };
-        let done = study.advance(&targets, &shown)?;
-        shown.bar.finish_and_clear();
-        if !done {
-            note!("interrupted in round {round}; continue with --resume");
-            return Ok(ExitCode::from(INTERRUPTED));
-        }
-        save(&study, &file(STATE))?;
-        write_text(&file(LOG), &members_csv(&targets, &study))?;
-        report(&targets, &study, round, rounds);
+    if targets.free.is_empty() && args.law.is_none() {
+        bail!(
+            help = "add [free.KEY] and [[target]], or fit a law to these grains with --law",
+            "{}: no parameter is free",
+            args.targets.display()
+        );
     }
-
-    let _guard = interrupt.guard();
-    let posterior = study.posterior(&targets)?;
-    let fitted = match args.law {
-        None => None,
-        Some(LawKind::MuI) => {
-            let rve = targets.rve_with(&posterior.mean);
-            let law = law::fit(&rve, pressure(&targets), LAW_PACKINGS, targets.seed)
-                .map_err(|reason| miette!("the law cannot be fitted: {reason}"))?;
-            let p = &law.parameters;
-            announce!(
-                "mu(I): static friction {:.3}, dynamic {:.3}, I_0 {:.3}, K {:.2e} Pa, G {:.2e} Pa",
-                p.static_friction,
-                p.dynamic_friction,
-                p.inertial_number,
-                p.bulk_modulus,
-                p.shear_modulus
-            );
-            Some(law)
-        }
+    let _lock = FileLock::take(&file(STATE))?;
+    let study = start(args, &targets, &folder)?;
+    let selection = args.device.select().into_diagnostic()?;
+    report_device(&selection, verbose);
+    let gpu = selection.first();
+    let laboratory = |title: String, tests: usize| Laboratory {
+        gpu: gpu.clone(),
+        progress: Shown { bar: bar(&bars(), title, tests), interrupt: &interrupt },
     };
-    let grains = calibrated_toml(&targets, &posterior, fitted.as_ref()).into_diagnostic()?;
+    let mut found = None;
+    if !targets.free.is_empty() {
+        let Some(study) = seek(study, &targets, &folder, laboratory)? else {
+            return Ok(ExitCode::from(INTERRUPTED));
+        };
+        let posterior = study.posterior(&targets)?;
+        found = Some((study, posterior));
+    }
+    let posterior = found.as_ref().map(|(_, posterior)| posterior);
+    let mut fitted = None;
+    if let Some(LawKind::MuI) = args.law {
+        let laboratory = laboratory("mu(I)".into(), law::tests(LAW_PACKINGS));
+        let rve =
+            targets.rve_with(posterior.map_or(&[][..], |posterior| posterior.mean.as_slice()));
+        fitted = law::fit(&laboratory, &rve, pressure(&targets), LAW_PACKINGS, targets.seed)?;
+        laboratory.progress.bar.finish_and_clear();
+        let Some(law) = &fitted else {
+            note!("interrupted in the fit of the law; continue with --resume");
+            return Ok(ExitCode::from(INTERRUPTED));
+        };
+        let p = &law.parameters;
+        announce!(
+            "mu(I): static friction {:.3}, dynamic {:.3}, I_0 {:.3}, K {:.2e} Pa, G {:.2e} Pa",
+            p.static_friction,
+            p.dynamic_friction,
+            p.inertial_number,
+            p.bulk_modulus,
+            p.shear_modulus
+        );
+    }
+    let _guard = interrupt.guard();
+    let grains = calibrated_toml(&targets, posterior, fitted.as_ref()).into_diagnostic()?;
     write_text(&file(GRAINS), &grains)?;
-    let summary = summary_toml(&targets, &study, &posterior).into_diagnostic()?;
+    announce!("wrote {}", file(GRAINS).display());
+    let Some((study, posterior)) = &found else { return Ok(ExitCode::SUCCESS) };
+    let summary = summary_toml(&targets, study, posterior).into_diagnostic()?;
     write_text(&file(SUMMARY), &summary)?;
-    let html = page(&targets, &study, &posterior, fitted.as_ref()).into_diagnostic()?;
+    let html = page(&targets, study, posterior, fitted.as_ref()).into_diagnostic()?;
     write_text(&file(PAGE), &html)?;
     for ((free, mean), sd) in targets.free.iter().zip(&posterior.mean).zip(&posterior.sd) {
         announce!("{:<22} {} ± {}", free.key, plot::number(*mean), plot::number(*sd));
@@ -116,23 +134,49 @@ pub fn calibrate(args: &CalibrateArgs) -> miette::Result<ExitCode> {
     for line in posterior.identifiability(&targets) {
         announce!("{line}");
     }
-    announce!("wrote {} and {}", file(GRAINS).display(), file(PAGE).display());
+    announce!("wrote {}", file(PAGE).display());
     Ok(ExitCode::SUCCESS)
 }
 
-/// A new study, or the one that the folder has.
-fn start(args: &CalibrateArgs, targets: &Targets, state: &Path) -> miette::Result<Study> {
-    if !state.exists() || args.overwrite {
-        return Ok(Study::new(targets));
+/// Simulates all rounds, each in a laboratory of its own with a title and a number of tests; `None` if interrupted.
+fn seek<'a>(
+    mut study: Study,
+    targets: &Targets,
+    folder: &Path,
+    laboratory: impl Fn(String, usize) -> Laboratory<Shown<'a>>,
+) -> miette::Result<Option<Study>> {
+    let rounds = targets.method.rounds + 1;
+    while !study.is_done(targets) {
+        let round = study.rounds.len() + 1;
+        let laboratory = laboratory(format!("round {round} of {rounds}"), targets.tests());
+        let done = study.advance(targets, &laboratory)?;
+        laboratory.progress.bar.finish_and_clear();
+        if !done {
+            note!("interrupted in round {round}; continue with --resume");
+            return Ok(None);
+        }
+        save(&study, &folder.join(STATE))?;
+        write_text(&folder.join(LOG), &members_csv(targets, &study))?;
+        report(targets, &study, round, rounds);
     }
-    if !args.resume {
+    Ok(Some(study))
+}
+
+/// A new study, or the one that the folder has.
+fn start(args: &CalibrateArgs, targets: &Targets, folder: &Path) -> miette::Result<Study> {
+    let state = folder.join(STATE);
+    let there = [&state, &folder.join(GRAINS)].into_iter().find(|file| file.exists()).cloned();
+    if let Some(there) = there.filter(|_| !args.overwrite && !args.resume) {
         bail!(
             help = "continue with --resume, or start again with --overwrite",
             "{} exists",
-            state.display()
+            there.display()
         );
     }
-    let study: Study = postcard::from_bytes(&read_sealed(state)?)
+    if args.overwrite || !state.exists() {
+        return Ok(Study::new(targets));
+    }
+    let study: Study = postcard::from_bytes(&read_sealed(&state)?)
         .map_err(|_| miette!("{}: not written by this version of dempm", state.display()))?;
     if !study.is_of(targets) {
         bail!(
@@ -179,14 +223,12 @@ fn report(targets: &Targets, study: &Study, round: usize, rounds: usize) {
     );
 }
 
-fn bar(bars: &MultiProgress, targets: &Targets, round: usize, rounds: usize) -> ProgressBar {
+fn bar(bars: &MultiProgress, title: String, tests: usize) -> ProgressBar {
     let style = ProgressStyle::with_template(
-        "{prefix}  {bar:24} {percent:>3} %  {pos}/{len} simulations  {eta} left",
+        "{prefix}  {bar:24} {percent:>3} %  {pos}/{len} tests  {eta} left",
     )
     .expect("the template is valid");
-    let bar = ProgressBar::new(Study::simulations(targets) as u64)
-        .with_style(style)
-        .with_prefix(format!("round {round} of {rounds}"));
+    let bar = ProgressBar::new(tests as u64).with_style(style).with_prefix(title);
     bars.add(bar)
 }
 
@@ -196,8 +238,8 @@ struct Shown<'a> {
 }
 
 impl Progress for Shown<'_> {
-    fn simulated(&self) {
-        self.bar.inc(1);
+    fn tested(&self, tests: usize) {
+        self.bar.inc(tests as u64);
     }
 
     fn stop(&self) -> bool {

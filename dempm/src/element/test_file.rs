@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use dem::element::Stage;
 use dem::{Grains, Packing, RveParameters, consolidate};
-use miette::{LabeledSpan, NamedSource};
 use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeTable;
 
 use super::packing_csv::{PackingError, read_packing};
 use crate::scene::{moved::new_place, parameters::outside};
+use crate::toml_error::TomlError;
 
 /// An element test.
 #[derive(Debug, Deserialize)]
@@ -56,17 +56,9 @@ pub enum TestError {
         source: std::io::Error,
     },
     /// The file is wrong at one place.
-    #[error("{message}")]
-    Invalid {
-        /// What is wrong.
-        message: String,
-        /// The text of the file.
-        #[source_code]
-        text: NamedSource<String>,
-        /// The place.
-        #[label(collection)]
-        place: Vec<LabeledSpan>,
-    },
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Invalid(#[from] TomlError),
     /// A parameter of the RVE is outside its limits.
     #[error("{}: {problem}", path.display())]
     Parameter {
@@ -92,17 +84,13 @@ impl ElementTest {
     pub fn load(path: &Path) -> Result<Self, TestError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| TestError::Read { path: path.to_owned(), source })?;
-        let at = |span: Range<usize>, label: &str, message: String| TestError::Invalid {
-            message,
-            text: NamedSource::new(path.to_string_lossy(), text.clone()).with_language("TOML"),
-            place: vec![LabeledSpan::new_with_span(Some(label.to_owned()), span)],
+        let at = |span: Range<usize>, label: &str, message: String| {
+            TestError::Invalid(TomlError::at(path, &text, span, label, message))
         };
         if let Some((message, place)) = moved(&text) {
             return Err(at(place, "no longer here", message));
         }
-        let mut test: Self = toml::from_str(&text).map_err(|error| {
-            at(error.span().unwrap_or(0..0), "here", error.message().to_owned())
-        })?;
+        let mut test: Self = TomlError::read(path, &text)?;
         test.rve.grains.clone_from(&test.grains);
         let problem = outside("grains", &test.grains).or_else(|| outside("rve", &test.rve));
         if let Some(problem) = problem {

@@ -7,6 +7,7 @@ use files::{WriteError, write_atomically};
 use plot::{Anchor, Canvas, Curve, Graph, PlotError, series_colour};
 
 use super::shorten::shortened;
+use crate::element::PathColumns;
 
 /// A path that could not be drawn.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -132,36 +133,17 @@ fn read(path: &Path) -> Result<Vec<State>, PathError> {
 /// The states of a CSV; a sentence about what is wrong with it otherwise.
 fn states(text: &str) -> Result<Vec<State>, String> {
     let mut lines = text.lines();
-    let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let place = |name: &str| {
-        let place = names.iter().position(|found| *found == name);
-        place.ok_or_else(|| format!("no column `{name}`, so it is not the path of an element test"))
-    };
-    // All that `dempm element` writes, so that other tables are told apart.
-    Row::COLUMNS.iter().try_for_each(|name| place(name).map(drop))?;
-    let [exx, exy, eyx, eyy] = ["exx", "exy", "eyx", "eyy"].map(place);
-    let [sxx, sxy, syx, syy] = ["sxx", "sxy", "syx", "syy"].map(place);
-    let strain = [exx?, exy?, eyx?, eyy?];
-    let stress = [sxx?, sxy?, syx?, syy?];
-    let solid_fraction = place("solid_fraction")?;
-    let states = lines.enumerate().map(|(row, line)| {
-        let cells: Vec<&str> = line.split(',').collect();
-        let number = |place: usize| -> Result<f64, String> {
-            let cell = cells.get(place).copied().unwrap_or_default();
-            cell.trim().parse().map_err(|_| {
-                format!("row {}, column `{}`: `{cell}` is not a number", row + 1, names[place])
-            })
-        };
-        let matrix = |places: [usize; 4]| -> Result<[f64; 4], String> {
-            let [xx, xy, yx, yy] = places.map(number);
-            Ok([xx?, xy?, yx?, yy?])
-        };
-        let ([exx, exy, eyx, eyy], [sxx, sxy, syx, syy]) = (matrix(strain)?, matrix(stress)?);
+    let columns = PathColumns::of(lines.next().unwrap_or_default())
+        .map_err(|name| format!("no column `{name}`, so it is not the path of an element test"))?;
+    let states = lines.enumerate().map(|(k, line)| {
+        let Row { strain, stress, solid_fraction, .. } = columns
+            .row(line)
+            .map_err(|error| format!("row {}, column `{}`: {error}", k + 1, error.column))?;
         Ok(State {
-            strain: (exx - eyy).hypot(exy + eyx),
-            mean: -0.5 * (sxx + syy),
-            shear: 0.5 * (sxx - syy).hypot(sxy + syx),
-            solid_fraction: number(solid_fraction)?,
+            strain: (strain.m11 - strain.m22).hypot(strain.m12 + strain.m21),
+            mean: -0.5 * stress.trace(),
+            shear: 0.5 * (stress.m11 - stress.m22).hypot(stress.m12 + stress.m21),
+            solid_fraction,
         })
     });
     states.collect()
