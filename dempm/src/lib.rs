@@ -41,6 +41,7 @@
 pub mod bench;
 pub mod calibrate;
 pub mod check;
+pub mod choose;
 pub mod commands;
 pub mod comparison;
 pub mod dataset;

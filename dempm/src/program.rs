@@ -7,7 +7,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::commands::shell_files::{ShellFilesArgs, shell_files};
 use crate::commands::terminal::{TerminalArgs, exit_code};
-use crate::commands::{bench, calibrate, check, dataset, element, export, import, info, plot, run};
+use crate::commands::{bench, calibrate, check, choose, dataset, element, export, import, info, plot, run};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
 #[derive(Parser)]
@@ -27,6 +27,8 @@ enum Command {
     Dataset(dataset::DatasetArgs),
     /// Estimate the cost of a scene and warn about it, without simulating.
     Check(check::CheckArgs),
+    /// Find the cheapest model of a scene that is near enough to its grains computed one by one.
+    Choose(choose::ChooseArgs),
     /// Drive one packing along a path of strain and stress.
     Element(element::ElementArgs),
     /// Find grains that behave like a measured material, with their uncertainty.
@@ -59,6 +61,7 @@ impl Arguments {
             Command::Run(args) => run::run(&args, verbose),
             Command::Dataset(args) => dataset::dataset(&args, verbose),
             Command::Check(args) => check::check(&args).map(done),
+            Command::Choose(args) => choose::choose(&args).map(done),
             Command::Element(args) => element::element(&args).map(done),
             Command::Calibrate(args) => calibrate::calibrate(&args, verbose),
             Command::Bench(args) => bench::bench(&args, verbose).map(done),

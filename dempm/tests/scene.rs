@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use dem::cuda::Room;
-use dempm::check::Needs;
+use dempm::check::{Needs, Rates};
 use dempm::scene::{Material, Rve, Scene};
 
 fn scenes() -> PathBuf {
@@ -46,12 +46,12 @@ fn no_scene_draws_a_warning_and_no_title_is_used_twice() {
 #[test]
 fn the_demo_takes_about_a_minute_on_two_cores() {
     let scene = load(&scenes().join("column.toml"));
-    let needs = Needs::of(&scene, 1.0e8);
+    let needs = Needs::of(&scene, &Rates::of_processor(1.0e8));
     assert_eq!(needs.points, 1024);
     assert!((30.0..90.0).contains(&needs.seconds), "{}", needs.seconds);
     assert_eq!(needs.warnings, Vec::<String>::new());
     let twin = load(&scenes().join("column-mu-i.toml"));
-    assert!(Needs::of(&twin, 1.0e8).seconds < 5.0);
+    assert!(Needs::of(&twin, &Rates::of_processor(1.0e8)).seconds < 5.0);
     assert_eq!((twin.columns, twin.domain.size), (scene.columns, scene.domain.size));
 }
 

@@ -12,19 +12,21 @@ the same text.
 
 from . import surrogate
 from ._calibrate import Calibration, calibrate
-from ._commands import Check, Picture, check, dataset, element, plot, run
+from ._commands import Check, Choice, Picture, check, choose, dataset, element, plot, run
 from ._dempm import Error, __version__
 from ._run import Run, open
 
 __all__ = [
     "Calibration",
     "Check",
+    "Choice",
     "Error",
     "Picture",
     "Run",
     "__version__",
     "calibrate",
     "check",
+    "choose",
     "dataset",
     "element",
     "open",

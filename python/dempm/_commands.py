@@ -25,6 +25,7 @@ def run(
     scene: Values,
     output: FilePath | None = None,
     *,
+    within: float | str | None = None,
     device: str = "auto",
     progress: bool = True,
     resume: bool = False,
@@ -37,6 +38,9 @@ def run(
     temporary file that is gone with the `Run`; `Run.save` keeps it. `device` is `auto` (a GPU if there is one), `cpu`,
     `cuda` or `cuda:N`.
 
+    With `within`, metres or a text such as `5%` of the run-out, the model is not that of the scene but the cheapest
+    that stays so near to the grains computed one by one: `choose` tells which. `run.scene["choice"]` states it.
+
     Ctrl-C, or *Interrupt* in a notebook, saves a checkpoint beside `output` and raises `KeyboardInterrupt`; the same
     call with `resume=True` continues with the same bits. Other Python threads run meanwhile.
 
@@ -44,6 +48,8 @@ def run(
     run are Python warnings.
     """
     text, name = _scene.text_and_name(scene)
+    if within is not None:
+        text = choose(scene, within, device=device).scene_text
     with Watcher(progress) as watcher:
         return opened(
             lambda path: _dempm.run(text, name, path, device, resume, overwrite, checkpoint_interval, watcher),
@@ -86,6 +92,47 @@ def check(scene: Values) -> Check:
     """Validates a scene, a file or a dictionary, and estimates its cost. Raises `dempm.Error` if it is invalid."""
     numbers, text = _dempm.check(*_scene.text_and_name(scene))
     return Check(json.loads(numbers), text)
+
+
+class Choice(Mapping[str, Any]):
+    """The model to take for a scene, as a dictionary that prints as the report of `dempm choose`.
+
+    | key | meaning |
+    |---|---|
+    | `within` | the distance that is allowed, m |
+    | `candidates` | a list: `name`, `family`, `prediction` (`largest` and `end`, each with `median` and `bound`, m; `beyond`), `seconds`, `memory` (bytes), `out` (why it is not near enough, or `None`) |
+    | `taken` | index of the one to take |
+    | `met` | whether its bound is within the distance |
+    | `beyond` | ways in which the scene lies outside of what was measured |
+    | `measured`, `runout` | what the errors rest on, and the expected way of the front, m |
+    """
+
+    def __init__(self, values: dict[str, Any], text: str, scene_text: str):
+        self._values = values
+        self._text = text
+        #: The scene with the model that is taken, as the text of a file.
+        self.scene_text = scene_text
+
+    def __getitem__(self, key: str) -> Any:
+        return self._values[key]
+
+    def __iter__(self) -> Any:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __repr__(self) -> str:
+        return self._text
+
+
+def choose(scene: Values, within: float | str, *, device: str = "auto") -> Choice:
+    """Finds the cheapest model of a scene, a file or a dictionary, that stays `within` a distance of its grains computed
+    one by one: metres (root mean square), or a text such as `5%` of the run-out. Raises `dempm.Error` if the scene is
+    invalid or has no candidates.
+    """
+    values, text, chosen = _dempm.choose(*_scene.text_and_name(scene), str(within), device)
+    return Choice(json.loads(values), text, chosen)
 
 
 def element(test: Values, grains: Mapping[str, Any] | None = None) -> dict[str, np.ndarray]:

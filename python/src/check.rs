@@ -1,8 +1,12 @@
 //! The cost of a scene.
 
-use dempm::check::{Needs, disc_steps_per_second};
+use dempm::check::{Needs, Rates};
+use dempm::choose::Within;
+use dempm::commands::choose::choice;
+use dempm::device::Device;
 use dempm::scene::Scene;
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, miette};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
@@ -14,8 +18,31 @@ use crate::supervisor::supervise;
 pub fn check(py: Python<'_>, scene: String, name: String) -> PyResult<(String, String)> {
     supervise(py, None, move |_, _| {
         let scene = Scene::parse(&scene, &name)?;
-        let needs = Needs::of(&scene, disc_steps_per_second().into_diagnostic()?);
+        let needs = Needs::of(&scene, &Rates::measure(false).into_diagnostic()?);
         Ok((numbers(&scene, &needs).to_string(), needs.to_string()))
+    })
+}
+
+/// The model to take for a scene: the choice as JSON, the report of `dempm choose`, and the scene with that model.
+#[pyfunction]
+pub fn choose(
+    py: Python<'_>,
+    scene: String,
+    name: String,
+    within: &str,
+    device: &str,
+) -> PyResult<(String, String, String)> {
+    let within: Within =
+        within.parse().map_err(|error| PyValueError::new_err(format!("within: {error}")))?;
+    let device: Device =
+        device.parse().map_err(|error| PyValueError::new_err(format!("device: {error}")))?;
+    supervise(py, None, move |_, _| {
+        let scene = Scene::parse(&scene, &name)?;
+        let on_gpu = device.open().into_diagnostic()?.is_some();
+        let choice = choice(&scene, within, on_gpu)?;
+        let chosen = choice.chosen_scene().map_err(|why| miette!("{name}: {why}"))?;
+        let json = serde_json::to_string(&choice).into_diagnostic()?;
+        Ok((json, choice.to_string(), chosen.text))
     })
 }
 

@@ -13,7 +13,7 @@ mod supervisor;
 #[pyo3::pymodule]
 mod _dempm {
     #[pymodule_export]
-    use super::check::check;
+    use super::check::{check, choose};
     #[pymodule_export]
     use super::constraints::Constraints;
     #[pymodule_export]

@@ -32,6 +32,26 @@ def test_check_is_the_report_of_the_command_and_its_numbers():
     assert dempm.check(LAW)["discs"] is None
 
 
+def test_a_model_is_chosen_and_run():
+    path = ROOT / "scenes/column.toml"
+    choice = dempm.choose(path, 0.2, device="cpu")
+    taken = choice["candidates"][choice["taken"]]
+    assert choice["within"] == 0.2
+    assert taken["prediction"]["largest"]["median"] < taken["prediction"]["largest"]["bound"]
+    # Whatever is taken is near enough, or nothing is.
+    assert choice["met"] == (taken["out"] is None)
+    assert f"> {taken['name']}" in repr(choice)
+    # A share of the run-out is so many metres.
+    share = dempm.choose(path, "5%", device="cpu")
+    assert share["within"] == pytest.approx(0.05 * share["runout"])
+    with pytest.raises(ValueError, match="metres"):
+        dempm.choose(path, "near")
+    # The law is the cheapest by far where any result is near enough.
+    run = dempm.run({**dempm._scene.values(path), "duration": 0.5}, within=100, device="cpu", progress=False)
+    assert run.attributes["material"] == "mu-i"
+    assert run.scene["choice"]["within"] == 100
+
+
 def test_an_element_test_gives_the_path_of_the_command(tmp_path):
     file, table = tmp_path / "shear.toml", tmp_path / "shear.csv"
     file.write_text(dempm._scene.text_and_name(TEST)[0])

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use dempm::check::Needs;
+use dempm::check::{Needs, Rates};
 use dempm::scene::Scene;
 use miette::{IntoDiagnostic, WrapErr};
 use serde::Serialize;
@@ -44,8 +44,8 @@ pub struct Context {
     pub models: Vec<Model>,
     /// Runs that the sections so far use.
     pub runs: Vec<Run>,
-    /// Expected disc-steps per second, for estimates only.
-    pub rate: f64,
+    /// Expected speed of the device, for estimates only.
+    pub rates: Rates,
     /// Hashes of files that have been read.
     pub hashes: RefCell<HashMap<PathBuf, String>>,
 }
@@ -92,7 +92,7 @@ impl Context {
             return 0.0;
         }
         // An invalid scene is refused at once.
-        let needs = Scene::parse(scene, "scene.toml").map(|scene| Needs::of(&scene, self.rate));
+        let needs = Scene::parse(scene, "scene.toml").map(|scene| Needs::of(&scene, &self.rates));
         needs.map_or(0.0, |needs| needs.seconds + 1.0)
     }
 

@@ -12,6 +12,7 @@ pub mod commands;
 pub mod context;
 pub mod difference;
 pub mod folder;
+pub mod library;
 pub mod literature;
 pub mod machine;
 pub mod models;

@@ -8,6 +8,8 @@ use dempm::commands::shell_files::{ShellFilesArgs, shell_files};
 use dempm::commands::terminal::{TerminalArgs, exit_code};
 
 use crate::commands::compare::{CompareArgs, compare};
+use crate::commands::fit::{FitArgs, fit};
+use crate::commands::library::{LibraryArgs, library};
 use crate::commands::page::{PageArgs, page};
 use crate::commands::report::{ReportArgs, report};
 use crate::commands::suite::SuiteCommand;
@@ -30,6 +32,10 @@ enum Command {
     Compare(CompareArgs),
     /// Write the page of a report again from its numbers and figures
     Page(PageArgs),
+    /// Measure every model on many scenes, for the choice of models
+    Library(LibraryArgs),
+    /// Fit the errors of models to such measurements
+    Fit(FitArgs),
     #[command(flatten)]
     Suite(SuiteCommand),
     /// Write completions and manual pages
@@ -49,6 +55,8 @@ impl Arguments {
             Command::Report(args) => report(&args),
             Command::Compare(args) => compare(&args),
             Command::Page(args) => page(&args),
+            Command::Library(args) => library(&args),
+            Command::Fit(args) => fit(&args),
             Command::Suite(command) => command.run(verbose),
             Command::ShellFiles(args) => {
                 shell_files(&args, Self::command()).map(|()| ExitCode::SUCCESS)

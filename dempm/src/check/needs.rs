@@ -4,6 +4,7 @@ use dem::Grains;
 use serde::Serialize;
 
 use super::accuracy::Accuracy;
+use super::rates::Rates;
 use super::units::{bytes, quantity};
 use crate::memory;
 use crate::run::monitor;
@@ -63,6 +64,8 @@ pub struct Needs {
     pub memory: f64,
     /// Estimated wall time (s).
     pub seconds: f64,
+    /// Estimated wall time (s) of preparing packings or discs, which are kept for the next run.
+    pub preparation: f64,
     /// Ways in which the scene leaves the validity of the method.
     pub warnings: Vec<String>,
 }
@@ -109,19 +112,18 @@ const IMPACT: f64 = 4.0;
 const BYTES_PER_GRAIN: f64 = 20.0;
 /// Density, velocity and stress at a node of a grid in a trajectory.
 const BYTES_PER_NODE: f64 = 28.0;
-/// Macro steps times points per second, without packings.
-const POINT_STEPS_PER_SECOND: f64 = 2.5e6;
+/// Steps in which a disc of a packing is prepared, and one of a whole scene.
+const PREPARATION: [f64; 2] = [9.0e4, 2.2e4];
 
 impl Needs {
-    /// Estimates the cost of `scene` with a DEM that makes `disc_steps_per_second`.
-    pub fn of(scene: &Scene, disc_steps_per_second: f64) -> Self {
+    /// Estimates the cost of `scene` on a machine of this speed.
+    pub fn of(scene: &Scene, rates: &Rates) -> Self {
         let points = scene.point_count();
         let gravity = scene.gravity[0].hypot(scene.gravity[1]);
         let density = scene.material.density();
         let height = scene.height();
         let base_pressure = density * gravity * height;
         let peak_velocity = peak_velocity(scene, gravity);
-        let point_steps = points as f64 * scene.steps() as f64;
         let rve = match &scene.material {
             Material::Rve(rve) => Some(RveNeeds {
                 discs: rve.parameters.discs,
@@ -134,8 +136,7 @@ impl Needs {
         let dem = scene
             .material
             .grains()
-            .map(|grains| DemNeeds::of(grains, discs, scene, base_pressure, disc_steps_per_second));
-        let moves_points = !matches!(scene.material, Material::Discs(_));
+            .map(|grains| DemNeeds::of(grains, discs, scene, base_pressure, rates));
         let mut needs = Self {
             title: scene.title.clone(),
             name: scene.name.clone(),
@@ -159,8 +160,8 @@ impl Needs {
             accuracy: Accuracy::of(scene),
             output: output(scene, points, discs),
             memory: memory(scene, points, discs),
-            seconds: if moves_points { point_steps / POINT_STEPS_PER_SECOND } else { 0.0 }
-                + dem.as_ref().map_or(0.0, |dem| dem.disc_steps / dem.rate),
+            seconds: seconds(scene, points, dem.as_ref(), rates),
+            preparation: preparation(scene, discs, rates),
             rve,
             dem,
             warnings: Vec::new(),
@@ -254,13 +255,7 @@ impl Needs {
 }
 
 impl DemNeeds {
-    fn of(
-        grains: &Grains,
-        discs: f64,
-        scene: &Scene,
-        base_pressure: f64,
-        disc_steps_per_second: f64,
-    ) -> Self {
+    fn of(grains: &Grains, discs: f64, scene: &Scene, base_pressure: f64, rates: &Rates) -> Self {
         let substeps = grains.substeps(scene.step);
         let inertia = grains.mass_scale * grains.disc_mass(grains.radius_min);
         let stiffness = grains.normal_stiffness.max(grains.tangential_stiffness);
@@ -271,8 +266,37 @@ impl DemNeeds {
             step_limit: UNSTABLE_STEP * (inertia / stiffness).sqrt(),
             stiffness_number: grains.stiffness_number(base_pressure),
             disc_steps: discs * scene.steps() as f64 * substeps as f64,
-            rate: disc_steps_per_second,
+            rate: match scene.material {
+                Material::Discs(_) => rates.discs,
+                _ => rates.packings,
+            },
         }
+    }
+}
+
+/// Wall time of a run without preparation (s).
+fn seconds(scene: &Scene, points: usize, dem: Option<&DemNeeds>, rates: &Rates) -> f64 {
+    let steps = scene.steps() as f64;
+    let point_steps = points as f64 * steps;
+    let discs = dem.map_or(0.0, |dem| dem.disc_steps / dem.rate);
+    let [packings, law, whole_scene] = rates.least;
+    match (&scene.material, dem) {
+        (Material::Discs(_), Some(dem)) => discs + steps * dem.substeps as f64 * whole_scene,
+        (Material::Rve(_), _) => discs + steps * packings + point_steps / rates.points,
+        _ => steps * law + point_steps / rates.law,
+    }
+}
+
+/// Wall time of preparing packings or discs (s).
+fn preparation(scene: &Scene, discs: f64, rates: &Rates) -> f64 {
+    let [packing, whole_scene] = PREPARATION;
+    match &scene.material {
+        Material::Discs(_) => whole_scene * discs / rates.preparation,
+        Material::Rve(rve) => {
+            let discs = rve.packings * rve.parameters.discs;
+            packing * discs as f64 / rates.packing_preparation
+        }
+        Material::MuI(_) | Material::Elastic(_) => 0.0,
     }
 }
 
@@ -382,7 +406,7 @@ mod tests {
     use super::*;
 
     fn needs(text: &str) -> Needs {
-        Needs::of(&Scene::parse(text, "test.toml").unwrap(), 1.0e8)
+        Needs::of(&Scene::parse(text, "test.toml").unwrap(), &Rates::of_processor(1.0e8))
     }
 
     const COLUMN: &str =

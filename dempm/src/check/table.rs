@@ -132,6 +132,10 @@ impl Needs {
         cost.push(Row("memory", bytes(self.memory), "points and discs".into()));
         cost.push(Row("trajectory", bytes(self.output), "before compression".into()));
         cost.push(Row("time", duration(self.seconds), "estimate".into()));
+        if self.preparation > 0.0 {
+            let note = "before, unless the cache has it".into();
+            cost.push(Row("preparation", duration(self.preparation), note));
+        }
         let sections = [("Size", size), ("Steps", steps), ("State", state), ("Cost", cost)];
         let mut sections = Vec::from(sections.map(|(heading, rows)| (heading.to_owned(), rows)));
         sections.extend(self.accuracy.as_ref().map(expected));

@@ -1,7 +1,7 @@
 //! Quantities as people write them.
 
 /// A quantity with three or four digits and an SI prefix, such as `62.5 mm`.
-pub(super) fn quantity(value: f64, unit: &str) -> String {
+pub fn quantity(value: f64, unit: &str) -> String {
     const PREFIXES: [(f64, &str); 6] =
         [(1.0e9, "G"), (1.0e6, "M"), (1.0e3, "k"), (1.0, ""), (1.0e-3, "m"), (1.0e-6, "µ")];
     // Large prefixes are used for pressures only, not for lengths and times.
@@ -40,7 +40,7 @@ pub(super) fn grouped(number: f64) -> String {
 }
 
 /// A size of memory or files.
-pub(super) fn bytes(number: f64) -> String {
+pub fn bytes(number: f64) -> String {
     match number {
         n if n < 1.0e6 => format!("{:.0} kB", n / 1.0e3),
         n if n < 1.0e9 => format!("{:.0} MB", n / 1.0e6),
@@ -49,7 +49,7 @@ pub(super) fn bytes(number: f64) -> String {
 }
 
 /// A duration from seconds to days.
-pub(super) fn duration(seconds: f64) -> String {
+pub fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 1.0 => "under a second".into(),
         s if s < 100.0 => format!("{s:.0} s"),

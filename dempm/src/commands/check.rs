@@ -6,7 +6,7 @@ use files::{note, out};
 use miette::IntoDiagnostic;
 
 use super::terminal::print_json;
-use crate::check::{Needs, disc_steps_per_second};
+use crate::check::{Needs, Rates};
 use crate::scene::Scene;
 
 /// Arguments of `dempm check`.
@@ -28,7 +28,7 @@ pub fn check(args: &CheckArgs) -> miette::Result<()> {
     if let Some(warnings) = scene.warning_report() {
         note!("{warnings:?}");
     }
-    let needs = Needs::of(&scene, disc_steps_per_second().into_diagnostic()?);
+    let needs = Needs::of(&scene, &Rates::measure(false).into_diagnostic()?);
     if args.json {
         return print_json(&needs);
     }

@@ -4,6 +4,7 @@
 pub mod bench;
 pub mod calibrate;
 pub mod check;
+pub mod choose;
 pub mod dataset;
 mod device;
 pub mod element;

@@ -4,16 +4,18 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use files::{INTERRUPTED, Interrupt, announce, note, refuse_input, set_json};
+use files::{INTERRUPTED, Interrupt, announce, inform, note, refuse_input, set_json};
 use gpu::ranks::{Environment, Ranks};
-use miette::{IntoDiagnostic, bail};
+use miette::{IntoDiagnostic, bail, miette};
 use serde::Serialize;
 
+use super::choose::choice;
 use super::device::report;
 use super::outputs::default_output;
 use super::progress::{SceneProgress, bars};
 use super::summary::Summary;
 use super::terminal::print_json;
+use crate::choose::{Choice, Judgement, Within};
 use crate::device::Device;
 use crate::run::{Observer, Options, Outcome, checkpoint, checkpoint_interval, run_scene};
 use crate::scene::{Material, Scene};
@@ -27,6 +29,10 @@ pub struct RunArgs {
     /// Trajectory file (HDF5) [default: the scene's name with .h5, in the current directory].
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Take the cheapest model that stays so near to the grains computed one by one, instead of the scene's: metres (root
+    /// mean square), or 5% of the run-out.
+    #[arg(long, value_name = "DISTANCE")]
+    within: Option<Within>,
     /// Device to run on: auto (the first GPU, else the CPU), cpu, cuda or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
@@ -71,6 +77,9 @@ struct Report<'a> {
     warnings: Vec<&'a str>,
     /// Of a run that finished now.
     summary: Option<Summary>,
+    /// Of a run with --within that finished now.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    choice: Option<Judgement>,
 }
 
 /// Runs a scene, as one of several ranks if a launcher started more than one.
@@ -92,8 +101,15 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         refuse_input(path, [&args.scene])?;
     }
     let Place { device, ranks } = place(&scene, args.device, &environment, verbose)?;
+    let (scene, choice) = match args.within {
+        Some(_) if environment.is_shared() => {
+            bail!(help = "`dempm choose` prints the choice", "--within takes a run in one process")
+        }
+        Some(within) => chosen(&scene, within, &output, args.resume, device.is_some())?,
+        None => (scene, None),
+    };
     let options = Options {
-        device,
+        device: device.clone(),
         ranks,
         resume: args.resume,
         overwrite: args.overwrite,
@@ -105,6 +121,7 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         false => Box::new(()),
     };
     let steps = scene.steps();
+    let statement = scene.choice.clone();
     let outcome = run_scene(scene, output.clone(), &options, progress.as_mut(), &interrupt)?;
     let (status, step, summary) = match outcome {
         Outcome::Finished { simulation, stable_step } => {
@@ -113,13 +130,21 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         Outcome::WasFinished => (Status::FinishedBefore, steps, None),
         Outcome::Interrupted { step, .. } => (Status::Interrupted, step, None),
     };
+    let mut judgement = None;
+    if let (Some(choice), Some(statement), Status::Finished) = (&choice, statement, status) {
+        judgement = Some(Judgement::of(choice, statement, &output, device.as_ref(), &interrupt)?);
+    }
     if is_first {
         if status == Status::Interrupted {
             note!("interrupted at step {step} of {steps}; --resume continues");
         }
         let trajectory = Trajectory::open(&output)?;
         let warnings = trajectory.warnings().unwrap_or_default();
-        let report = Report { output: &output, status, step, steps, warnings, summary };
+        if let Some(warning) = judgement.as_ref().and_then(Judgement::warning) {
+            note!("warning: {warning}");
+        }
+        let choice = judgement;
+        let report = Report { output: &output, status, step, steps, warnings, summary, choice };
         if args.json { print_json(&report)? } else { print(&report) }
     }
     Ok(match status {
@@ -128,11 +153,29 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
     })
 }
 
+/// The scene with the model that is chosen, and the choice; a run that is continued keeps its model.
+fn chosen(
+    scene: &Scene,
+    within: Within,
+    output: &Path,
+    resume: bool,
+    on_gpu: bool,
+) -> miette::Result<(Scene, Option<Choice>)> {
+    let choice = choice(scene, within, on_gpu)?;
+    let choice = if resume { choice.continued(output) } else { choice };
+    inform!("{}", choice.verdict());
+    let scene = choice.chosen_scene().map_err(|why| miette!("{}: {why}", scene.name))?;
+    Ok((scene, Some(choice)))
+}
+
 /// Prints a report for people.
 fn print(report: &Report<'_>) {
     let output = report.output.display();
     match &report.summary {
-        Some(summary) => announce!("{summary}  {:<22}{output}", "written"),
+        Some(summary) => {
+            let choice = report.choice.as_ref().map_or_else(String::new, Judgement::to_string);
+            announce!("{summary}{choice}  {:<22}{output}", "written");
+        }
         None if report.status == Status::Interrupted => {}
         None => announce!("{output}: finished already"),
     }

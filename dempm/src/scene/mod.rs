@@ -35,7 +35,7 @@ use std::path::Path;
 
 pub use estimate::{COORDINATION, COURANT, CROSSING, SOLID_FRACTION};
 pub use model::{
-    Column, Discs, Domain, Elastic, GridOutput, InitialStress, Material, Obstacle, Plate,
+    Chosen, Column, Discs, Domain, Elastic, GridOutput, InitialStress, Material, Obstacle, Plate,
     Precision, Rectangle, Rve, Scene,
 };
 pub use points::Points;

@@ -50,8 +50,23 @@ pub struct Scene {
     pub grid: Option<GridOutput>,
     /// Whether a run ends when everything has come to rest.
     pub stop_at_rest: bool,
+    /// How its model was chosen, if it was.
+    pub choice: Option<Chosen>,
     /// Doubtful but allowed settings.
     pub warnings: Vec<Problem>,
+}
+
+/// A model that was chosen by its expected distance from the grains computed one by one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Chosen {
+    /// Name of the model.
+    pub model: String,
+    /// The distance that was asked for (m).
+    pub within: f64,
+    /// The distance to expect (m); `None` if nothing like the scene was measured.
+    pub expected: Option<f64>,
+    /// Nine of ten distances are smaller (m).
+    pub bound: Option<f64>,
 }
 
 /// A grid for coarse-grained fields.

@@ -8,7 +8,7 @@ use toml::de::DeTable;
 use super::defaults;
 use super::log::Log;
 use super::model::{
-    Column, Discs, Domain, GridOutput, InitialStress, Material, Obstacle, Plate, Precision,
+    Chosen, Column, Discs, Domain, GridOutput, InitialStress, Material, Obstacle, Plate, Precision,
     Rectangle, Rve, Scene,
 };
 use super::parameters;
@@ -75,6 +75,7 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
         fields,
         grains_every,
         grid,
+        choice: choice(&root),
         warnings: Vec::new(),
     };
     root.finish();
@@ -104,6 +105,20 @@ fn domain(root: &Table<'_>, material: &Material) -> Domain {
     };
     table.finish();
     domain
+}
+
+/// The statement of a choice, which `dempm run --within` writes.
+fn choice(root: &Table<'_>) -> Option<Chosen> {
+    let table = root.table("choice");
+    let optional =
+        |key: &str| table.has(key).then(|| table.number(key, None, positive(LENGTH, "m")));
+    let (expected, bound) = (optional("expected"), optional("bound"));
+    let given = table.is_given();
+    let default = (!given).then_some(0.1);
+    let model = table.text("model", "");
+    let within = table.number("within", default, positive(LENGTH, "m"));
+    table.finish();
+    given.then_some(Chosen { model, within, expected, bound })
 }
 
 fn columns(root: &Table<'_>) -> Vec<Column> {

@@ -387,7 +387,7 @@ fn survives(text: &str) {
             if scene.point_count() < 100_000 {
                 assert_eq!(scene.points().position.len(), scene.point_count());
             }
-            let needs = crate::check::Needs::of(&scene, 1.0e8);
+            let needs = crate::check::Needs::of(&scene, &crate::check::Rates::of_processor(1.0e8));
             let _ = needs.to_string();
             let _ = scene.warning_report().map(|report| render(&report));
         }

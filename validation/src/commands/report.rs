@@ -25,6 +25,7 @@ use crate::run_cache::{Interrupted, RunCache};
 use crate::section_cache::{Computed, Made};
 use crate::suite::Suite;
 use crate::text::slug;
+use dempm::check::Rates;
 
 /// Arguments of `validation report`.
 #[derive(clap::Args)]
@@ -205,17 +206,14 @@ fn context(args: &ReportArgs, interrupt: Interrupt) -> miette::Result<Context> {
     let device = args.device.unwrap_or(args.suite.pick(Device::Cpu, Device::Auto));
     let gpu = device.open().into_diagnostic()?;
     let threads = rayon::current_num_threads();
-    let (name, device_name, rate) = match &gpu {
+    let (name, device_name) = match &gpu {
         Some(gpu) => {
             let number = if let Device::Cuda(Some(number)) = device { number } else { 0 };
-            // The rate of an H200: it is for estimates only.
-            (format!("cuda:{number}"), gpu.name().to_owned(), 2e10)
+            (format!("cuda:{number}"), gpu.name().to_owned())
         }
-        None => {
-            let rate = dempm::check::disc_steps_per_second().into_diagnostic()?;
-            ("cpu".to_owned(), format!("{}, {threads} threads", processor()), rate)
-        }
+        None => ("cpu".to_owned(), format!("{}, {threads} threads", processor())),
     };
+    let rates = Rates::measure(gpu.is_some()).into_diagnostic()?;
     let work = args.work.clone().unwrap_or_else(|| {
         let mut name = args.output.clone().into_os_string();
         name.push("-work");
@@ -237,7 +235,7 @@ fn context(args: &ReportArgs, interrupt: Interrupt) -> miette::Result<Context> {
         data: args.data.as_ref().map(absolute).transpose()?,
         models: models.as_ref().map(absolute).transpose()?.map_or(vec![], |f| models_in(&f)),
         runs: Vec::new(),
-        rate,
+        rates,
         hashes: RefCell::default(),
     })
 }

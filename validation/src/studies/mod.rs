@@ -5,6 +5,7 @@ pub mod column_collapse;
 pub mod element_tests;
 pub mod fair_comparison;
 pub mod grain_size;
+pub mod model_choice;
 pub mod pareto;
 pub mod ranking;
 pub mod recommendations;

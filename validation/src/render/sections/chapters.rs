@@ -3,6 +3,7 @@
 use super::column_collapse::ColumnCollapse;
 use super::column_rollouts::ColumnRollouts;
 use super::element_tests::ElementTests;
+use super::model_choice::ModelChoice;
 use super::recommendations::Recommendations;
 use super::runs::Runs;
 use super::speed_accuracy::SpeedAccuracy;
@@ -73,8 +74,8 @@ pub fn all() -> Vec<Chapter> {
         },
         Chapter {
             title: "What a scene needs",
-            about: "From the same measurements: which setting is enough for which accuracy.",
-            sections: vec![Box::new(Recommendations)],
+            about: "Which model is enough for which accuracy: chosen beforehand, and from measurements of the scene itself.",
+            sections: vec![Box::new(ModelChoice), Box::new(Recommendations)],
         },
         Chapter {
             title: "Stability",

@@ -10,6 +10,7 @@ mod column_rollouts;
 mod cover;
 mod element_tests;
 mod fair_comparison;
+mod model_choice;
 mod no_model;
 mod paper;
 mod recommendations;

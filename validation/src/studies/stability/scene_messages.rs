@@ -1,6 +1,6 @@
 //! Errors and warnings of a scene before it runs.
 
-use dempm::check::Needs;
+use dempm::check::{Needs, Rates};
 use dempm::scene::{Problem, Scene, SceneError};
 
 use super::study::StudyError;
@@ -22,7 +22,9 @@ pub fn checked(text: &str) -> Option<String> {
 pub fn doubts(text: &str) -> Vec<String> {
     let scene = Scene::parse(text, NAME);
     // The rate only enters the estimated duration.
-    let doubts = scene.map_or(Vec::new(), |scene| Needs::of(&scene, 1.0).warnings);
+    let doubts = scene.map_or(Vec::new(), |scene| {
+        Needs::of(&scene, &Rates::of_processor(1.0)).warnings
+    });
     problems(text).into_iter().chain(doubts).collect()
 }
 

@@ -1,0 +1,274 @@
+//! The cheapest model that is near enough to the truth.
+
+use std::path::Path;
+
+use serde::Serialize;
+use toml::{Table, Value};
+
+use super::candidate::{Candidate, candidates};
+use super::error_model::{ErrorModel, Prediction};
+use super::family::Family;
+use super::features::{Features, features};
+use super::within::Within;
+use crate::check::{Needs, Rates, bytes, quantity};
+use crate::scene::{Chosen, Scene};
+use crate::trajectory::Trajectory;
+
+/// Why nothing can be chosen.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+pub enum ChoiceError {
+    /// No candidate fits the scene.
+    #[error("{name}: no model can be chosen for {why}")]
+    NoCandidate {
+        /// Name of the scene.
+        name: String,
+        /// What it has.
+        why: &'static str,
+    },
+    /// The accuracy is a share of what does not exist.
+    #[error("{name}: no run-out is expected, of which --within is a share")]
+    #[diagnostic(help("give metres, such as --within 0.1"))]
+    NoRunout {
+        /// Name of the scene.
+        name: String,
+    },
+    /// None of the candidates can be computed.
+    #[error("{name}: none of the candidates can be computed: {why}")]
+    NothingFits {
+        /// Name of the scene.
+        name: String,
+        /// What is wrong with the first.
+        why: String,
+    },
+}
+
+/// All candidates of a scene, and the one that is taken.
+#[derive(Clone, Debug, Serialize)]
+pub struct Choice {
+    /// Name of the scene.
+    pub scene: String,
+    /// The distance (m) from the truth that is allowed.
+    pub within: f64,
+    /// Expected way of the front (m); `None` without gravity or where it has no room.
+    pub runout: Option<f64>,
+    /// What the expected errors rest on.
+    pub measured: String,
+    /// Ways in which the scene lies outside of what was measured.
+    pub beyond: Vec<&'static str>,
+    /// All candidates.
+    pub candidates: Vec<Entry>,
+    /// Index of the one that is taken: the cheapest whose bound is within; else the nearest; outside of what was
+    /// measured the finest.
+    pub taken: usize,
+    /// Whether its bound is within.
+    pub met: bool,
+}
+
+/// A candidate with its expected error and cost.
+#[derive(Clone, Debug, Serialize)]
+pub struct Entry {
+    /// Its name.
+    pub name: String,
+    /// Its kind.
+    pub family: Family,
+    /// What is expected of its distance from the truth; `None` if nothing like it was measured.
+    pub prediction: Option<Prediction>,
+    /// Estimated wall time (s), with preparation.
+    pub seconds: Option<f64>,
+    /// Memory (bytes).
+    pub memory: Option<f64>,
+    /// Why it is not near enough or cannot be computed.
+    pub out: Option<String>,
+    #[serde(skip)]
+    candidate: Candidate,
+    #[serde(skip)]
+    features: Features,
+}
+
+impl Choice {
+    /// Chooses a model of `scene` on a machine of this speed with so much memory left (bytes).
+    ///
+    /// # Errors
+    /// If the scene has no grains or a plate, no candidate can be computed, or a share of no run-out is asked for.
+    pub fn of(
+        scene: &Scene,
+        within: Within,
+        model: &ErrorModel,
+        rates: &Rates,
+        available: Option<f64>,
+    ) -> Result<Self, ChoiceError> {
+        let name = || scene.name.clone();
+        let none = |why| Err(ChoiceError::NoCandidate { name: name(), why });
+        if scene.plate.is_some() {
+            return none("a moving plate");
+        }
+        if scene.material.name() == "elastic" {
+            return none("an elastic material");
+        }
+        if scene.gravity[0] != 0.0 || scene.gravity[1] >= 0.0 {
+            return none("gravity that does not act downwards");
+        }
+        let all = candidates(scene);
+        // The grains of the truth, which a law does not have.
+        let truth = all.first().and_then(|discs| discs.scene.as_deref().ok()).unwrap_or(scene);
+        let height = scene.height();
+        let entry = |candidate: Candidate| {
+            let features = features(truth, &candidate);
+            let prediction = model.predict(candidate.family, &features, height);
+            let needs = candidate.scene.as_deref().ok().map(|scene| Needs::of(scene, rates));
+            let short = |needs: &Needs| available.is_some_and(|left| needs.memory > left);
+            let out = match (&candidate.scene, &needs) {
+                (Err(why), _) => Some(why.clone()),
+                (Ok(_), Some(needs)) if short(needs) => {
+                    Some(format!("needs {}, more than is left", bytes(needs.memory)))
+                }
+                _ => None,
+            };
+            Entry {
+                name: candidate.name.clone(),
+                family: candidate.family,
+                prediction,
+                seconds: needs.as_ref().map(|needs| needs.seconds + needs.preparation),
+                memory: needs.as_ref().map(|needs| needs.memory),
+                out,
+                candidate,
+                features,
+            }
+        };
+        let mut entries: Vec<Entry> = all.into_iter().map(entry).collect();
+        let runout = runout(truth, &Needs::of(truth, rates));
+        let within = within.metres(runout).ok_or_else(|| ChoiceError::NoRunout { name: name() })?;
+        // What the scene itself lies outside of, every candidate does.
+        let beyond: Vec<&'static str> = entries
+            .first()
+            .and_then(|discs| discs.prediction.as_ref())
+            .map_or(Vec::new(), |prediction| prediction.beyond.clone());
+        let is_measured = beyond.is_empty();
+        let possible: Vec<bool> = entries.iter().map(|entry| entry.out.is_none()).collect();
+        for entry in entries.iter_mut().filter(|entry| entry.out.is_none()) {
+            entry.out = entry.why_not(within, is_measured);
+        }
+        let fits = |k: &usize| entries[*k].out.is_none();
+        let time = |k: &usize| entries[*k].seconds.unwrap_or(f64::INFINITY);
+        let bound = |k: &usize| entries[*k].bound().unwrap_or(f64::INFINITY);
+        let every = || (0..entries.len()).filter(|k| possible[*k]);
+        let cheapest = every().filter(fits).min_by(|a, b| time(a).total_cmp(&time(b)));
+        let nearest = if is_measured {
+            every().min_by(|a, b| bound(a).total_cmp(&bound(b)))
+        } else {
+            every().next()
+        };
+        let Some(taken) = cheapest.or(nearest) else {
+            let why = entries.iter().find_map(|entry| entry.out.clone()).unwrap_or_default();
+            return Err(ChoiceError::NothingFits { name: name(), why });
+        };
+        Ok(Self {
+            scene: name(),
+            within,
+            runout,
+            measured: model.source.clone(),
+            beyond,
+            met: fits(&taken),
+            candidates: entries,
+            taken,
+        })
+    }
+
+    /// The candidate that is taken.
+    pub fn taken(&self) -> &Entry {
+        &self.candidates[self.taken]
+    }
+
+    /// The scene with the candidate that is taken, which states the choice.
+    ///
+    /// # Errors
+    /// A sentence, if the scene with its statement is not valid.
+    pub fn chosen_scene(&self) -> Result<Scene, String> {
+        self.scene_of(self.taken())
+    }
+
+    /// The scene with a candidate, which states the choice.
+    fn scene_of(&self, entry: &Entry) -> Result<Scene, String> {
+        let scene = entry.candidate.scene.as_ref().map_err(Clone::clone)?;
+        let mut table: Table = scene.text.parse().map_err(|error| format!("{error}"))?;
+        let expected = entry.expected(self.beyond.is_empty());
+        let chosen = Chosen {
+            model: entry.name.clone(),
+            within: self.within,
+            expected: expected.map(|expected| expected.median),
+            bound: expected.map(|expected| expected.bound),
+        };
+        let statement = Table::try_from(&chosen).map_err(|error| error.to_string())?;
+        table.insert("choice".to_owned(), Value::Table(statement));
+        let text = toml::to_string(&table).map_err(|error| error.to_string())?;
+        Scene::parse(&text, &scene.name).map_err(|error| error.to_string())
+    }
+
+    /// The choice with the candidate whose scene has this text, such as that of a run to be continued; `None` if none
+    /// has it.
+    fn with_text(&self, text: &str) -> Option<Self> {
+        let has = |entry: &Entry| self.scene_of(entry).is_ok_and(|scene| scene.text == text);
+        let taken = self.candidates.iter().position(has)?;
+        Some(Self { taken, met: self.candidates[taken].out.is_none(), ..self.clone() })
+    }
+
+    /// The choice of a run that is to be continued, if the trajectory at `output` was begun with one of the candidates;
+    /// else the choice itself.
+    pub fn continued(self, output: &Path) -> Self {
+        let begun = Trajectory::open(output).ok();
+        let same = begun.and_then(|begun| self.with_text(&begun.header().scene));
+        same.unwrap_or(self)
+    }
+
+    /// The scene of the next coarser candidate, whose distance from the one that is taken shows its error, and the
+    /// features of that.
+    pub fn coarser(&self) -> Option<(&Scene, &Features)> {
+        let all: Vec<Candidate> =
+            self.candidates.iter().map(|entry| entry.candidate.clone()).collect();
+        let coarser = self.taken().candidate.coarser(&all)?;
+        let entry = self.candidates.iter().find(|entry| entry.name == coarser.name)?;
+        Some((entry.candidate.scene.as_deref().ok()?, &self.taken().features))
+    }
+}
+
+impl Entry {
+    /// The scene with this candidate, without a statement of the choice.
+    ///
+    /// # Errors
+    /// Why it cannot be computed so.
+    pub fn scene(&self) -> Result<&Scene, &str> {
+        self.candidate.scene.as_deref().map_err(String::as_str)
+    }
+
+    /// Nine of ten largest distances are smaller (m).
+    pub fn bound(&self) -> Option<f64> {
+        self.expected(true).map(|expected| expected.bound)
+    }
+
+    /// The largest distance to expect, if the scene and this candidate are like what was measured.
+    pub fn expected(&self, is_measured: bool) -> Option<super::error_model::Expected> {
+        let prediction = self.prediction.as_ref().filter(|_| is_measured)?;
+        prediction.beyond.is_empty().then_some(prediction.largest)
+    }
+
+    fn why_not(&self, within: f64, is_measured: bool) -> Option<String> {
+        let Some(prediction) = &self.prediction else { return Some("not measured".to_owned()) };
+        if !is_measured {
+            return Some("the scene is unlike all that were measured".to_owned());
+        }
+        if !prediction.beyond.is_empty() {
+            return Some(format!("not measured: {}", prediction.beyond.join(", ")));
+        }
+        let bound = prediction.largest.bound;
+        (bound > within).then(|| format!("its bound is above {}", quantity(within, "m")))
+    }
+}
+
+/// How far the front is expected to move (m), up to the walls.
+fn runout(scene: &Scene, needs: &Needs) -> Option<f64> {
+    let [left, right] = needs.reach?;
+    let start = scene.columns.iter().map(|column| column.place.corner[0]).fold(f64::MAX, f64::min);
+    let end = scene.columns.iter().map(|column| column.place.end()[0]).fold(f64::MIN, f64::max);
+    let runout = (right.min(scene.domain.size[0]) - end).max(start - left.max(0.0));
+    (runout > 0.0).then_some(runout)
+}

@@ -1,0 +1,242 @@
+//! The error to expect of a candidate, from cases that were measured.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::conformal::quantile;
+use super::family::Family;
+use super::features::{Features, MEANINGS, NAMES};
+use super::library::{Case, Distance};
+use super::regression::Regression;
+
+/// The model that ships: `validation fit dempm/src/choose/library.csv`.
+const SHIPPED: &str = include_str!("error-model.json");
+/// Probability that the error does not exceed the bound.
+pub const LEVEL: f64 = 0.9;
+/// Groups of scenes, each of which is predicted from the others.
+const FOLDS: usize = 10;
+/// Penalties that are tried.
+const PENALTIES: [f64; 8] = [0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
+/// Scenes without which nothing is fitted.
+const LEAST_SCENES: usize = 4;
+/// How far beyond the measured range a feature may be, as a share of the range.
+const MARGIN: f64 = 0.05;
+/// Least error (m) whose logarithm is taken.
+const LEAST: f64 = 1.0e-5;
+
+/// What is expected of errors, by the kind of model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ErrorModel {
+    /// Where the cases come from, in words.
+    pub source: String,
+    /// Scenes that were measured.
+    pub scenes: usize,
+    families: BTreeMap<Family, OfFamily>,
+}
+
+/// The same of one family.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct OfFamily {
+    /// Least and largest value of each feature.
+    range: Vec<[f64; 2]>,
+    end: Predictor,
+    largest: Predictor,
+    /// The error from the change to the next coarser candidate; `None` if that was not measured.
+    from_change: Option<Predictor>,
+}
+
+/// The logarithm of an error over a length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Predictor {
+    regression: Regression,
+    /// What cross-validation adds to its median.
+    median: f64,
+    /// What it adds to that up to the bound.
+    bound: f64,
+}
+
+/// An expected error (m).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Expected {
+    /// Half of the errors are smaller.
+    pub median: f64,
+    /// Nine of ten errors are smaller.
+    pub bound: f64,
+}
+
+/// What is expected of a candidate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Prediction {
+    /// The distance at the end.
+    pub end: Expected,
+    /// The largest distance over time.
+    pub largest: Expected,
+    /// Ways in which it lies outside of the measured cases.
+    pub beyond: Vec<&'static str>,
+}
+
+impl ErrorModel {
+    /// The model that ships.
+    ///
+    /// # Panics
+    /// Never: a test reads it.
+    pub fn shipped() -> Self {
+        serde_json::from_str(SHIPPED).expect("a test reads it")
+    }
+
+    /// Fits the model to cases.
+    ///
+    /// # Errors
+    /// A sentence, if there are too few scenes.
+    pub fn fit(cases: &[Case], source: String) -> Result<Self, String> {
+        let mut names: Vec<&str> = cases.iter().map(|case| case.scene.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
+        if names.len() < LEAST_SCENES {
+            let count = names.len();
+            return Err(format!("{count} scenes are too few to fit; at least {LEAST_SCENES}"));
+        }
+        let mut families = BTreeMap::new();
+        for family in Family::ALL {
+            let own: Vec<&Case> = cases.iter().filter(|case| case.family == family).collect();
+            if let Some(found) = OfFamily::fit(&own) {
+                families.insert(family, found);
+            }
+        }
+        Ok(Self { source, scenes: names.len(), families })
+    }
+
+    /// What to expect of a candidate with these features on a scene of this height (m); `None` of a family that was
+    /// not measured.
+    pub fn predict(&self, family: Family, features: &Features, height: f64) -> Option<Prediction> {
+        let known = self.families.get(&family)?;
+        let beyond = known.range.iter().zip(features).zip(MEANINGS).filter(|((range, x), _)| {
+            let margin = MARGIN * (range[1] - range[0]) + 1.0e-9;
+            !(range[0] - margin..=range[1] + margin).contains(*x)
+        });
+        Some(Prediction {
+            end: known.end.expected(features, height),
+            largest: known.largest.expected(features, height),
+            beyond: beyond.map(|(_, meaning)| meaning).collect(),
+        })
+    }
+
+    /// What the largest change (m) from the next coarser candidate says about the largest distance from the truth.
+    pub fn from_change(
+        &self,
+        family: Family,
+        features: &Features,
+        change: f64,
+    ) -> Option<Expected> {
+        let known = self.families.get(&family)?.from_change.as_ref()?;
+        Some(known.expected(features, change))
+    }
+}
+
+impl OfFamily {
+    fn fit(cases: &[&Case]) -> Option<Self> {
+        let range = |k: usize| {
+            let values = cases.iter().map(|case| case.features[k]);
+            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)])
+        };
+        let of = |value: fn(&Distance) -> f64| {
+            let known =
+                cases.iter().filter_map(|case| Some((*case, value(&case.distance?), case.height)));
+            Predictor::fit(&known.collect::<Vec<_>>())
+        };
+        let changed = cases
+            .iter()
+            .filter_map(|case| Some((*case, case.distance?.largest, case.change?.largest)));
+        Some(Self {
+            range: (0..NAMES.len()).map(range).collect(),
+            end: of(|distance| distance.end)?,
+            largest: of(|distance| distance.largest)?,
+            from_change: Predictor::fit(&changed.collect::<Vec<_>>()),
+        })
+    }
+}
+
+impl Predictor {
+    /// From cases with their errors and lengths (m). Products and penalty are those with which scenes are predicted
+    /// best from others.
+    fn fit(cases: &[(&Case, f64, f64)]) -> Option<Self> {
+        let folds = Folds::of(cases.iter().map(|(case, _, _)| case.scene.as_str()));
+        if folds.scenes < LEAST_SCENES {
+            return None;
+        }
+        let rows: Vec<&[f64]> = cases.iter().map(|(case, _, _)| &case.features[..]).collect();
+        let answer =
+            |(_, error, length): &(&Case, f64, f64)| (error.max(LEAST) / length.max(LEAST)).ln();
+        let answers: Vec<f64> = cases.iter().map(answer).collect();
+        let mut best: Option<(f64, Vec<f64>, &[[usize; 2]], f64)> = None;
+        let (none, all) = (Vec::new(), pairs());
+        for products in [&none[..], &all[..]] {
+            for penalty in PENALTIES {
+                let Some(errors) = folds.errors(&rows, &answers, products, penalty) else {
+                    continue;
+                };
+                let square: f64 = errors.iter().map(|error| error * error).sum();
+                if best.as_ref().is_none_or(|(least, ..)| square < *least) {
+                    best = Some((square, errors, products, penalty));
+                }
+            }
+        }
+        let (_, errors, products, penalty) = best?;
+        let median = quantile(&errors, 0.5)?;
+        Some(Self {
+            regression: Regression::fit(&rows, &answers, products, penalty)?,
+            median,
+            bound: quantile(&errors, LEVEL)? - median,
+        })
+    }
+
+    fn expected(&self, features: &Features, length: f64) -> Expected {
+        let median = length * (self.regression.at(features) + self.median).exp();
+        Expected { median, bound: median * self.bound.exp() }
+    }
+}
+
+/// Squares and products of all features.
+fn pairs() -> Vec<[usize; 2]> {
+    (0..NAMES.len()).flat_map(|a| (0..=a).map(move |b| [a, b])).collect()
+}
+
+/// Cases in groups, with all of a scene in the same one.
+struct Folds {
+    of: Vec<usize>,
+    scenes: usize,
+}
+
+impl Folds {
+    fn of<'a>(scenes: impl Iterator<Item = &'a str> + Clone) -> Self {
+        let mut names: Vec<&str> = scenes.clone().collect();
+        names.sort_unstable();
+        names.dedup();
+        let place = |scene: &str| names.partition_point(|name| *name < scene) % FOLDS;
+        Self { of: scenes.map(place).collect(), scenes: names.len() }
+    }
+
+    /// Answer minus prediction of every case, each predicted from the other groups.
+    fn errors(
+        &self,
+        rows: &[&[f64]],
+        answers: &[f64],
+        products: &[[usize; 2]],
+        penalty: f64,
+    ) -> Option<Vec<f64>> {
+        let mut errors = vec![0.0; rows.len()];
+        for fold in 0..FOLDS {
+            let known = (0..rows.len()).filter(|k| self.of[*k] != fold);
+            let (x, y): (Vec<&[f64]>, Vec<f64>) = known.map(|k| (rows[k], answers[k])).unzip();
+            if x.len() == rows.len() {
+                continue;
+            }
+            let found = Regression::fit(&x, &y, products, penalty)?;
+            for k in (0..rows.len()).filter(|k| self.of[*k] == fold) {
+                errors[k] = answers[k] - found.at(rows[k]);
+            }
+        }
+        Some(errors)
+    }
+}

@@ -1,0 +1,34 @@
+//! The kinds of models that can be chosen.
+
+use serde::{Deserialize, Serialize};
+
+/// A kind of model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Family {
+    /// Every grain as a disc; larger discs also belong to it.
+    Discs,
+    /// A packing in every point.
+    Rve,
+    /// The mu(I) law.
+    MuI,
+}
+
+impl Family {
+    /// All families.
+    pub const ALL: [Self; 3] = [Self::Discs, Self::Rve, Self::MuI];
+
+    /// The name in scene files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Discs => "discs",
+            Self::Rve => "rve",
+            Self::MuI => "mu-i",
+        }
+    }
+
+    /// The family of this name in scene files.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|family| family.name() == name)
+    }
+}

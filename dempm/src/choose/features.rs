@@ -1,0 +1,99 @@
+//! What is known of a scene and a candidate before it is run, as dimensionless numbers.
+
+use mpm::Friction;
+
+use super::candidate::Candidate;
+use crate::scene::{Column, Scene};
+
+/// Names of the features, as in the table of measured cases.
+pub const NAMES: [&str; 13] = [
+    "grain", "aspect", "fall", "speed", "barriers", "gap", "room", "friction", "floor", "time",
+    "cell", "packing", "size",
+];
+
+/// How a feature out of range is called.
+pub const MEANINGS: [&str; 13] = [
+    "size of the grains over the height",
+    "aspect ratio",
+    "height of the fall over that of the column",
+    "speed of the throw",
+    "height of barriers",
+    "number of columns",
+    "room to flow",
+    "friction of the grains",
+    "friction of the floor",
+    "duration in units of sqrt(H / g)",
+    "cells over the height",
+    "discs in a packing",
+    "size of the discs",
+];
+
+/// The features of a candidate, in the order of [`NAMES`].
+pub type Features = [f64; NAMES.len()];
+
+/// Grain friction of the default.
+const USUAL_FRICTION: f64 = 0.5;
+/// Grains of less friction are as smooth.
+const SMOOTH: f64 = 0.02;
+/// Columns beyond this number are as many.
+const MANY: usize = 3;
+
+/// The features of a candidate of `scene`, whose grains are those of the truth. With `H` the height of the
+/// highest pile and `g` gravity: logarithms of `d / H`, of the aspect ratio, of `1 + fall / H`, of
+/// `1 + v² / (2 g H)`; the height of barriers over H; columns besides the first; logarithms of 1 + free width of the
+/// floor over H, of friction and of the duration over `sqrt(H / g)`; those of the candidate.
+pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
+    let height = scene.height();
+    let gravity = scene.gravity[0].hypot(scene.gravity[1]);
+    let diameter = scene.material.grain().0;
+    let fall = scene.columns.iter().map(|column| free_fall(scene, column)).fold(0.0, f64::max);
+    let speed =
+        scene.columns.iter().map(|c| c.velocity[0].hypot(c.velocity[1])).fold(0.0, f64::max);
+    let tops = scene.obstacles.iter().map(|obstacle| obstacle.place.end()[1].min(height));
+    let covered: f64 = scene.columns.iter().map(|column| column.place.size[0]).sum();
+    let room = (scene.domain.size[0] - covered).max(0.0);
+    let friction = scene.material.grains().map_or(USUAL_FRICTION, |grains| grains.friction);
+    [
+        (diameter / height).ln(),
+        aspect(scene).ln(),
+        (fall / height).ln_1p(),
+        (0.5 * speed * speed / (gravity * height)).ln_1p(),
+        tops.fold(0.0, f64::max) / height,
+        (scene.columns.len().min(MANY) - 1) as f64,
+        (room / height).ln_1p(),
+        (friction.max(SMOOTH) / USUAL_FRICTION).ln(),
+        coefficient(scene.domain.walls.bottom),
+        (scene.duration * (gravity / height).sqrt()).ln(),
+        (candidate.cell / height).ln(),
+        candidate.packings.map_or(0.0, |[discs, _]| (discs as f64 / 64.0).ln()),
+        candidate.size.ln(),
+    ]
+}
+
+/// Height over half of the width of the highest column, over all of it at a wall: what flows in one direction.
+fn aspect(scene: &Scene) -> f64 {
+    let highest = scene.columns.iter().max_by(|a, b| a.place.size[1].total_cmp(&b.place.size[1]));
+    let Some(Column { place, .. }) = highest else { return 1.0 };
+    let tolerance = 0.5 * scene.domain.spacing();
+    let at_wall = place.corner[0] < tolerance || place.end()[0] > scene.domain.size[0] - tolerance;
+    place.size[1] / (if at_wall { 1.0 } else { 0.5 } * place.size[0])
+}
+
+/// Height (m) that a column falls before it meets the floor, an obstacle or another column.
+fn free_fall(scene: &Scene, column: &Column) -> f64 {
+    let bottom = column.place.corner[1];
+    let (from, to) = (column.place.corner[0], column.place.end()[0]);
+    let boxes = scene.obstacles.iter().map(|obstacle| obstacle.place);
+    let others = boxes.chain(scene.columns.iter().map(|other| other.place));
+    let below = others
+        .filter(|place| place.end()[1] <= bottom && place.corner[0] < to && place.end()[0] > from);
+    bottom - below.map(|place| place.end()[1]).fold(0.0, f64::max)
+}
+
+fn coefficient(friction: Friction) -> f64 {
+    match friction {
+        Friction::Slip => 0.0,
+        Friction::Coulomb(coefficient) => coefficient.min(1.0),
+        Friction::Stick => 1.0,
+    }
+}

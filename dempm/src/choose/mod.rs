@@ -1,0 +1,30 @@
+//! No more than a scene needs: the cheapest model whose result is near enough to the truth.
+//!
+//! The truth is the same scene with every grain as a disc. [`candidates`] are the ways to compute a scene,
+//! [`ErrorModel`] says how far from the truth each is expected to be, fitted to a table of measured [`Case`]s, and
+//! [`Choice`] takes the cheapest that is [`Within`] a distance.
+
+mod after;
+mod candidate;
+mod choice;
+mod conformal;
+mod error_model;
+mod evaluation;
+mod family;
+mod features;
+mod judgement;
+mod library;
+mod regression;
+mod table;
+mod within;
+
+pub use after::distance;
+pub use candidate::{Candidate, candidates};
+pub use choice::{Choice, ChoiceError, Entry};
+pub use error_model::{ErrorModel, Expected, LEVEL, Prediction};
+pub use evaluation::{Evaluation, FACTOR, evaluate};
+pub use family::Family;
+pub use features::{Features, features};
+pub use judgement::Judgement;
+pub use library::{Case, Distance, head, read};
+pub use within::Within;

@@ -1,0 +1,58 @@
+//! `dempm choose`: the cheapest model of a scene that is near enough to its grains computed one by one.
+
+use std::path::PathBuf;
+
+use files::{note, out};
+use miette::IntoDiagnostic;
+
+use super::terminal::print_json;
+use crate::check::Rates;
+use crate::choose::{Choice, ErrorModel, Within};
+use crate::device::Device;
+use crate::memory;
+use crate::scene::Scene;
+
+/// Arguments of `dempm choose`.
+#[derive(clap::Args)]
+pub struct ChooseArgs {
+    /// Scene file (TOML).
+    scene: PathBuf,
+    /// Largest distance from the grains computed one by one: metres (root mean square), or 5% of the run-out.
+    #[arg(long, value_name = "DISTANCE")]
+    within: Within,
+    /// Device that it is to run on: auto (the first GPU, else the CPU), cpu, cuda or cuda:N.
+    #[arg(long, default_value = "auto")]
+    device: Device,
+    /// Print the choice as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints all candidates of a scene and the one to take.
+///
+/// # Errors
+/// If the scene cannot be read, is invalid or has no candidates, or the device cannot be used.
+pub fn choose(args: &ChooseArgs) -> miette::Result<()> {
+    let scene = Scene::load(&args.scene)?;
+    if let Some(warnings) = scene.warning_report() {
+        note!("{warnings:?}");
+    }
+    let on_gpu = args.device.open().into_diagnostic()?.is_some();
+    let choice = choice(&scene, args.within, on_gpu)?;
+    if args.json {
+        return print_json(&choice);
+    }
+    out!("{choice}")?;
+    Ok(())
+}
+
+/// The choice for a scene on this machine.
+///
+/// # Errors
+/// If the speed of the machine cannot be measured or nothing can be chosen.
+pub fn choice(scene: &Scene, within: Within, on_gpu: bool) -> miette::Result<Choice> {
+    let rates = Rates::measure(on_gpu).into_diagnostic()?;
+    // A GPU refuses by itself what it cannot hold.
+    let available = memory::available().filter(|_| !on_gpu);
+    Ok(Choice::of(scene, within, &ErrorModel::shipped(), &rates, available)?)
+}

@@ -1,0 +1,60 @@
+//! `validation fit`: the error model of `dempm choose` from a table of measured cases.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use dempm::choose::{ErrorModel, Evaluation, FACTOR, evaluate};
+use files::{announce, out, refuse_input, write_text};
+use miette::{IntoDiagnostic, miette};
+
+use crate::library;
+use crate::text::percent;
+
+/// Arguments of `validation fit`.
+#[derive(Args)]
+pub struct FitArgs {
+    /// Table of measured cases (CSV), as `validation library` writes it
+    table: PathBuf,
+    /// Write the model here (JSON); `dempm/src/choose/error-model.json` is the one that is built in
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Where the cases come from, in words
+    #[arg(long, default_value = "measured scenes")]
+    source: String,
+}
+
+/// Prints how well scenes are predicted from others, and writes the model of all.
+///
+/// # Errors
+/// If the table cannot be read or has too few scenes, or the model cannot be written.
+pub fn fit(args: &FitArgs) -> miette::Result<ExitCode> {
+    let cases = library::read(&args.table)?;
+    let wrong = |why: String| miette!("{}: {why}", args.table.display());
+    let failed = cases.iter().filter(|case| case.distance.is_none()).count();
+    let found = evaluate(&cases).map_err(wrong)?;
+    out!(
+        "{} cases, {failed} of them failed. Each fifth of the scenes predicted from the others:\n",
+        cases.len()
+    )?;
+    out!(
+        "| kind | distance | cases | below the bound | within a factor of {FACTOR} | bound over median |"
+    )?;
+    out!("|---|---|---|---|---|---|")?;
+    for Evaluation { family, what, cases, covered, near, width } in &found {
+        let family = family.map_or("all", |family| family.name());
+        let [covered, near] = [covered, near].map(|share| percent(*share));
+        out!("| {family} | {what} | {cases} | {covered} | {near} | {width:.2} |")?;
+    }
+    if let Some(output) = &args.output {
+        refuse_input(output, [&args.table])?;
+        let mut scenes: Vec<&str> = cases.iter().map(|case| case.scene.as_str()).collect();
+        scenes.dedup();
+        let source = format!("{}, {}", scenes.len(), args.source);
+        let model = ErrorModel::fit(&cases, source).map_err(wrong)?;
+        let text = serde_json::to_string_pretty(&model).into_diagnostic()?;
+        write_text(output, &(text + "\n"))?;
+        announce!("{}", output.display());
+    }
+    Ok(ExitCode::SUCCESS)
+}

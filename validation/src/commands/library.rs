@@ -1,0 +1,61 @@
+//! `validation library`: every model on many scenes against the truth, as a table.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Args;
+use dempm::dataset::{self, Split};
+use dempm::device::Device;
+use files::{INTERRUPTED, Interrupt, announce, refuse_input};
+use miette::IntoDiagnostic;
+
+use crate::library::{self, Options};
+
+/// Scenes at a time on a GPU.
+const JOBS_ON_A_GPU: usize = 8;
+
+/// Arguments of `validation library`.
+#[derive(Args)]
+pub struct LibraryArgs {
+    /// List of scenes (TOML), as `dempm dataset` reads it; those of its training set are measured
+    list: PathBuf,
+    /// The table (CSV); scenes that it has are kept
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Device to run on: auto (every visible GPU, else the CPU), cpu, cuda (every GPU) or cuda:N
+    #[arg(long, default_value = "auto")]
+    device: Device,
+    /// Scenes at a time on each device [default: 8 on a GPU, 1 on the CPU]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+    /// Seeds of the discs
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(2..=100))]
+    seeds: u64,
+    /// Time after which no further scene is begun, s
+    #[arg(long, value_name = "SECONDS")]
+    budget: Option<f64>,
+}
+
+/// Measures what the table lacks.
+///
+/// # Errors
+/// If the list or the table cannot be read, a device cannot be used or the table cannot be written.
+pub fn library(args: &LibraryArgs) -> miette::Result<ExitCode> {
+    let interrupt = Interrupt::install()?;
+    refuse_input(&args.output, [&args.list])?;
+    let mut scenes = dataset::cases(&args.list)?;
+    scenes.retain(|case| case.split == Split::Train);
+    let selection = args.device.select_all().into_diagnostic()?;
+    let usual = if selection.gpus.is_empty() { 1 } else { JOBS_ON_A_GPU };
+    let options = Options {
+        jobs: args.jobs.map_or(usual, usize::from),
+        devices: selection.gpus,
+        seeds: args.seeds,
+        budget: args.budget.map(|seconds| Duration::from_secs_f64(seconds.max(0.0))),
+    };
+    let _guard = interrupt.guard();
+    let done = library::run(&scenes, &args.output, &options, &interrupt)?;
+    announce!("{}: {done} of {} scenes", args.output.display(), scenes.len());
+    Ok(if interrupt.requested() { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}

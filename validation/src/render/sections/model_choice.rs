@@ -1,0 +1,99 @@
+//! What is chosen for scenes that the choice does not know.
+
+use crate::context::Context;
+use crate::render::block::Block;
+use crate::render::section::Section;
+use crate::render::table::Table;
+use crate::studies::model_choice::{OfScene, WITHIN, estimate, measure};
+use crate::suite::Suite;
+use crate::text::{number, seconds};
+
+/// The choice of models.
+pub struct ModelChoice;
+
+impl Section for ModelChoice {
+    fn title(&self) -> &'static str {
+        "No more than a scene needs"
+    }
+
+    fn lead(&self) -> &'static str {
+        "What `dempm choose` takes for scenes drawn at random that it was not fitted to, how far that is from the discs \
+         in fact, and what it costs."
+    }
+
+    fn estimate(&self, context: &Context) -> f64 {
+        context.suite.pick(0.0, estimate(context))
+    }
+
+    fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
+        if context.suite == Suite::Quick {
+            return Ok(vec![Block::missing(
+                "The choice of models",
+                "only the full suite computes it.",
+                "`--suite full` does, on a GPU.",
+            )]);
+        }
+        let scenes = measure(context)?;
+        Ok(vec![Block::headline(headline(&scenes)), Block::Table(table(&scenes))])
+    }
+}
+
+/// How often the choice holds, and what it saves.
+fn headline(scenes: &[OfScene]) -> String {
+    let finest: f64 = scenes.iter().map(|scene| scene.seconds).sum();
+    let of = |within: f64| {
+        let chosen = scenes.iter().flat_map(|scene| &scene.chosen);
+        let chosen: Vec<_> = chosen.filter(|chosen| chosen.within == within).collect();
+        let met: Vec<_> = chosen.iter().filter(|chosen| chosen.met).collect();
+        let holds = |found: &Result<f64, String>| found.as_ref().is_ok_and(|d| *d <= within);
+        let held = met.iter().filter(|chosen| holds(&chosen.distance)).count();
+        let cost: f64 = chosen.iter().map(|chosen| chosen.seconds).sum();
+        format!(
+            "{} m: promised for {} of {} scenes, kept for {held}, {} in all",
+            number(within),
+            met.len(),
+            chosen.len(),
+            seconds(cost)
+        )
+    };
+    let parts: Vec<String> = WITHIN.into_iter().map(of).collect();
+    format!("{}. Always the discs: {}.", parts.join("; "), seconds(finest))
+}
+
+fn table(scenes: &[OfScene]) -> Table {
+    let columns = [
+        "scene",
+        "within [m]",
+        "chosen",
+        "expected [m]",
+        "bound [m]",
+        "distance [m]",
+        "cost [s]",
+        "cost of the discs [s]",
+        "two seeds of discs [m]",
+    ];
+    let mut table = Table::new("What is chosen", columns).note(
+        "Distances: root mean square over squares of material, the largest over time, against three seeds of the discs. \
+         The bound holds in nine of ten scenes. A star: no model had a bound within the distance, and this one is nearest.",
+    );
+    for scene in scenes {
+        for chosen in &scene.chosen {
+            let star = if chosen.met { "" } else { " *" };
+            let [median, bound] = chosen.expected.unwrap_or([f64::NAN; 2]);
+            let shown =
+                |value: f64| if value.is_finite() { number(value) } else { "unknown".to_owned() };
+            table.row([
+                scene.name.clone(),
+                number(chosen.within),
+                format!("{}{star}", chosen.model),
+                shown(median),
+                shown(bound),
+                chosen.distance.as_ref().map_or("failed".to_owned(), |distance| number(*distance)),
+                number(chosen.seconds),
+                number(scene.seconds),
+                number(scene.spread),
+            ]);
+        }
+    }
+    table
+}

@@ -1,0 +1,153 @@
+//! What `dempm choose` takes for scenes that its errors were not fitted to, and how far that is from the truth.
+
+use std::collections::BTreeMap;
+
+use dempm::choose::{Choice, ErrorModel, Within};
+use dempm::dataset::{self, Split};
+use dempm::scene::Scene;
+use dempm::trajectory::Trajectory;
+use files::write_text;
+use miette::{IntoDiagnostic, miette};
+
+use crate::context::Context;
+use crate::run_cache::Run;
+use crate::scene_text::with;
+use crate::truth::{Motion, Reference, compare};
+use crate::wall_time::computing;
+
+/// The list of scenes, whose tests are no part of the library, and its base.
+const LIST: &str = include_str!("../../../scenes/library.toml");
+const BASE: &str = include_str!("../../../scenes/discs.toml");
+/// Distances (m) that are asked for.
+pub const WITHIN: [f64; 4] = [0.5, 0.2, 0.1, 0.05];
+/// Seeds of the discs.
+const SEEDS: u64 = 3;
+
+/// A scene with what is chosen.
+pub struct OfScene {
+    /// Its name.
+    pub name: String,
+    /// The largest distance (m) between two seeds of the discs.
+    pub spread: f64,
+    /// Wall time of the discs, s.
+    pub seconds: f64,
+    /// What is chosen for each of [`WITHIN`].
+    pub chosen: Vec<Chosen>,
+}
+
+/// A choice, run and compared.
+pub struct Chosen {
+    /// The distance (m) that was asked for.
+    pub within: f64,
+    /// The model.
+    pub model: String,
+    /// Whether its bound was within.
+    pub met: bool,
+    /// Median and bound (m) of what was expected.
+    pub expected: Option<[f64; 2]>,
+    /// The largest distance (m) from the truth, or why there is none.
+    pub distance: Result<f64, String>,
+    /// Wall time, s.
+    pub seconds: f64,
+}
+
+/// The scenes.
+///
+/// # Errors
+/// If they cannot be written for the reader of lists.
+fn scenes() -> miette::Result<Vec<(String, Scene)>> {
+    let folder = tempfile::tempdir().into_diagnostic()?;
+    let [list, base] = ["library.toml", "discs.toml"].map(|name| folder.path().join(name));
+    write_text(&list, LIST)?;
+    write_text(&base, BASE)?;
+    let mut cases = dataset::cases(&list)?;
+    cases.retain(|case| case.split == Split::Test);
+    Ok(cases.into_iter().map(|case| (case.name, case.scene)).collect())
+}
+
+/// Estimated time of what is not kept, s.
+pub fn estimate(context: &Context) -> f64 {
+    let truth = |(_, scene): &(String, Scene)| {
+        let seeds = texts(scene);
+        seeds.iter().map(|text| context.estimate(text)).sum::<f64>()
+    };
+    scenes().map_or(0.0, |scenes| scenes.iter().map(truth).sum())
+}
+
+/// The scene as discs, one text for each seed.
+fn texts(scene: &Scene) -> Vec<String> {
+    let seed = |k: u64| with(&scene.text, &[("seed", ((scene.seed + k) as i64).into())]);
+    (0..SEEDS).map(seed).collect()
+}
+
+/// Runs what is chosen for every scene and distance.
+///
+/// # Errors
+/// If the discs fail, a file cannot be read or the user interrupts.
+pub fn measure(context: &mut Context) -> miette::Result<Vec<OfScene>> {
+    scenes()?.iter().map(|(name, scene)| of_scene(context, name, scene)).collect()
+}
+
+fn of_scene(context: &mut Context, name: &str, scene: &Scene) -> miette::Result<OfScene> {
+    let texts = texts(scene);
+    let first = context.run(&format!("{name}: discs"), &texts[0])?;
+    let others: Vec<&str> = texts[1..].iter().map(String::as_str).collect();
+    let others = context.runs_together(&format!("{name}: seeds of the discs"), &others)?;
+    let read = |run: &Run| match run.succeeded {
+        true => Motion::read(&run.output).into_diagnostic(),
+        false => Err(miette!("{}", run.message)),
+    };
+    let truth: Vec<Motion> =
+        std::iter::once(&first).chain(&others).map(read).collect::<miette::Result<_>>()?;
+    let truth = Reference::of(truth).map_err(|problem| miette!("{problem}"))?;
+    let against = |run: &Run| -> miette::Result<Result<[f64; 2], String>> {
+        if !run.succeeded {
+            return Ok(Err(run.message.clone()));
+        }
+        let motion = Motion::read(&run.output)?;
+        Ok(compare(&motion, &truth).map(|found| {
+            let largest = |values: Vec<f64>| values.into_iter().fold(0.0, f64::max);
+            let distance = largest(found.rows.iter().map(|row| row.distance).collect());
+            [distance, largest(found.rows.iter().filter_map(|row| row.spread).collect())]
+        }))
+    };
+    let seconds = |run: &Run| -> miette::Result<f64> {
+        let finished = run.succeeded.then(|| Trajectory::open(&run.output)).transpose()?;
+        Ok(finished.map_or(f64::NAN, |trajectory| computing(&trajectory)))
+    };
+    let spread = against(&first)?.map_err(|why| miette!("{why}"))?[1];
+    // One run for each model, however often it is chosen.
+    let mut known: BTreeMap<String, (Result<f64, String>, f64)> = BTreeMap::new();
+    let mut chosen = Vec::new();
+    for within in WITHIN {
+        let choice = Choice::of(
+            scene,
+            Within::Metres(within),
+            &ErrorModel::shipped(),
+            &context.rates,
+            None,
+        )?;
+        let entry = choice.taken();
+        if !known.contains_key(&entry.name) {
+            let found = if choice.taken == 0 {
+                (Ok(spread), seconds(&first)?)
+            } else {
+                let text = &entry.scene().map_err(|why| miette!("{why}"))?.text;
+                let run = context.run(&format!("{name}: {}", entry.name), text)?;
+                (against(&run)?.map(|[distance, _]| distance), seconds(&run)?)
+            };
+            known.insert(entry.name.clone(), found);
+        }
+        let (distance, seconds) = known[&entry.name].clone();
+        let expected = entry.expected(choice.beyond.is_empty());
+        chosen.push(Chosen {
+            within,
+            model: entry.name.clone(),
+            met: choice.met,
+            expected: expected.map(|expected| [expected.median, expected.bound]),
+            distance,
+            seconds,
+        });
+    }
+    Ok(OfScene { name: name.to_owned(), spread, seconds: seconds(&first)?, chosen })
+}
