@@ -2,7 +2,7 @@
 
 use dempm::check::{Needs, Rates};
 use dempm::choose::Within;
-use dempm::commands::choose::choice;
+use dempm::commands::choose::Chooser;
 use dempm::device::Device;
 use dempm::scene::Scene;
 use miette::{IntoDiagnostic, miette};
@@ -39,7 +39,7 @@ pub fn choose(
     supervise(py, None, move |_, _| {
         let scene = Scene::parse(&scene, &name)?;
         let on_gpu = device.open().into_diagnostic()?.is_some();
-        let choice = choice(&scene, within, on_gpu)?;
+        let choice = Chooser::new(on_gpu)?.choice(&scene, within)?;
         let chosen = choice.chosen_scene().map_err(|why| miette!("{name}: {why}"))?;
         let json = serde_json::to_string(&choice).into_diagnostic()?;
         Ok((json, choice.to_string(), chosen.text))

@@ -112,8 +112,12 @@ const IMPACT: f64 = 4.0;
 const BYTES_PER_GRAIN: f64 = 20.0;
 /// Density, velocity and stress at a node of a grid in a trajectory.
 const BYTES_PER_NODE: f64 = 28.0;
-/// Steps in which a disc of a packing is prepared, and one of a whole scene.
-const PREPARATION: [f64; 2] = [9.0e4, 2.2e4];
+/// Steps in which a disc of a packing is prepared.
+const PACKING_PREPARATION: f64 = 9.0e4;
+/// Motion of a column while it is prepared, in times of a free fall from its top.
+const COLUMN_PREPARATION: f64 = 1.0;
+/// Standard gravity, under which columns are prepared (m/s²).
+const GRAVITY: f64 = 9.81;
 
 impl Needs {
     /// Estimates the cost of `scene` on a machine of this speed.
@@ -289,12 +293,15 @@ fn seconds(scene: &Scene, points: usize, dem: Option<&DemNeeds>, rates: &Rates) 
 
 /// Wall time of preparing packings or discs (s).
 fn preparation(scene: &Scene, discs: f64, rates: &Rates) -> f64 {
-    let [packing, whole_scene] = PREPARATION;
     match &scene.material {
-        Material::Discs(_) => whole_scene * discs / rates.preparation,
+        Material::Discs(model) => {
+            let fall = COLUMN_PREPARATION * (2.0 * scene.height() / GRAVITY).sqrt();
+            let [_, _, least] = rates.least;
+            fall / model.grains.step() * (least + discs / rates.preparation)
+        }
         Material::Rve(rve) => {
             let discs = rve.packings * rve.parameters.discs;
-            packing * discs as f64 / rates.packing_preparation
+            PACKING_PREPARATION * discs as f64 / rates.packing_preparation
         }
         Material::MuI(_) | Material::Elastic(_) => 0.0,
     }

@@ -164,3 +164,67 @@ fn radii(scene: &Scene) -> [f64; 2] {
 fn millimetres(length: f64) -> f64 {
     (1.0e4 * length).round() / 10.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(lines: &str, width: f64) -> Scene {
+        let text = format!(
+            "duration = 0.5\n{lines}\n[[column]]\nsize = [{width:?}, 1.0]\n[domain]\nsize = [4.0, 2.0]\n"
+        );
+        Scene::parse(&text, "test.toml").unwrap()
+    }
+
+    fn of(family: Family, all: &[Candidate]) -> Vec<(f64, bool)> {
+        let own = all.iter().filter(|candidate| candidate.family == family);
+        own.map(|candidate| (candidate.cell, candidate.scene.is_ok())).collect()
+    }
+
+    #[test]
+    fn the_model_of_the_scene_does_not_matter() {
+        let [discs, packings] = ["material.kind = \"discs\"", ""].map(|line| {
+            let mut all = candidates(&scene(line, 1.0));
+            for candidate in &mut all {
+                // Their texts differ by the line.
+                candidate.scene = candidate.scene.clone().map(|mut scene| {
+                    scene.text.clear();
+                    scene
+                });
+            }
+            all
+        });
+        assert_eq!(discs, packings);
+        let grids = [0.03125, 0.0625, 0.125].map(|cell| (cell, true));
+        assert_eq!(of(Family::MuI, &discs), grids);
+        assert_eq!(of(Family::Rve, &discs), [grids, grids].concat());
+        // Eight mean diameters of 7.5 mm in a point; those of 30 mm have four.
+        assert_eq!(of(Family::Discs, &discs), [(0.125, true), (0.125, true), (0.25, true)]);
+    }
+
+    #[test]
+    fn the_coarser_one_is_of_the_same_kind() {
+        let all = candidates(&scene("", 1.0));
+        let coarser = |name: &str| {
+            let candidate = all.iter().find(|candidate| candidate.name == name).unwrap();
+            candidate.coarser(&all).map(|coarser| coarser.name.as_str())
+        };
+        assert_eq!(coarser("discs"), Some("discs, 2 times as large"));
+        assert_eq!(coarser("discs, 4 times as large"), None);
+        let packings = "16 packings of 36, cells of ".to_owned();
+        assert_eq!(coarser(&(packings.clone() + "31.3 mm")), Some(&*(packings + "62.5 mm")));
+        assert_eq!(coarser("mu(I), cells of 125 mm"), None);
+    }
+
+    #[test]
+    fn grids_that_do_not_fit_the_columns_are_left_out() {
+        // 53 points of the finest cell, which is no whole number of larger ones.
+        let all = candidates(&scene("", 53.0 / 64.0));
+        assert_eq!(of(Family::MuI, &all), [(0.03125, true)]);
+        let discs = of(Family::Discs, &all);
+        // Two of the larger grains do not fit into a point of it.
+        assert_eq!(discs, [(0.03125, true), (0.03125, false), (0.03125, false)]);
+        let why = all[2].scene.as_ref().unwrap_err();
+        assert!(why.contains("may hold no grain"), "{why}");
+    }
+}

@@ -110,10 +110,11 @@ impl Choice {
         }
         let all = candidates(scene);
         // The grains of the truth, which a law does not have.
-        let truth = all.first().and_then(|discs| discs.scene.as_deref().ok()).unwrap_or(scene);
+        let discs = all.first().and_then(|discs| discs.scene.as_deref().ok());
+        let truth = discs.unwrap_or(scene).clone();
         let height = scene.height();
         let entry = |candidate: Candidate| {
-            let features = features(truth, &candidate);
+            let features = features(&truth, &candidate);
             let prediction = model.predict(candidate.family, &features, height);
             let needs = candidate.scene.as_deref().ok().map(|scene| Needs::of(scene, rates));
             let short = |needs: &Needs| available.is_some_and(|left| needs.memory > left);
@@ -136,7 +137,7 @@ impl Choice {
             }
         };
         let mut entries: Vec<Entry> = all.into_iter().map(entry).collect();
-        let runout = runout(truth, &Needs::of(truth, rates));
+        let runout = runout(&truth, &Needs::of(&truth, rates));
         let within = within.metres(runout).ok_or_else(|| ChoiceError::NoRunout { name: name() })?;
         // What the scene itself lies outside of, every candidate does.
         let beyond: Vec<&'static str> = entries
@@ -271,4 +272,116 @@ fn runout(scene: &Scene, needs: &Needs) -> Option<f64> {
     let end = scene.columns.iter().map(|column| column.place.end()[0]).fold(f64::MIN, f64::max);
     let runout = (right.min(scene.domain.size[0]) - end).max(start - left.max(0.0));
     (runout > 0.0).then_some(runout)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::library::{Case, Distance};
+    use super::*;
+
+    fn scene(size: [f64; 2], bottom: f64, lines: &str) -> Scene {
+        let text = format!(
+            "duration = 0.5\nmaterial.kind = \"discs\"\n[domain]\nsize = [4.0, 4.0]\n[[column]]\n\
+             corner = [0.0, {bottom:?}]\nsize = {size:?}\n{lines}"
+        );
+        Scene::parse(&text, "test.toml").unwrap()
+    }
+
+    /// Errors of a hundredth of the height for discs, more for larger ones, packings and the law by their cells.
+    fn model() -> ErrorModel {
+        let mut cases = Vec::new();
+        for k in 0..18 {
+            let size = [[0.5, 1.0, 1.5][k % 3], [0.5, 1.0, 2.0][k / 3 % 3]];
+            let scene = scene(size, [0.0, 0.5][k / 9], "");
+            for candidate in candidates(&scene) {
+                let fineness = candidate.cell / (size[1] / 16.0);
+                let share = match candidate.family {
+                    Family::Discs => 0.01 * candidate.size,
+                    Family::Rve => 0.03 * fineness,
+                    Family::MuI => 0.08 * fineness,
+                };
+                let error = share * size[1];
+                cases.push(Case {
+                    scene: format!("{k}"),
+                    candidate: candidate.name.clone(),
+                    family: candidate.family,
+                    features: features(&scene, &candidate),
+                    height: size[1],
+                    distance: Some(Distance { end: error, largest: error }),
+                    change: None,
+                    seconds: [1.0, 0.0],
+                    failure: String::new(),
+                });
+            }
+        }
+        ErrorModel::fit(&cases, "18 scenes".to_owned()).unwrap()
+    }
+
+    fn choose(scene: &Scene, within: f64, available: Option<f64>) -> Choice {
+        let rates = Rates::of_processor(1.0e8);
+        Choice::of(scene, Within::Metres(within), &model(), &rates, available).unwrap()
+    }
+
+    #[test]
+    fn the_cheapest_that_is_near_enough_is_taken() {
+        let column = scene([1.0, 1.0], 0.0, "");
+        for (within, name, met) in
+            [(1.0, "mu(I), cells of 125 mm", true), (0.012, "discs", true), (0.001, "discs", false)]
+        {
+            let choice = choose(&column, within, None);
+            assert_eq!((choice.taken().name.as_str(), choice.met), (name, met), "{choice}");
+            let taken = choice.taken().seconds;
+            let near = choice.candidates.iter().filter(|entry| entry.out.is_none());
+            assert!(near.into_iter().all(|entry| taken <= entry.seconds));
+        }
+        // 18 000 discs take 27 MB.
+        let choice = choose(&column, 0.012, Some(2.0e7));
+        assert_ne!(choice.taken().name, "discs");
+        assert!(choice.candidates[0].out.as_ref().unwrap().contains("more than is left"));
+    }
+
+    #[test]
+    fn scenes_unlike_all_others_get_the_finest_without_a_bound() {
+        let choice = choose(&scene([1.0, 1.0], 0.0, "velocity = [3.0, 0.0]"), 1.0, None);
+        assert_eq!(choice.beyond, ["speed of the throw"]);
+        assert_eq!((choice.taken, choice.met), (0, false));
+        let chosen = choice.chosen_scene().unwrap().choice.unwrap();
+        assert_eq!((chosen.expected, chosen.bound), (None, None));
+        assert!(choice.verdict().contains("speed of the throw"));
+    }
+
+    #[test]
+    fn the_scene_states_the_choice_and_is_found_again() {
+        let column = scene([1.0, 1.0], 0.0, "");
+        let choice = choose(&column, 0.1, None);
+        let scene = choice.chosen_scene().unwrap();
+        let chosen = scene.choice.as_ref().unwrap();
+        assert_eq!((chosen.within, &chosen.model), (0.1, &choice.taken().name));
+        assert_eq!(chosen.bound, choice.taken().bound());
+        // As if the machine had become faster at something else meanwhile.
+        let other = Choice { taken: 0, ..choice.clone() };
+        assert_eq!(other.with_text(&scene.text).unwrap().taken, choice.taken);
+        assert!(other.with_text("duration = 1.0").is_none());
+    }
+
+    #[test]
+    fn a_share_is_one_of_the_way_to_the_wall() {
+        let rates = Rates::of_processor(1.0e8);
+        let of = |scene: &Scene| Choice::of(scene, Within::OfRunout(0.1), &model(), &rates, None);
+        // 2.5 a L = 2.5 m for discs (Staron and Hinch 2005).
+        assert!((of(&scene([1.0, 1.0], 0.0, "")).unwrap().within - 0.25).abs() < 1e-12);
+        // The box ends after 2 m.
+        assert!((of(&scene([2.0, 2.0], 0.0, "")).unwrap().within - 0.2).abs() < 1e-12);
+        let full = of(&scene([4.0, 1.0], 0.0, ""));
+        assert!(matches!(full, Err(ChoiceError::NoRunout { .. })));
+    }
+
+    #[test]
+    fn scenes_without_grains_have_no_choice() {
+        let text = "duration = 0.5\nmaterial.kind = \"elastic\"\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n";
+        let scene = Scene::parse(text, "test.toml").unwrap();
+        let found =
+            Choice::of(&scene, Within::Metres(0.1), &model(), &Rates::of_processor(1e8), None);
+        assert!(found.unwrap_err().to_string().contains("elastic"));
+    }
 }

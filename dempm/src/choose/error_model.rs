@@ -240,3 +240,101 @@ impl Folds {
         Some(errors)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    /// Scenes whose errors are `0.1 H (d / H)^0.5 e^(s g)` with `d / H` from e^-5 to e^-3, the size of discs from 1 to
+    /// 4, and g about normal.
+    fn cases(seed: u64, scenes: usize, scatter: f64) -> Vec<Case> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut all = Vec::new();
+        for scene in 0..scenes {
+            let height = 0.5 + random.random::<f64>();
+            let grain = -5.0 + 2.0 * random.random::<f64>();
+            for size in [1.0_f64, 2.0, 4.0] {
+                // The sum of twelve uniform numbers has a variance of 1.
+                let normal: f64 = (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+                let law = 0.1 * height * (0.5 * (grain + size.ln())).exp();
+                let error = law * (scatter * normal).exp();
+                let mut features = [0.0; NAMES.len()];
+                (features[0], features[NAMES.len() - 1]) = (grain, size.ln());
+                all.push(Case {
+                    scene: format!("{scene}"),
+                    candidate: format!("{size}"),
+                    family: Family::Discs,
+                    features,
+                    height,
+                    distance: Some(Distance { end: 0.5 * error, largest: error }),
+                    change: Some(Distance { end: error, largest: 3.0 * error }),
+                    seconds: [1.0, 0.0],
+                    failure: String::new(),
+                });
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn nine_of_ten_new_scenes_are_below_the_bound() {
+        let model = ErrorModel::fit(&cases(1, 80, 0.3), String::new()).unwrap();
+        let new = cases(2, 400, 0.3);
+        let predicted =
+            |case: &Case| model.predict(Family::Discs, &case.features, case.height).unwrap();
+        let share = |holds: &dyn Fn(&Case) -> bool| {
+            new.iter().filter(|case| holds(case)).count() as f64 / new.len() as f64
+        };
+        let largest = |case: &Case| case.distance.unwrap().largest;
+        // 240 errors give the quantile to about sqrt(0.9 x 0.1 / 240) = 0.02; two of these, and 0.01 for the new ones.
+        let covered = share(&|case| largest(case) <= predicted(case).largest.bound);
+        assert!((covered - 0.9).abs() < 0.05, "{covered}");
+        let below = share(&|case| largest(case) <= predicted(case).largest.median);
+        assert!((below - 0.5).abs() < 0.08, "{below}");
+        // A deviation of 0.3: the bound is e^(1.28 x 0.3) = 1.47 medians.
+        let found = predicted(&new[0]).largest;
+        assert!((found.bound / found.median / 1.47 - 1.0).abs() < 0.1, "{found:?}");
+    }
+
+    #[test]
+    fn a_law_without_scatter_is_found() {
+        let model = ErrorModel::fit(&cases(1, 40, 0.0), String::new()).unwrap();
+        for case in cases(2, 20, 0.0) {
+            let found = model.predict(case.family, &case.features, case.height).unwrap();
+            let distance = case.distance.unwrap();
+            // The least penalty of 0.3 on some 120 rows changes slopes by a quarter of a per cent.
+            assert!((found.largest.median / distance.largest - 1.0).abs() < 0.01);
+            assert!((found.end.median / distance.end - 1.0).abs() < 0.01);
+            let from = model.from_change(case.family, &case.features, 3.0 * distance.largest);
+            assert!((from.unwrap().median / distance.largest - 1.0).abs() < 0.01);
+        }
+    }
+
+    #[test]
+    fn what_was_not_measured_is_named() {
+        let model = ErrorModel::fit(&cases(1, 40, 0.3), String::new()).unwrap();
+        let mut features = cases(3, 1, 0.3)[0].features;
+        let beyond =
+            |features: &Features| model.predict(Family::Discs, features, 1.0).unwrap().beyond;
+        assert_eq!(beyond(&features), Vec::<&str>::new());
+        (features[0], features[2]) = (-8.0, 0.5);
+        assert_eq!(beyond(&features), [MEANINGS[0], MEANINGS[2]]);
+        assert_eq!(model.predict(Family::MuI, &features, 1.0), None);
+        assert!(ErrorModel::fit(&cases(1, 2, 0.3), String::new()).is_err());
+    }
+
+    #[test]
+    fn the_model_that_ships_is_one_of_the_table_that_ships() {
+        let cases = super::super::library::read(include_str!("library.csv")).unwrap();
+        let shipped = ErrorModel::shipped();
+        let again = ErrorModel::fit(&cases, shipped.source.clone()).unwrap();
+        let case = cases.iter().find(|case| case.distance.is_some()).unwrap();
+        let of = |model: &ErrorModel| model.predict(case.family, &case.features, case.height);
+        let [shipped, again] = [&shipped, &again].map(|model| of(model).unwrap().largest.bound);
+        // Round-off of the sums, whose order may differ between processors.
+        assert!((shipped / again - 1.0).abs() < 1e-6);
+    }
+}

@@ -97,3 +97,56 @@ fn coefficient(friction: Friction) -> f64 {
         Friction::Stick => 1.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::candidate::candidates;
+    use super::*;
+
+    fn of(text: &str, candidate: usize) -> Features {
+        let scene = Scene::parse(text, "test.toml").unwrap();
+        features(&scene, &candidates(&scene)[candidate])
+    }
+
+    fn named(features: &Features, name: &str) -> f64 {
+        features[NAMES.iter().position(|other| *other == name).unwrap()]
+    }
+
+    const COLUMN: &str =
+        "duration = 1.0\nmaterial.kind = \"discs\"\n[domain]\nsize = [4.0, 4.0]\n[[column]]\n";
+
+    #[test]
+    fn a_column_at_rest_has_the_numbers_of_its_shape() {
+        let found = of(&format!("{COLUMN}size = [1.0, 2.0]"), 1);
+        for (name, value) in [
+            ("grain", (7.5e-3_f64 / 2.0).ln()),
+            ("aspect", 2.0_f64.ln()),
+            ("fall", 0.0),
+            ("speed", 0.0),
+            ("barriers", 0.0),
+            ("gap", 0.0),
+            ("room", 2.5_f64.ln()),
+            ("friction", 0.0),
+            ("floor", 0.5),
+            ("time", 0.5 * (9.81_f64 / 2.0).ln()),
+            ("cell", (0.125_f64 / 2.0).ln()),
+            ("size", 2.0_f64.ln()),
+        ] {
+            assert!((named(&found, name) - value).abs() < 1e-12, "{name}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn falls_are_measured_to_what_is_below() {
+        let fall =
+            format!("{COLUMN}corner = [1.0, 1.5]\nsize = [1.0, 1.0]\nvelocity = [3.0, 4.0]\n");
+        let found = of(&fall, 0);
+        assert!((named(&found, "fall") - 2.5_f64.ln()).abs() < 1e-12);
+        assert!((named(&found, "speed") - (1.0 + 25.0_f64 / 19.62).ln()).abs() < 1e-12);
+        // Free on both sides: half of the width.
+        assert!((named(&found, "aspect") - 2.0_f64.ln()).abs() < 1e-12);
+        let onto = of(&format!("{fall}[[obstacle]]\ncorner = [1.5, 0.0]\nsize = [1.0, 0.5]\n"), 0);
+        assert!((named(&onto, "fall") - 2.0_f64.ln()).abs() < 1e-12);
+        assert_eq!(named(&onto, "barriers"), 0.5);
+    }
+}

@@ -82,7 +82,7 @@ fn rounded(value: f64) -> String {
         return String::new();
     }
     let digits = 3 - if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
-    let scale = 10.0_f64.powi(digits.clamp(0, 12));
+    let scale = 10.0_f64.powi(digits.clamp(-12, 12));
     format!("{}", (value * scale).round() / scale)
 }
 
@@ -145,4 +145,48 @@ fn cells(line: &str) -> Vec<String> {
         }
     }
     cells
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case() -> Case {
+        let mut features = [0.0; NAMES.len()];
+        features[0] = -4.605;
+        Case {
+            scene: "train/falls-001".into(),
+            candidate: "mu(I), cells of 31.3 mm".into(),
+            family: Family::MuI,
+            features,
+            height: 0.75,
+            distance: Some(Distance { end: 0.01234, largest: 0.02 }),
+            change: None,
+            seconds: [1.5, 0.0],
+            failure: String::new(),
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let failed = Case {
+            distance: None,
+            seconds: [1.0, 2.0],
+            failure: "a \"point\", left".into(),
+            ..case()
+        };
+        let all = [case(), failed];
+        let text = [head(), all[0].line(), all[1].line()].join("\n");
+        assert_eq!(read(&text).unwrap(), all);
+        assert_eq!(read(&head()), Ok(Vec::new()));
+        let wrong = text.replace("-4.605", "x");
+        assert_eq!(read(&wrong), Err("line 2: not a case".to_owned()));
+        assert!(read("scene\n").unwrap_err().contains("line 1"));
+    }
+
+    #[test]
+    fn numbers_have_four_digits() {
+        let found = [123_456.0, 0.012_345_6, -2.0, 0.0, f64::NAN].map(rounded);
+        assert_eq!(found, ["123500", "0.01235", "-2", "0", ""]);
+    }
 }

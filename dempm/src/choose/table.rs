@@ -59,7 +59,10 @@ impl fmt::Display for Judgement {
         if let (Some(change), Some(estimate)) = (self.change, self.estimate) {
             let Expected { median, bound } = estimate;
             let [median, bound, change] = [median, bound, change].map(metres);
-            line("the run itself says", format!("{median}, below {bound}; the next coarser is {change} away"))?;
+            line(
+                "the run itself says",
+                format!("{median}, below {bound}; the next coarser is {change} away"),
+            )?;
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use miette::IntoDiagnostic;
 
 use super::terminal::print_json;
 use crate::check::Rates;
-use crate::choose::{Choice, ErrorModel, Within};
+use crate::choose::{Choice, ChoiceError, ErrorModel, Within};
 use crate::device::Device;
 use crate::memory;
 use crate::scene::Scene;
@@ -38,7 +38,7 @@ pub fn choose(args: &ChooseArgs) -> miette::Result<()> {
         note!("{warnings:?}");
     }
     let on_gpu = args.device.open().into_diagnostic()?.is_some();
-    let choice = choice(&scene, args.within, on_gpu)?;
+    let choice = Chooser::new(on_gpu)?.choice(&scene, args.within)?;
     if args.json {
         return print_json(&choice);
     }
@@ -46,13 +46,32 @@ pub fn choose(args: &ChooseArgs) -> miette::Result<()> {
     Ok(())
 }
 
-/// The choice for a scene on this machine.
-///
-/// # Errors
-/// If the speed of the machine cannot be measured or nothing can be chosen.
-pub fn choice(scene: &Scene, within: Within, on_gpu: bool) -> miette::Result<Choice> {
-    let rates = Rates::measure(on_gpu).into_diagnostic()?;
-    // A GPU refuses by itself what it cannot hold.
-    let available = memory::available().filter(|_| !on_gpu);
-    Ok(Choice::of(scene, within, &ErrorModel::shipped(), &rates, available)?)
+/// Chooses models on this machine.
+pub struct Chooser {
+    model: ErrorModel,
+    rates: Rates,
+    available: Option<f64>,
+}
+
+impl Chooser {
+    /// For runs on a GPU or on the processor.
+    ///
+    /// # Errors
+    /// If the speed of the machine cannot be measured.
+    pub fn new(on_gpu: bool) -> miette::Result<Self> {
+        Ok(Self {
+            model: ErrorModel::shipped(),
+            rates: Rates::measure(on_gpu).into_diagnostic()?,
+            // A GPU refuses by itself what it cannot hold.
+            available: memory::available().filter(|_| !on_gpu),
+        })
+    }
+
+    /// The choice for a scene.
+    ///
+    /// # Errors
+    /// If nothing can be chosen.
+    pub fn choice(&self, scene: &Scene, within: Within) -> Result<Choice, ChoiceError> {
+        Choice::of(scene, within, &self.model, &self.rates, self.available)
+    }
 }

@@ -9,10 +9,12 @@ use files::{
     refuse_input,
 };
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
-use miette::{IntoDiagnostic, Report, bail};
+use miette::{IntoDiagnostic, Report, bail, miette};
 
+use super::choose::Chooser;
 use super::device::report as report_device;
 use super::progress::{SceneProgress, Total, bars};
+use crate::choose::Within;
 use crate::dataset::scheduler::{self, Done};
 use crate::dataset::{self, Case, DatasetError, Estimate, Metadata, Selection, Split, report};
 use crate::device::Device;
@@ -35,6 +37,10 @@ pub struct DatasetArgs {
     /// Only this split or these scenes of it: test, test/col2x2, test/col* (may be repeated).
     #[arg(long, value_name = "SPLIT[/NAME]")]
     only: Vec<Selection>,
+    /// Compute each scene with the cheapest model that stays so near to its grains computed one by one: metres (root mean
+    /// square), or 5% of the run-out.
+    #[arg(long, value_name = "DISTANCE")]
+    within: Option<Within>,
     /// Device to run on: auto (every visible GPU, else the CPU), cpu, cuda (every GPU) or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
@@ -59,7 +65,10 @@ pub struct DatasetArgs {
 /// be used, or scenes failed (after all others are finished).
 pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
-    let all = dataset::cases(&args.scenes)?;
+    let mut all = dataset::cases(&args.scenes)?;
+    if let Some(within) = args.within {
+        choose_models(&mut all, within, args)?;
+    }
     dataset::check_intervals(&all, &args.scenes)?;
     let selected = dataset::select(&all, &args.only, &args.scenes)?;
     let Some(folder) = args.output.as_deref().filter(|_| !args.list) else {
@@ -112,6 +121,20 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     let damaged = rows.iter().filter(|row| row.damaged).map(|row| row.split.case(&row.name));
     failed.extend(damaged.filter(|name| !failed.contains(name)).collect::<Vec<_>>());
     if failed.is_empty() { Ok(ExitCode::SUCCESS) } else { bail!("failed: {}", failed.join(", ")) }
+}
+
+/// Replaces the model of each case by the one that is chosen; a run that is continued keeps its model.
+fn choose_models(cases: &mut [Case], within: Within, args: &DatasetArgs) -> miette::Result<()> {
+    let chooser = Chooser::new(args.device.open().into_diagnostic()?.is_some())?;
+    for case in cases {
+        let mut choice = chooser.choice(&case.scene, within)?;
+        if let Some(folder) = args.output.as_deref().filter(|_| args.resume) {
+            choice = choice.continued(&case.file(folder));
+        }
+        inform!("{}: {}", case.full_name(), choice.verdict());
+        case.scene = choice.chosen_scene().map_err(|why| miette!("{}: {why}", case.full_name()))?;
+    }
+    Ok(())
 }
 
 /// Prints the scenes and what they cost.

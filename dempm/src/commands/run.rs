@@ -9,7 +9,7 @@ use gpu::ranks::{Environment, Ranks};
 use miette::{IntoDiagnostic, bail, miette};
 use serde::Serialize;
 
-use super::choose::choice;
+use super::choose::Chooser;
 use super::device::report;
 use super::outputs::default_output;
 use super::progress::{SceneProgress, bars};
@@ -161,7 +161,7 @@ fn chosen(
     resume: bool,
     on_gpu: bool,
 ) -> miette::Result<(Scene, Option<Choice>)> {
-    let choice = choice(scene, within, on_gpu)?;
+    let choice = Chooser::new(on_gpu)?.choice(scene, within)?;
     let choice = if resume { choice.continued(output) } else { choice };
     inform!("{}", choice.verdict());
     let scene = choice.chosen_scene().map_err(|why| miette!("{}: {why}", scene.name))?;
