@@ -20,7 +20,7 @@ MODULES = {
     "dempm.torch": ["Windows", "collate", "TGNNS", "rollout", "Config"],
 }
 # Classes whose objects one only gets.
-MADE = {"Run", "Check", "Picture", "Calibration"}
+MADE = {"Run", "Check", "Choice", "Picture", "Calibration"}
 
 
 def definitions(module):
