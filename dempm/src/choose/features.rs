@@ -22,7 +22,7 @@ pub const MEANINGS: [&str; 13] = [
     "room to flow",
     "friction of the grains",
     "friction of the floor",
-    "duration in units of sqrt(H / g)",
+    "duration after flight in units of sqrt(H / g)",
     "cells over the height",
     "discs in a packing",
     "size of the discs",
@@ -35,13 +35,15 @@ pub type Features = [f64; NAMES.len()];
 const USUAL_FRICTION: f64 = 0.5;
 /// Grains of less friction are as smooth.
 const SMOOTH: f64 = 0.02;
+/// Least duration after flight (in `sqrt(H / g)`).
+const LEAST_TIME: f64 = 0.05;
 /// Columns beyond this number are as many.
 const MANY: usize = 3;
 
 /// The features of a candidate of `scene`, whose grains are those of the truth. With `H` the height of the
 /// highest pile and `g` gravity: logarithms of `d / H`, of the aspect ratio, of `1 + fall / H`, of
 /// `1 + v² / (2 g H)`; the height of barriers over H; columns besides the first; logarithms of 1 + free width of the
-/// floor over H, of friction and of the duration over `sqrt(H / g)`; those of the candidate.
+/// floor over H, of friction and of the duration after flight over `sqrt(H / g)`; those of the candidate.
 pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
     let height = scene.height();
     let gravity = scene.gravity[0].hypot(scene.gravity[1]);
@@ -49,6 +51,11 @@ pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
     let fall = scene.columns.iter().map(|column| free_fall(scene, column)).fold(0.0, f64::max);
     let speed =
         scene.columns.iter().map(|c| c.velocity[0].hypot(c.velocity[1])).fold(0.0, f64::max);
+    let flights = scene.columns.iter().map(|column| {
+        let rises = column.velocity[1];
+        (rises + (rises * rises + 2.0 * gravity * free_fall(scene, column)).sqrt()) / gravity
+    });
+    let left = scene.duration - flights.fold(0.0, f64::max);
     let tops = scene.obstacles.iter().map(|obstacle| obstacle.place.end()[1].min(height));
     let covered: f64 = scene.columns.iter().map(|column| column.place.size[0]).sum();
     let room = (scene.domain.size[0] - covered).max(0.0);
@@ -63,7 +70,7 @@ pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
         (room / height).ln_1p(),
         (friction.max(SMOOTH) / USUAL_FRICTION).ln(),
         coefficient(scene.domain.walls.bottom),
-        (scene.duration * (gravity / height).sqrt()).ln(),
+        (left * (gravity / height).sqrt()).max(LEAST_TIME).ln(),
         (candidate.cell / height).ln(),
         candidate.packings.map_or(0.0, |[discs, _]| (discs as f64 / 64.0).ln()),
         candidate.size.ln(),
@@ -148,5 +155,9 @@ mod tests {
         let onto = of(&format!("{fall}[[obstacle]]\ncorner = [1.5, 0.0]\nsize = [1.0, 0.5]\n"), 0);
         assert!((named(&onto, "fall") - 2.0_f64.ln()).abs() < 1e-12);
         assert_eq!(named(&onto, "barriers"), 0.5);
+        // It rises at 4 m/s and meets the floor after (4 + sqrt(16 + 2 g 1.5)) / g.
+        let flight = (4.0 + (16.0 + 3.0 * 9.81_f64).sqrt()) / 9.81;
+        let left = LEAST_TIME.max((1.0 - flight) * 9.81_f64.sqrt());
+        assert!((named(&found, "time") - left.ln()).abs() < 1e-12);
     }
 }
