@@ -65,7 +65,9 @@ fn is_twice(large: f64, small: f64) -> bool {
 /// All candidates of a scene of grains: discs first, the finest first in each family. A plate or an elastic
 /// material has none.
 pub fn candidates(scene: &Scene) -> Vec<Candidate> {
-    let Ok(base) = scene.text.parse::<Table>() else { return Vec::new() };
+    let Ok(mut base) = scene.text.parse::<Table>() else { return Vec::new() };
+    // An earlier one says nothing of these.
+    base.remove("choice");
     let build = |keys: &[(&str, &str, Value)]| with(scene, &base, keys);
     let diameter = scene.material.grain().0;
     let mut all = Vec::new();
