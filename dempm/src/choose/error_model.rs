@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::conformal::quantile;
 use super::family::Family;
-use super::features::{Features, MEANINGS, NAMES};
+use super::features::{ALL, FEW, Features, MEANINGS, NAMES, terms};
 use super::library::{Case, Distance};
 use super::regression::Regression;
 
@@ -18,6 +18,8 @@ pub const LEVEL: f64 = 0.9;
 const FOLDS: usize = 10;
 /// Penalties that are tried.
 const PENALTIES: [f64; 8] = [0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
+/// Terms that are tried: the first seven, all, all with their products.
+const TERMS: [(usize, bool); 3] = [(FEW, false), (ALL, false), (ALL, true)];
 /// Scenes without which nothing is fitted.
 const LEAST_SCENES: usize = 4;
 /// How far beyond the measured range a feature may be, as a share of the range.
@@ -49,6 +51,8 @@ struct OfFamily {
 /// The logarithm of an error over a length.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Predictor {
+    /// How many of the [`terms`] are used.
+    terms: usize,
     regression: Regression,
     /// What cross-validation adds to its median.
     median: f64,
@@ -165,41 +169,44 @@ impl Predictor {
         if folds.scenes < LEAST_SCENES {
             return None;
         }
-        let rows: Vec<&[f64]> = cases.iter().map(|(case, _, _)| &case.features[..]).collect();
+        let rows: Vec<[f64; ALL]> =
+            cases.iter().map(|(case, _, _)| terms(&case.features)).collect();
         let answer =
             |(_, error, length): &(&Case, f64, f64)| (error.max(LEAST) / length.max(LEAST)).ln();
         let answers: Vec<f64> = cases.iter().map(answer).collect();
-        let mut best: Option<(f64, Vec<f64>, &[[usize; 2]], f64)> = None;
-        let (none, all) = (Vec::new(), pairs());
-        for products in [&none[..], &all[..]] {
+        // Scenes are drawn alike, not the candidates of one: of few scenes, the bound is that of a higher level.
+        let scenes = folds.scenes as f64;
+        let level = (((scenes + 1.0) * LEVEL).ceil() / scenes).min(1.0);
+        let mut best: Option<(f64, Self)> = None;
+        for (terms, with_products) in TERMS {
+            let rows: Vec<&[f64]> = rows.iter().map(|row| &row[..terms]).collect();
+            let products = if with_products { pairs(terms) } else { Vec::new() };
             for penalty in PENALTIES {
-                let Some(errors) = folds.errors(&rows, &answers, products, penalty) else {
+                let Some(errors) = folds.errors(&rows, &answers, &products, penalty) else {
                     continue;
                 };
                 let square: f64 = errors.iter().map(|error| error * error).sum();
-                if best.as_ref().is_none_or(|(least, ..)| square < *least) {
-                    best = Some((square, errors, products, penalty));
+                if best.as_ref().is_none_or(|(least, _)| square < *least) {
+                    let regression = Regression::fit(&rows, &answers, &products, penalty)?;
+                    let median = quantile(&errors, 0.5)?;
+                    let bound = quantile(&errors, level)? - median;
+                    best = Some((square, Self { terms, regression, median, bound }));
                 }
             }
         }
-        let (_, errors, products, penalty) = best?;
-        let median = quantile(&errors, 0.5)?;
-        Some(Self {
-            regression: Regression::fit(&rows, &answers, products, penalty)?,
-            median,
-            bound: quantile(&errors, LEVEL)? - median,
-        })
+        Some(best?.1)
     }
 
     fn expected(&self, features: &Features, length: f64) -> Expected {
-        let median = length * (self.regression.at(features) + self.median).exp();
+        let row = &terms(features)[..self.terms];
+        let median = length * (self.regression.at(row) + self.median).exp();
         Expected { median, bound: median * self.bound.exp() }
     }
 }
 
-/// Squares and products of all features.
-fn pairs() -> Vec<[usize; 2]> {
-    (0..NAMES.len()).flat_map(|a| (0..=a).map(move |b| [a, b])).collect()
+/// Squares and products of so many terms.
+fn pairs(terms: usize) -> Vec<[usize; 2]> {
+    (0..terms).flat_map(|a| (0..=a).map(move |b| [a, b])).collect()
 }
 
 /// Cases in groups, with all of a scene in the same one.

@@ -31,6 +31,11 @@ pub const MEANINGS: [&str; 13] = [
 /// The features of a candidate, in the order of [`NAMES`].
 pub type Features = [f64; NAMES.len()];
 
+/// Terms of the regression, and how many of them serve a small table.
+pub(super) const ALL: usize = 15;
+pub(super) const FEW: usize = 7;
+/// Duration of a collapse (in `sqrt(H / g)`), after which errors hardly grow.
+const COLLAPSE: f64 = 3.2;
 /// Grain friction of the default.
 const USUAL_FRICTION: f64 = 0.5;
 /// Grains of less friction are as smooth.
@@ -74,6 +79,32 @@ pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
         (candidate.cell / height).ln(),
         candidate.packings.map_or(0.0, |[discs, _]| (discs as f64 / 64.0).ln()),
         candidate.size.ln(),
+    ]
+}
+
+/// The terms of the regression, the most important first: grain size, the logarithm of the energy of falls and throws
+/// over `g H`, aspect ratio, time until rest, cell, discs in a packing, size of the discs; then the others.
+pub(super) fn terms(features: &Features) -> [f64; ALL] {
+    let &[
+        grain,
+        aspect,
+        fall,
+        speed,
+        barriers,
+        gap,
+        room,
+        friction,
+        floor,
+        time,
+        cell,
+        packing,
+        size,
+    ] = features;
+    let energy = (fall.exp() + speed.exp() - 1.0).ln();
+    let until_rest = time.min(COLLAPSE.ln());
+    [
+        grain, energy, aspect, until_rest, cell, packing, size, fall, speed, barriers, gap, room,
+        friction, floor, time,
     ]
 }
 

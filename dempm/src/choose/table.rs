@@ -36,7 +36,7 @@ impl fmt::Display for Choice {
         write!(
             f,
             "\nExpected and bound: the largest distance over time of squares of material, root mean square; half and nine\n\
-             of ten are smaller. From {}.",
+             of ten are smaller. Fitted to {}.",
             self.measured
         )
     }

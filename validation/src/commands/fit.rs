@@ -19,8 +19,8 @@ pub struct FitArgs {
     /// Write the model here (JSON); `dempm/src/choose/error-model.json` is the one that is built in
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Where the cases come from, in words
-    #[arg(long, default_value = "measured scenes")]
+    /// What the scenes are, in words that follow their number
+    #[arg(long, default_value = "scenes")]
     source: String,
 }
 
@@ -50,7 +50,7 @@ pub fn fit(args: &FitArgs) -> miette::Result<ExitCode> {
         refuse_input(output, [&args.table])?;
         let mut scenes: Vec<&str> = cases.iter().map(|case| case.scene.as_str()).collect();
         scenes.dedup();
-        let source = format!("{}, {}", scenes.len(), args.source);
+        let source = format!("{} {}", scenes.len(), args.source);
         let model = ErrorModel::fit(&cases, source).map_err(wrong)?;
         let text = serde_json::to_string_pretty(&model).into_diagnostic()?;
         write_text(output, &(text + "\n"))?;
