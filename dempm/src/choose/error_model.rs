@@ -20,6 +20,8 @@ const FOLDS: usize = 10;
 const PENALTIES: [f64; 8] = [0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
 /// Terms that are tried: the first seven, all, all with their products.
 const TERMS: [(usize, bool); 3] = [(FEW, false), (ALL, false), (ALL, true)];
+/// Share of the mean square error that further terms have to go below.
+const GAIN: f64 = 0.9;
 /// Scenes without which nothing is fitted.
 const LEAST_SCENES: usize = 4;
 /// How far beyond the measured range a feature may be, as a share of the range.
@@ -174,11 +176,8 @@ impl Predictor {
         let answer =
             |(_, error, length): &(&Case, f64, f64)| (error.max(LEAST) / length.max(LEAST)).ln();
         let answers: Vec<f64> = cases.iter().map(answer).collect();
-        // Scenes are drawn alike, not the candidates of one: of few scenes, the bound is that of a higher level.
-        let scenes = folds.scenes as f64;
-        let level = (((scenes + 1.0) * LEVEL).ceil() / scenes).min(1.0);
-        let mut best: Option<(f64, Self)> = None;
-        for (terms, with_products) in TERMS {
+        let mut best: Option<(usize, f64, Self)> = None;
+        for (set, (terms, with_products)) in TERMS.into_iter().enumerate() {
             let rows: Vec<&[f64]> = rows.iter().map(|row| &row[..terms]).collect();
             let products = if with_products { pairs(terms) } else { Vec::new() };
             for penalty in PENALTIES {
@@ -186,15 +185,19 @@ impl Predictor {
                     continue;
                 };
                 let square: f64 = errors.iter().map(|error| error * error).sum();
-                if best.as_ref().is_none_or(|(least, _)| square < *least) {
+                // Further terms have to pay.
+                let is_better = |(last, least, _): &(usize, f64, Self)| {
+                    square < if set > *last { GAIN * least } else { *least }
+                };
+                if best.as_ref().is_none_or(is_better) {
                     let regression = Regression::fit(&rows, &answers, &products, penalty)?;
                     let median = quantile(&errors, 0.5)?;
-                    let bound = quantile(&errors, level)? - median;
-                    best = Some((square, Self { terms, regression, median, bound }));
+                    let bound = quantile(&errors, LEVEL)? - median;
+                    best = Some((set, square, Self { terms, regression, median, bound }));
                 }
             }
         }
-        Some(best?.1)
+        Some(best?.2)
     }
 
     fn expected(&self, features: &Features, length: f64) -> Expected {
