@@ -172,14 +172,14 @@ mod tests {
 
     #[test]
     fn a_measured_scene_is_quoted_and_others_are_scaled_by_height() {
-        let quoted = of([2.0, 2.0], "").unwrap();
-        let row =
-            measured().into_iter().find(|r| r.scene == "Col2x2" && r.material == "rve").unwrap();
-        assert_eq!((quoted.scene, quoted.distance), ("Col2x2", Some(row.distance)));
+        let quoted = of([2.0, 1.0], "").unwrap();
+        let name = "Column a = 0.5";
+        let row = measured().into_iter().find(|r| r.scene == name && r.material == "rve").unwrap();
+        assert_eq!((quoted.scene, quoted.distance), (name, Some(row.distance)));
         assert_eq!(quoted.beyond, Vec::<String>::new());
-        let other = of([2.25, 2.25], "").unwrap();
-        assert!((other.distance.unwrap() / 2.25 - row.distance / 2.0).abs() < 1e-12);
-        let discs = of([2.0, 2.0], "[material]\nkind = \"discs\"").unwrap();
+        let other = of([2.25, 1.125], "").unwrap();
+        assert!((other.distance.unwrap() / 1.125 - row.distance).abs() < 1e-12);
+        let discs = of([2.0, 1.0], "[material]\nkind = \"discs\"").unwrap();
         assert_eq!((discs.distance, discs.spread), (None, row.spread));
     }
 

@@ -212,7 +212,7 @@ fn points_fill_the_columns() {
 #[case::unknown_key("stepp = 1", &["unknown key `stepp`", "did you mean `step`?", ":1:1"])]
 #[case::misplaced_key("cell = 1.0", &["`cell` belongs in [domain]"])]
 #[case::unknown_table("[numeric]", &["did you mean `numerics`?"])]
-#[case::far_key("foo = 1", &["valid keys here are `column`, `discs`, `domain`, `duration`"])]
+#[case::far_key("foo = 1", &["valid keys here are `choice`, `column`, `discs`, `domain`"])]
 #[case::wrong_type("step = \"fast\"", &["`step` must be a number (s)", "this is: text"])]
 #[case::unit("step = 0.1", &["step = 0.1 s is unstable", "80 m/s", "at most 0.5", "2.5e-5 s"])]
 #[case::huge_step("step = 100", &["must be above 0 and at most 1 s", "0.1 ms is 1.0e-4"])]
