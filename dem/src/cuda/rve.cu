@@ -122,6 +122,9 @@ __device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bo
     state.searches = c.searches;
     state.thin = c.thin;
     state.dense = c.dense;
+    if (p.sleep_stress > 0.0) {
+        state.audit = compare(batch.sleep[rve], c.asleep, p, c.gradient, state);
+    }
     if (c.status == OK && broken) c.status = NOT_FINITE;
     if (c.status == OK && state.relative_overlap > p.overlap_limit) c.status = OVERLAP;
     if (c.status != OK) {

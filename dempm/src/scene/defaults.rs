@@ -22,6 +22,8 @@ const OVERLAP_LIMIT: f64 = 2.0;
 /// Solid fraction above which packings are not compressed further: splashes press those of single points together,
 /// which meet others on the grid before they touch them.
 const MAX_SOLID_FRACTION: f64 = 1.0;
+/// Share of its stress by which a packing asleep may change it.
+const SLEEP_STRESS: f64 = 0.1;
 
 /// Parameters of packings and their grains.
 pub(super) fn packings() -> RveParameters {
@@ -31,6 +33,7 @@ pub(super) fn packings() -> RveParameters {
         grains,
         discs: DISCS,
         max_solid_fraction: MAX_SOLID_FRACTION,
+        sleep_stress: SLEEP_STRESS,
         ..RveParameters::default()
     }
 }
