@@ -101,7 +101,7 @@ pub fn ladder(
     Ok(rungs.into_iter().flatten().collect())
 }
 
-/// An element with the damping of preparation, which is never stress-free. It takes the default step, not
+/// An element with the damping of preparation, which is never stress-free and never asleep. It takes the default step, not
 /// that of flow: packings would differ with the step, by more than flows do.
 fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, StageError> {
     let p = RveParameters {
@@ -112,6 +112,7 @@ fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, Stage
             ..p.grains
         },
         free_solid_fraction: 0.0,
+        sleep_stress: 0.0,
         ..p.clone()
     };
     Element::new(packing, &p, CONTROL_STEPS * p.grains.step())

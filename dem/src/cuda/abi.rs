@@ -6,7 +6,7 @@ use nalgebra::Matrix2;
 use super::real::CudaReal;
 use crate::parameters::RveParameters;
 use crate::rve::{LEAST_SOLID_FRACTION, Substepping};
-use crate::sleep::{self, LARGEST_CLOSING, LARGEST_OPENING, LARGEST_TURN, Moduli};
+use crate::sleep::{self, LARGEST_CLOSING, LARGEST_OPENING, LARGEST_TURN, Moduli, RIGHT};
 use crate::state::RveState;
 
 /// Narrowest Verlet skin, that of an RVE nearly at rest, as a fraction of the widest.
@@ -236,6 +236,8 @@ cuda_struct! {
         pub overlap_limit: f64,
         /// As of [`RveParameters`].
         pub sleep_stress: f64,
+        /// Largest error of the elastic answer before sleep, over the norm of stress.
+        pub right_stress: f64,
         /// Largest rotation asleep (rad).
         pub largest_turn: f64,
         /// Largest compressive strain of a packing without contacts asleep.
@@ -298,6 +300,7 @@ impl<R: CudaReal> Parameters<R> {
             max_solid_fraction: p.max_solid_fraction,
             overlap_limit: p.grains.overlap_limit,
             sleep_stress: p.sleep_stress,
+            right_stress: RIGHT * p.sleep_stress,
             largest_turn: LARGEST_TURN,
             largest_closing: LARGEST_CLOSING,
             largest_opening: LARGEST_OPENING,

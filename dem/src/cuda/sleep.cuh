@@ -74,7 +74,7 @@ __device__ __noinline__ double compare(Sleep& s, bool asleep, const Parameters& 
                           const State& state) {
     const double difference = norm(sum(state.stress, scaled(stress_asleep(s, p, l), -1.0)));
     if (asleep) return difference;
-    const bool right = difference <= p.sleep_stress * norm(state.stress);
+    const bool right = difference <= p.right_stress * norm(state.stress);
     const bool apart = state.coordination == 0.0 && state.relative_overlap == 0.0;
     s.settled = (right || apart) && !state.thin && !state.dense;
     s.slept = 0;

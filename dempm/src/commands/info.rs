@@ -227,7 +227,8 @@ impl Info {
         }
         if let Some(Sleep { awake, error }) = &self.sleep {
             let [awake, error] = [awake, error].map(|share| number(100.0 * share));
-            text.line("DEM steps", format_args!("{awake} % of all; stress asleep {error} % off"));
+            text.line("DEM steps", format_args!("{awake} % of those without sleep"));
+            text.line("sleep audit", format_args!("stress {error} % off"));
         }
         text.line("wall time", wall_time(&self.wall_time));
         let [size, raw] = [self.file_size, self.field_size].map(|bytes| bytes as f64 / 1e6);

@@ -204,7 +204,7 @@ impl fmt::Display for Summary {
             line("disc-steps", format!("{disc_steps:.2e}{saved}, {rate:.2e} per second"))?;
             if let Some(error) = p.sleep_error {
                 let (error, steps) = (100.0 * error, p.audit_steps);
-                line("stress asleep", format!("{error:.1} % off in {steps} audited RVE steps"))?;
+                line("sleep audit", format!("stress {error:.1} % off in {steps} RVE steps"))?;
             }
             let searches = format!("{:.1} in 100 RVE steps", 100.0 * p.searches);
             line("neighbour searches", searches)?;

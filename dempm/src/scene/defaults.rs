@@ -22,9 +22,6 @@ const OVERLAP_LIMIT: f64 = 2.0;
 /// Solid fraction above which packings are not compressed further: splashes press those of single points together,
 /// which meet others on the grid before they touch them.
 const MAX_SOLID_FRACTION: f64 = 1.0;
-/// Share of its stress by which a packing asleep may change it.
-const SLEEP_STRESS: f64 = 0.1;
-
 /// Parameters of packings and their grains.
 pub(super) fn packings() -> RveParameters {
     let grains =
@@ -33,7 +30,6 @@ pub(super) fn packings() -> RveParameters {
         grains,
         discs: DISCS,
         max_solid_fraction: MAX_SOLID_FRACTION,
-        sleep_stress: SLEEP_STRESS,
         ..RveParameters::default()
     }
 }

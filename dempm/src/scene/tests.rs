@@ -106,7 +106,6 @@ fn the_shortest_scene_has_the_documented_defaults() {
         grains: dem::Grains { step_factor: 0.401, overlap_limit: 2.0, ..Default::default() },
         discs: 64,
         max_solid_fraction: 1.0,
-        sleep_stress: 0.1,
         ..Default::default()
     };
     assert_eq!(rve.parameters, expected);
@@ -183,7 +182,6 @@ fn rve_keys_are_those_of_the_dem() {
         discs: 200,
         kinetic_stress: false,
         max_solid_fraction: 1.0,
-        sleep_stress: 0.1,
         ..Default::default()
     };
     expected.preparation.pressure = 1000.0;
