@@ -82,7 +82,7 @@ __device__ Matrix exponential(const Matrix& a) {
 }
 
 // The inverse of `exponential` for rotations below a right angle.
-__device__ __noinline__ Matrix logarithm(const Matrix& f) {
+__device__ Matrix logarithm(const Matrix& f) {
     const double det = determinant(f);
     const double half = 0.5 * (f.xx + f.yy);
     const double k = 1.0 / sqrt(det);

@@ -25,8 +25,7 @@ __device__ State free_state(double area, double solid_fraction) {
 }
 
 // The state without a DEM step. The packing stays as it is; its cell follows when it wakes.
-__device__ __noinline__ State state_asleep(const Header& h, const Sleep& s, const Parameters& p,
-                                           const Matrix& l) {
+__device__ State state_asleep(const Header& h, const Sleep& s, const Parameters& p, const Matrix& l) {
     const Matrix cell = product(s.deformation, h.cell);
     State state = {};
     state.stress = stress_asleep(s, p, l);
@@ -38,8 +37,8 @@ __device__ __noinline__ State state_asleep(const Header& h, const Sleep& s, cons
     return state;
 }
 
-// What happens before discs move; one thread.
-__device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigned rve,
+// What happens before discs move; one thread. Not inlined, as `finish`: registers are few in the loop over contacts.
+__device__ __noinline__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigned rve,
                         const Matrix& l) {
     c.rve = rve;
     c.header = b.header[rve];

@@ -104,7 +104,7 @@ __device__ void fail(const Batch& batch, unsigned rve) {
 }
 
 // Stress and state of the RVE from the sums (homogenise.rs); one thread.
-__device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bool broken) {
+__device__ __noinline__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bool broken) {
     Shared& sh = shared();
     Control& c = sh.control;
     Header& h = c.header;

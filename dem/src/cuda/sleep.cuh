@@ -1,5 +1,4 @@
-// Sleep: twin of dem/src/sleep.rs, where formulas are explained. All for one thread, and not inlined: registers are
-// few in the loop over contacts.
+// Sleep: twin of dem/src/sleep.rs, where formulas are explained. All for one thread.
 
 // Nothing known yet.
 __device__ Sleep awake(unsigned audited) {
@@ -61,7 +60,7 @@ __device__ bool is_quiet(const Sleep& s, const Parameters& p) {
 }
 
 // Takes the deformation of a macro step and tells whether to sleep in it.
-__device__ __noinline__ bool follow(Sleep& s, const Parameters& p, const Matrix& increment) {
+__device__ bool follow(Sleep& s, const Parameters& p, const Matrix& increment) {
     s.deformation = product(exponential(increment), s.deformation);
     const bool asleep = s.settled && is_quiet(s, p);
     s.slept |= unsigned(asleep);
@@ -70,7 +69,7 @@ __device__ __noinline__ bool follow(Sleep& s, const Parameters& p, const Matrix&
 
 // Compares the answer of sleep with the state after a DEM step under a velocity gradient. An audited
 // RVE that was to be asleep stays so; gives the error of its stress (Pa), else 0.
-__device__ __noinline__ double compare(Sleep& s, bool asleep, const Parameters& p, const Matrix& l,
+__device__ double compare(Sleep& s, bool asleep, const Parameters& p, const Matrix& l,
                           const State& state) {
     const double difference = norm(sum(state.stress, scaled(stress_asleep(s, p, l), -1.0)));
     if (asleep) return difference;
