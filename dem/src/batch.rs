@@ -9,7 +9,8 @@ use crate::error::Error;
 use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::real::Real;
-use crate::rve::{Rve, RveState, Substepping};
+use crate::rve::{Rve, Substepping};
+use crate::state::RveState;
 
 /// RVEs of equal parameters on the CPU, advanced in parallel. The result of an RVE does not
 /// depend on the others nor on the number of threads.

@@ -41,6 +41,8 @@ mod parameters;
 mod prepare;
 mod real;
 mod rve;
+mod sleep;
+mod state;
 
 pub use batch::RveBatch;
 pub use cell::Cell;
@@ -54,4 +56,6 @@ pub use packing::{Contact, Packing};
 pub use parameters::{Preparation, RveParameters};
 pub use prepare::{Prepared, Rung, consolidate, ladder, prepare};
 pub use real::Real;
-pub use rve::{Rve, RveState, Substepping};
+pub use rve::{Rve, Substepping};
+pub use sleep::Sleep;
+pub use state::RveState;

@@ -12,6 +12,8 @@ use crate::integrate::integrate;
 use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::real::Real;
+use crate::sleep::Sleep;
+use crate::state::RveState;
 
 /// How a macro step is divided; the same for all RVEs of a batch.
 #[derive(Clone, Debug)]
@@ -43,7 +45,7 @@ impl<R: Real> Substepping<R> {
 
 /// Solid fraction below which a stress-free RVE does not expand any more: a point that flies alone keeps its velocity
 /// gradient, and its area would grow without bound.
-const LEAST_SOLID_FRACTION: f64 = 0.01;
+pub(crate) const LEAST_SOLID_FRACTION: f64 = 0.01;
 
 /// Fewest stress samples in a macro step, if it has as many substeps.
 const MIN_SAMPLES: usize = 5;
@@ -57,42 +59,31 @@ pub struct Rve<R: Real> {
     /// Area (m²) while the RVE is too loose to carry stress. Its packing is then meaningless; a fresh one
     /// replaces it once the RVE is dense again.
     pub free_area: Option<f64>,
+    /// What it needs to answer without a DEM step.
+    pub sleep: Sleep,
 }
 
-/// Homogenised state at the end of a macro step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct RveState {
-    /// Cauchy stress (Pa), compression positive, averaged over the trailing substeps.
-    pub stress: Matrix2<f64>,
-    /// Cell area (m²).
-    pub area: f64,
-    /// Area of the discs over the area of the cell.
-    pub solid_fraction: f64,
-    /// Contacts per disc `Z = 2 N_c / N` in the last substep.
-    pub coordination: f64,
-    /// Largest overlap over the smaller radius in any substep.
-    pub relative_overlap: f64,
-    /// Smallest perpendicular width of the cell (m); infinite while stress-free.
-    pub min_width: f64,
-    /// Number of neighbour searches.
-    pub searches: u32,
-    /// Whether the RVE is too loose to carry stress.
-    pub free: bool,
-    /// Whether the cell was too thin to be sheared.
-    pub thin: bool,
-    /// Whether it was too dense to be compressed.
-    pub dense: bool,
+/// What acts on the cell of a loaded RVE.
+struct Drive {
+    /// Velocity gradient (1/s).
+    gradient: Matrix2<f64>,
+    /// A cell too thin takes only the volumetric part and the spin: without further shear its contacts keep the
+    /// deviatoric stress they have.
+    thin: bool,
+    /// A cell too dense takes no compression.
+    dense: bool,
 }
 
 impl<R: Real> Rve<R> {
     /// An RVE that carries stress.
     pub fn new(packing: Packing<R>) -> Self {
-        Self { packing, free_area: None }
+        Self { packing, free_area: None, sleep: Sleep::default() }
     }
 
     /// Cell area (m²).
     pub fn area(&self) -> f64 {
-        self.free_area.unwrap_or_else(|| self.packing.cell.area())
+        let strained = self.sleep.pending().map_or(1.0, |f| f.determinant());
+        self.free_area.unwrap_or_else(|| self.packing.cell.area() * strained)
     }
 
     /// Advances by one macro step under a constant velocity gradient `L` (1/s, `L_ij = dv_i/dx_j`).
@@ -121,11 +112,13 @@ impl<R: Real> Rve<R> {
             return Ok(self.advance_free(area * (velocity_gradient.trace() * dt).exp(), p, fresh));
         }
 
-        let (mut drive, thin) = self.drive(velocity_gradient, p, dt);
-        let dense = drive.trace() < 0.0 && self.packing.solid_fraction() > p.max_solid_fraction;
-        if dense {
-            drive -= Matrix2::identity() * (0.5 * drive.trace());
+        let l = velocity_gradient;
+        let asleep = p.sleep_stress > 0.0 && self.sleep.follow(&(l * dt), p);
+        if asleep && !self.sleep.audited {
+            return Ok(self.state_asleep(l, p));
         }
+        let l = self.sleep.gradient(l, dt);
+        let Drive { gradient: drive, thin, dense } = self.drive(&l, p, dt);
         self.packing.set_spin(&drive);
         self.packing.remove_drift();
         let increment = cell::exp(&(drive * sub.dt));
@@ -144,7 +137,24 @@ impl<R: Real> Rve<R> {
         state.area = self.packing.cell.area();
         state.solid_fraction = self.packing.solid_fraction();
         state.min_width = self.packing.cell.min_width();
+        if p.sleep_stress > 0.0 {
+            state.audit = self.sleep.compare(asleep, &drive, p, &state);
+        }
         Ok(state)
+    }
+
+    /// The state without a DEM step. The packing stays as it is and follows when it wakes.
+    fn state_asleep(&self, l: &Matrix2<f64>, p: &RveParameters) -> RveState {
+        let cell = cell::Cell { h: self.sleep.deformation * self.packing.cell.h };
+        RveState {
+            stress: self.sleep.stress(l, p),
+            area: cell.area(),
+            solid_fraction: self.packing.solid_fraction() * self.packing.cell.area() / cell.area(),
+            coordination: self.sleep.coordination,
+            min_width: cell.min_width(),
+            asleep: true,
+            ..RveState::default()
+        }
     }
 
     /// One DEM step: forces at the present positions, then motion.
@@ -186,22 +196,32 @@ impl<R: Real> Rve<R> {
         }
     }
 
-    /// The velocity gradient that acts on the cell. A loaded cell that is too thin for its discs
-    /// and would become thinner takes only the volumetric part and the spin: without further
-    /// shear its contacts keep the deviatoric stress they have.
-    fn drive(&self, l: &Matrix2<f64>, p: &RveParameters, dt: f64) -> (Matrix2<f64>, bool) {
+    /// The velocity gradient that acts on the cell.
+    fn drive(&self, l: &Matrix2<f64>, p: &RveParameters, dt: f64) -> Drive {
+        let mut gradient = *l;
+        let thin = self.becomes_too_thin(l, p, dt);
+        if thin {
+            let spin = 0.5 * (l[(1, 0)] - l[(0, 1)]);
+            let volumetric = 0.5 * l.trace();
+            gradient = Matrix2::new(volumetric, -spin, spin, volumetric);
+        }
+        let dense = gradient.trace() < 0.0 && self.packing.solid_fraction() > p.max_solid_fraction;
+        if dense {
+            gradient -= Matrix2::identity() * (0.5 * gradient.trace());
+        }
+        Drive { gradient, thin, dense }
+    }
+
+    /// Whether the cell is too thin for its discs and would become thinner in `dt` (s).
+    fn becomes_too_thin(&self, l: &Matrix2<f64>, p: &RveParameters, dt: f64) -> bool {
         let cell = self.packing.cell;
         let width = cell.min_width();
         if width >= p.thin_width * p.grains.mean_diameter() {
-            return (*l, false);
+            return false;
         }
         let next = cell::Cell { h: cell::exp(&(l * dt)) * cell.h };
-        if next.min_width() >= width {
-            return (*l, false);
-        }
-        let spin = 0.5 * (l[(1, 0)] - l[(0, 1)]);
-        let volumetric = 0.5 * l.trace();
-        (Matrix2::new(volumetric, -spin, spin, volumetric), true)
+        let holds = next.min_width() >= width;
+        !holds
     }
 
     /// A stress-free RVE only keeps its area. Dense enough again, it restarts from `fresh`,
@@ -215,6 +235,7 @@ impl<R: Real> Rve<R> {
             self.packing.clone_from(fresh);
             self.packing.cell.h *= (area / fresh.cell.area()).sqrt();
             self.free_area = None;
+            self.sleep.wake();
         }
         RveState {
             area,

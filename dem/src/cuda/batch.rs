@@ -7,8 +7,8 @@ use gpu::{ConstPointer, Device, Function, Launch, Pointer};
 use nalgebra::Matrix2;
 
 use super::abi::{
-    Batch, Disc, Header, Motion, Parameters, Position, Queue, Rows, State, Status, Tensor, Turn,
-    Vector,
+    Batch, Disc, Header, Motion, Parameters, Position, Queue, Rows, Sleep, State, Status, Tensor,
+    Turn, Vector,
 };
 use super::arrays::Arrays;
 use super::error::{CudaError, RveFailure};
@@ -18,7 +18,7 @@ use super::shape::{Room, Shape};
 use crate::batch::RveBatch;
 use crate::error::Failure;
 use crate::parameters::RveParameters;
-use crate::rve::RveState;
+use crate::state::RveState;
 
 /// RVEs of equal parameters on a GPU: the twin of [`RveBatch`].
 ///
@@ -34,6 +34,7 @@ pub struct CudaRveBatch<R: CudaReal> {
     rves: usize,
     header: CudaSlice<Header>,
     state: CudaSlice<State>,
+    sleep: CudaSlice<Sleep>,
     position: CudaSlice<Position<R>>,
     motion: CudaSlice<Motion<R>>,
     reference: CudaSlice<Position<R>>,
@@ -117,6 +118,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             rves,
             state: device.upload(&vec![State::default(); rves])?,
             header: device.upload(&host.header)?,
+            sleep: device.upload(&host.sleep)?,
             position: device.upload(&host.position)?,
             motion: device.upload(&host.motion)?,
             reference: device.upload(&host.reference)?,
@@ -144,6 +146,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let stream = self.device.stream();
         let mut host = Arrays {
             header: stream.clone_dtoh(&self.header)?,
+            sleep: stream.clone_dtoh(&self.sleep)?,
             position: stream.clone_dtoh(&self.position)?,
             motion: stream.clone_dtoh(&self.motion)?,
             reference: stream.clone_dtoh(&self.reference)?,
@@ -208,6 +211,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let batch = Batch {
             header: Pointer::to(&self.header, stream),
             state: Pointer::to(&self.state, stream),
+            sleep: Pointer::to(&self.sleep, stream),
             position: Pointer::to(&self.position, stream),
             motion: Pointer::to(&self.motion, stream),
             reference: Pointer::to(&self.reference, stream),

@@ -15,9 +15,6 @@ __device__ Real allowed_displacement2(const Header& h, const Matrix& cell) {
     return allowed > Real(0) ? allowed * allowed : Real(-1);
 }
 
-// As in dem/src/rve.rs.
-constexpr double LEAST_SOLID_FRACTION = 0.01;
-
 __device__ State free_state(double area, double solid_fraction) {
     State state = {};
     state.area = area;
@@ -27,14 +24,29 @@ __device__ State free_state(double area, double solid_fraction) {
     return state;
 }
 
-// What happens before discs move; one thread.
-__device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigned rve,
+// The state without a DEM step. The packing stays as it is; its cell follows when it wakes.
+__device__ State state_asleep(const Header& h, const Sleep& s, const Parameters& p, const Matrix& l) {
+    const Matrix cell = product(s.deformation, h.cell);
+    State state = {};
+    state.stress = stress_asleep(s, p, l);
+    state.area = determinant(cell);
+    state.solid_fraction = h.solid / state.area;
+    state.coordination = s.coordination;
+    state.min_width = min_width(cell);
+    state.asleep = 1;
+    return state;
+}
+
+// What happens before discs move; one thread. Not inlined, as `finish`: registers are few in the loop over contacts.
+__device__ __noinline__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigned rve,
                         const Matrix& l) {
     c.rve = rve;
     c.header = b.header[rve];
     c.searches = 0;
     c.thin = 0;
     c.dense = 0;
+    c.asleep = 0;
+    c.strained = 0;
     c.status = OK;
     Header& h = c.header;
     if (h.status != OK) return DONE;
@@ -54,7 +66,7 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
         // A stress-free RVE only keeps its area; dense enough again, it restarts from the fresh
         // packing scaled to that area.
         const Header& fresh = b.header[p.rves];
-        h.free_area = fmin(h.free_area * exp((l.xx + l.yy) * dt), fresh.solid / LEAST_SOLID_FRACTION);
+        h.free_area = fmin(h.free_area * exp((l.xx + l.yy) * dt), fresh.solid / p.least_solid_fraction);
         const double ratio = h.free_area / determinant(fresh.cell);
         const double solid_fraction = fresh.solid / h.free_area;
         b.state[rve] = free_state(h.free_area, solid_fraction);
@@ -64,16 +76,29 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
         h.cell = scaled(fresh.cell, sqrt(ratio));
         h.free_area = -1.0;
         h.steps = steps;
+        b.sleep[rve] = awake(b.sleep[rve].audited);
         return RESTART;
     }
 
     Matrix drive = l;
+    if (p.sleep_stress > 0.0) {
+        Sleep& s = b.sleep[rve];
+        c.asleep = follow(s, p, scaled(l, dt));
+        if (c.asleep && !s.audited) {
+            b.state[rve] = state_asleep(h, s, p, l);
+            return DONE;
+        }
+        if (s.slept && !c.asleep && !s.audited) {
+            drive = scaled(logarithm(s.deformation), 1.0 / dt);
+            c.strained = 1;
+        }
+    }
     // area / longest < thin_width, and thinner after the step.
     const bool thin = area * area < p.thin_width * p.thin_width * longest2(h.cell);
     if (thin &&
-        !(min_width(product(exponential(scaled(l, dt)), h.cell)) >= min_width(h.cell))) {
-        const double spin = 0.5 * (l.yx - l.xy);
-        const double volumetric = 0.5 * (l.xx + l.yy);
+        !(min_width(product(exponential(scaled(drive, dt)), h.cell)) >= min_width(h.cell))) {
+        const double spin = 0.5 * (drive.yx - drive.xy);
+        const double volumetric = 0.5 * (drive.xx + drive.yy);
         drive = {volumetric, -spin, spin, volumetric};
         c.thin = 1;
     }
@@ -106,7 +131,7 @@ __device__ void plan_substeps(const Parameters& p, int done, bool prepared, int 
     Shared& sh = shared();
     Control& c = sh.control;
     Substep& s = sh.substep[lane];
-    if (!prepared || c.thin || c.dense) prepare_plan(p, c.gradient, lane);
+    if (!prepared || c.thin || c.dense || c.strained) prepare_plan(p, c.gradient, lane);
     const Matrix h = product(s.exact, c.header.cell);
     const Matrix end = {__shfl_down_sync(ALL, h.xx, 1), __shfl_down_sync(ALL, h.xy, 1),
                         __shfl_down_sync(ALL, h.yx, 1), __shfl_down_sync(ALL, h.yy, 1)};

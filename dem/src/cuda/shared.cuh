@@ -56,6 +56,10 @@ struct alignas(16) Control {
     unsigned searches;
     unsigned thin;
     unsigned dense;
+    // Whether the RVE sleeps, or would if it were not audited.
+    unsigned asleep;
+    // Whether its cell makes up for the strain of steps asleep.
+    unsigned strained;
     Action action;
     Status status;
     unsigned rve;

@@ -15,7 +15,8 @@ use crate::error::Failure;
 use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::real::Real;
-use crate::rve::{Rve, RveState, Substepping};
+use crate::rve::{Rve, Substepping};
+use crate::state::RveState;
 
 pub use path::{Row, Summary, sin_phi, summary};
 pub use stage::{Axis, Control, Stage, Until};

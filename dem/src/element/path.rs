@@ -4,7 +4,7 @@ use nalgebra::Matrix2;
 
 use crate::homogenise::inertial_number;
 use crate::parameters::RveParameters;
-use crate::rve::RveState;
+use crate::state::RveState;
 
 /// One sample of a path: time and strain at its end, everything else averaged over the interval
 /// since the row before.

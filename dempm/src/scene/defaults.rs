@@ -22,7 +22,6 @@ const OVERLAP_LIMIT: f64 = 2.0;
 /// Solid fraction above which packings are not compressed further: splashes press those of single points together,
 /// which meet others on the grid before they touch them.
 const MAX_SOLID_FRACTION: f64 = 1.0;
-
 /// Parameters of packings and their grains.
 pub(super) fn packings() -> RveParameters {
     let grains =

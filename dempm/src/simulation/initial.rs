@@ -18,6 +18,9 @@ use super::scene_material::SceneMaterial;
 use crate::packings::{self, Ladder};
 use crate::scene::{self, InitialStress, Scene};
 
+/// One point of so many is computed in every step, to measure the error of sleep.
+const AUDITED: usize = 100;
+
 /// The model of a scene and its points at time zero; discs are prepared on the GPU, if one is given,
 /// by several ranks together.
 pub(super) fn initial_model(
@@ -90,7 +93,13 @@ fn rve_material(
         chosen.push(packing);
     }
     let fresh = &ladders[0].isotropic;
-    Ok(RveMaterial::new(&rve.parameters, rve.precision, &chosen, fresh, &points.volume))
+    let volume = &points.volume;
+    let mut material = RveMaterial::new(&rve.parameters, rve.precision, &chosen, fresh, volume);
+    if rve.parameters.sleep_stress > 0.0 {
+        let audited = depth.len().div_ceil(AUDITED);
+        material.audit(rand::seq::index::sample(&mut rng, depth.len(), audited));
+    }
+    Ok(material)
 }
 
 /// The distinct values, ascending, and for each entry the index of its value.

@@ -79,6 +79,12 @@ pub(super) fn of_budget(name: &str) -> Meaning {
         "energy_drift" => meaning("J/m", "energy missing in the sum since the start"),
         "disc_steps" => meaning("1", "DEM steps of single discs that were computed"),
         "sleep_audit" => meaning("m", "largest displacement of a disc computed that would sleep"),
+        "awake_steps" => {
+            meaning("1", "share of the steps of packings with stress that made a DEM step, so far")
+        }
+        "sleep_error" => {
+            meaning("1", "RMS error of stress asleep in audited packings, over RMS stress, so far")
+        }
         "stress_free_points" => meaning("1", "number of points too loose for stress"),
         _ => meaning("unknown", "scalar of the whole scene"),
     }
