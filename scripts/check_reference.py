@@ -40,7 +40,8 @@ def options(crate):
         fields = re.findall(r"#\[arg\((.*?)\)\]\s*(?:pub(?:\([^)]*\))? )?(\w+):", body, re.DOTALL)
         long = [field.replace("_", "-") for argument, field in fields if re.search(r"\blong\b", argument)]
         if long:
-            yield re.sub(r"Arg(ument)?s$", "", name).lower(), long
+            words = re.sub(r"(?<=[a-z])(?=[A-Z])", "-", re.sub(r"Arg(ument)?s$", "", name))
+            yield words.lower(), long
 
 
 def fields(body):

@@ -67,9 +67,14 @@ fn succeeds(command: &mut Command) -> Output {
 
 /// The standard error of a command that has to fail.
 fn fails(command: &mut Command) -> String {
+    fails_with(1, command)
+}
+
+/// The standard error of a command that has to end with an exit code.
+fn fails_with(code: i32, command: &mut Command) -> String {
     let output = command.output().unwrap();
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert_eq!(output.status.code(), Some(code), "{error}");
     error
 }
 
@@ -559,4 +564,28 @@ fn one_trajectory_is_exported_as_a_training_set_and_an_unfinished_one_is_refused
     let words = ["export", "set", "--to", "lagrangebench"];
     let error = fails(&mut dempm(directory.path(), &words));
     assert!(error.contains("000.h5") && error.contains("running"), "{error}");
+}
+
+/// Scenes drawn at random are listed with their cost before anything runs, and run like others.
+#[test]
+fn random_scenes_are_listed_and_run() {
+    let list = "scene = \"base.toml\"\nseed = 3\n[[random]]\nclass = \"heap\"\n\
+                train = { scenes = 2, seeds = 2, every = 2 }\n[random.draw]\nduration = 0.05\n\
+                [[random.draw.column]]\ncorner = [{ uniform = [0.0, 1.4] }, 0.0]\nsize = [0.5, 0.5]\n";
+    let directory = folder(BASE, list);
+    let listed = ["dataset", "list.toml", "--list"];
+    let output = succeeds(&mut dempm(directory.path(), &listed));
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("train/heap-000-seed-2") && text.contains("3 runs: 3 train"), "{text}");
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 2);
+    let error = fails_with(2, &mut dempm(directory.path(), &listed[..2]));
+    assert!(error.contains("--output"), "{error}");
+
+    succeeds(&mut dempm(directory.path(), &["dataset", "list.toml", "-o", "set"]));
+    let set = directory.path().join("set");
+    let csv = std::fs::read_to_string(set.join("scenes.csv")).unwrap();
+    let line = csv.lines().find(|line| line.starts_with("train,heap-000-seed-2,")).unwrap();
+    assert!(line.ends_with(",heap,heap-000"), "{csv}");
+    let [one, other] = ["heap-000", "heap-001"].map(|name| set.join(format!("train/{name}.h5")));
+    assert_ne!(positions(&one)[0], positions(&other)[0]);
 }

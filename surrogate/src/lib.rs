@@ -6,6 +6,7 @@
 //!   and on a GPU.
 //! - [`train`] trains, [`simulator`] is a trained network, [`rollout`] advances it.
 //! - [`diagnostics`] tells how far a prediction can be trusted, [`evaluation`] measures its errors.
+//! - [`workers`] share many rollouts out.
 //! - [`commands`] are the commands of `surrogate`, [`program`] its command line. Nothing else prints.
 //!
 //! ```
@@ -40,3 +41,4 @@ pub mod program;
 pub mod rollout;
 pub mod simulator;
 pub mod train;
+pub mod workers;

@@ -7,7 +7,10 @@ use clap::{CommandFactory, Parser, Subcommand};
 use dempm::commands::shell_files::{ShellFilesArgs, shell_files};
 use dempm::commands::terminal::{TerminalArgs, exit_code};
 
-use crate::commands::{EvalArgs, RolloutArgs, StatsArgs, TrainArgs, eval, rollout, stats, train};
+use crate::commands::{
+    CalibrateErrorArgs, EvalArgs, RolloutArgs, StatsArgs, TrainArgs, calibrate_error, eval,
+    rollout, stats, train,
+};
 
 /// Learned simulator of granular flow, trained on trajectories of `dempm`.
 #[derive(Parser)]
@@ -29,6 +32,8 @@ enum Command {
     Rollout(RolloutArgs),
     /// Compare predictions with trajectories.
     Eval(EvalArgs),
+    /// Measure the errors that rollouts state of themselves.
+    CalibrateError(CalibrateErrorArgs),
     /// Write completions and manual pages.
     #[command(hide = true)]
     ShellFiles(ShellFilesArgs),
@@ -48,6 +53,7 @@ impl Arguments {
             Command::Train(args) => train(&args),
             Command::Rollout(args) => rollout(&args, verbose),
             Command::Eval(args) => eval(&args, verbose).map(done),
+            Command::CalibrateError(args) => calibrate_error(&args, verbose).map(done),
             Command::ShellFiles(args) => shell_files(&args, Self::command()).map(done),
         }
     }

@@ -8,7 +8,7 @@ use files::{WriteError, write_atomically};
 use serde::{Deserialize, Serialize};
 
 use crate::cuda::{self, CudaError};
-use crate::diagnostics::{Accuracy, TrainingRange};
+use crate::diagnostics::{Accuracy, ErrorModel, TrainingRange};
 use crate::features::{Normalisation, Window, mirrored, window_input};
 use crate::inference::Inference;
 use crate::network::burn_backend::{Cpu, Device, device};
@@ -38,13 +38,23 @@ pub struct Training {
     /// Errors on unseen runs; none if not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<Accuracy>,
+    /// Predicts its errors; none if not calibrated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<ErrorModel>,
 }
 
 impl Training {
     /// Of an untrained network whose windows lie within runs.
     pub fn untrained(frame_interval: f64, without_gravity: bool) -> Self {
-        let (before_start, steps, range, accuracy) = (0, 0, None, None);
-        Self { frame_interval, without_gravity, before_start, steps, range, accuracy }
+        Self {
+            frame_interval,
+            without_gravity,
+            before_start: 0,
+            steps: 0,
+            range: None,
+            accuracy: None,
+            error: None,
+        }
     }
 
     /// Whether `interval` (s) is the time between frames in training, up to rounding.

@@ -1,8 +1,10 @@
 //! `surrogate` as a user meets it: trajectories -> training -> rollout -> evaluation.
 
 mod errors;
+mod expected_error;
 mod helpers;
 mod ranks;
 mod rollouts;
 mod start_checks;
 mod training;
+mod truth;

@@ -74,9 +74,7 @@ fn a_start_is_compared_with_the_training_data() {
     let symmetric = Simulator { mirror: true, ..simulator.clone() };
     let scene = Scene::load(repository.join("scenes/column-mu-i.toml")).unwrap();
     let start = InitialFrames::from_scene(scene, &simulator).unwrap();
-    // It is small, and knows how far it can be trusted.
-    let said = start_checks(&symmetric, &start);
-    assert!(said.len() == 1 && said[0].contains("a rough guide"), "{said:?}");
+    assert_eq!(start_checks(&symmetric, &start), None);
 
     // A column away from the walls, whose mirror image should move as its mirror image.
     let free = "duration = 1.0\nstep = 4e-4\nframe_interval = 0.02\n[domain]\nsize = [4.0, 2.0]\ncell = 0.125\n\
@@ -110,14 +108,14 @@ fn a_start_is_compared_with_the_training_data() {
         let shift = |p: usize| if (p + frame).is_multiple_of(2) { 1e-3 } else { -1e-3 };
         positions.iter_mut().enumerate().for_each(|(p, x)| x[1] += shift(p));
     }
-    let said = start_checks(&symmetric, &noisy).concat();
+    let said = start_checks(&symmetric, &noisy).unwrap();
     assert!(said.contains("differences between neighbours' accelerations"), "{said}");
 
     let mut small = start;
     for positions in &mut small.positions {
         positions.retain(|x| x[0] < 0.5 && x[1] < 0.5);
     }
-    let said = start_checks(&symmetric, &small).concat();
+    let said = start_checks(&symmetric, &small).unwrap();
     for expected in ["points 64, at least 240", "width", "height"] {
         assert!(said.contains(expected), "{expected}: {said}");
     }

@@ -17,7 +17,8 @@ use crate::error::Error;
 use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::prepare::{cloud, preparation};
-use crate::rve::{Rve, RveState};
+use crate::rve::Rve;
+use crate::state::RveState;
 
 /// A packing and the stage that it is driven through.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@ use super::path::{Row, Sampler};
 use super::servo::Servo;
 use super::stage::{Control, End, Stage};
 use crate::parameters::RveParameters;
-use crate::rve::RveState;
+use crate::state::RveState;
 
 /// Relative stress error and unbalanced force at which a stage without duration ends.
 const TOLERANCE: f64 = 1.0e-3;

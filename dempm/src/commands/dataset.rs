@@ -153,7 +153,8 @@ fn list(cases: &[Case], jobs: usize) -> miette::Result<()> {
     let estimate = Estimate::of(cases, jobs);
     if estimate.disc_steps > 0.0 {
         out!(
-            "{:.1e} disc-steps: about {} on one H200, {jobs} scenes at a time",
+            "{:.1e} disc-steps, less where grains come to rest: up to some {} on one H200, {jobs} scenes at a \
+             time",
             estimate.disc_steps,
             duration(estimate.gpu_seconds)
         )?;

@@ -1,4 +1,4 @@
-//! What a data set of scenes with grains is expected to cost.
+//! What a data set of scenes with grains is expected to cost, if no grain comes to rest.
 
 use super::case::Case;
 use crate::scene::Material;

@@ -79,6 +79,11 @@ pub(super) fn of_budget(name: &str) -> Meaning {
         "energy_drift" => meaning("J/m", "energy missing in the sum since the start"),
         "disc_steps" => meaning("1", "DEM steps of single discs that were computed"),
         "sleep_audit" => meaning("m", "largest displacement of a disc computed that would sleep"),
+        "expected_error" => meaning(
+            "m",
+            "root mean square distance from the truth to expect of a prediction, median",
+        ),
+        "error_bound" => meaning("m", "the same, above it in one of ten scenes"),
         "awake_steps" => {
             meaning("1", "share of the steps of packings with stress that made a DEM step, so far")
         }

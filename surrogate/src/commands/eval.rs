@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use dempm::commands::terminal::print_json;
 use dempm::device::Device;
-use files::{announce, announces, inform, print_result, refuse_input, set_json, write_text};
+use files::{announce, announces, inform, note, print_result, refuse_input, set_json, write_text};
 use miette::bail;
 use serde::Serialize;
 
@@ -13,10 +13,12 @@ use super::rollout::select_device;
 use crate::data::trajectories_in;
 use crate::diagnostics::Accuracy;
 use crate::evaluation::{
-    Case, Summary, chart, compare, frames_table, noise_floor, report, summaries, summary_table,
+    AgainstTruth, Case, Summary, against_truth, chart, compare, frames_table, group_by_scene,
+    noise_floor, report, summaries, summary_table, truth_csv, truth_report,
 };
 use crate::network::Precision;
 use crate::simulator::Simulator;
+use crate::workers::for_all;
 
 /// Arguments of `surrogate eval`.
 #[derive(clap::Args)]
@@ -36,6 +38,13 @@ pub struct EvalArgs {
     /// the smallest error to expect of a surrogate
     #[arg(long, value_name = "DIR")]
     noise_floor: Option<PathBuf>,
+    /// Compare with the mean of several seeds of each scene, beside the distance of one seed from the mean of
+    /// the others; runs whose scenes differ in `seed` alone belong together
+    #[arg(long, conflicts_with_all = ["frames", "noise_floor", "record"])]
+    truth: bool,
+    /// Runs of the same scenes by another solver, under the names of their first seeds; with --truth, repeatable
+    #[arg(long, value_name = "NAME=DIR", value_parser = named_folder, requires = "truth")]
+    beside: Vec<(String, PathBuf)>,
     /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
     #[arg(long, default_value = "auto")]
     device: Device,
@@ -67,6 +76,21 @@ struct Report<'a> {
     rows: Vec<Summary>,
 }
 
+/// Distances from the mean of several seeds.
+#[derive(Serialize)]
+struct TruthReport<'a> {
+    /// The model.
+    model: &'a Path,
+    /// The folder of trajectories.
+    data: &'a Path,
+    /// The table of all times.
+    output: &'a Path,
+    /// Names of the other runs.
+    others: Vec<String>,
+    /// Each scene with several seeds.
+    scenes: Vec<AgainstTruth>,
+}
+
 /// Evaluates a model.
 ///
 /// # Errors
@@ -77,14 +101,15 @@ pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     select_device(&mut simulator, args.device, verbose)?;
     let paths = trajectories_in(&args.data)?;
+    if args.truth {
+        return eval_truth(args, &simulator, &paths);
+    }
     let outputs = ["frames.csv", "summary.csv", "errors.svg"].map(|name| args.output.join(name));
     for output in &outputs {
         refuse_input(output, paths.iter().chain([&args.model]))?;
     }
-    let cases: Vec<Case> = paths
-        .into_iter()
-        .map(|path| evaluate(args, &simulator, path))
-        .collect::<miette::Result<_>>()?;
+    let cases: Vec<Case> =
+        paths.iter().map(|path| evaluate(args, &simulator, path)).collect::<miette::Result<_>>()?;
     if let Some(folder) = &args.noise_floor
         && cases.iter().all(|case| case.floor.is_none())
     {
@@ -108,10 +133,57 @@ pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
     if args.record { record_accuracy(simulator, &cases, args) } else { Ok(()) }
 }
 
+/// A name and a folder, `NAME=DIR`.
+fn named_folder(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, folder)) if !name.is_empty() && Path::new(folder).is_dir() => {
+            Ok((name.to_owned(), folder.into()))
+        }
+        Some((_, folder)) => Err(format!("{folder} is not a folder, or has no name before =")),
+        None => Err("a name and a folder, such as rve=out/rve/test".to_owned()),
+    }
+}
+
+/// Compares with the mean of several seeds of each scene.
+fn eval_truth(args: &EvalArgs, simulator: &Simulator, paths: &[PathBuf]) -> miette::Result<()> {
+    let output = args.output.join("truth.csv");
+    refuse_input(&output, paths.iter().chain([&args.model]))?;
+    let scenes = group_by_scene(paths)?;
+    let compared = for_all(simulator, &scenes, |simulator, seeds| {
+        let name = seeds.files[0].file_name().unwrap_or_default();
+        let others: Vec<PathBuf> =
+            args.beside.iter().map(|(_, folder)| folder.join(name)).collect();
+        against_truth(simulator, seeds, &others)
+    })?;
+    let compared: Vec<Option<AgainstTruth>> = compared.into_iter().collect::<Result<_, _>>()?;
+    let single = compared.iter().filter(|scene| scene.is_none()).count();
+    let compared: Vec<AgainstTruth> = compared.into_iter().flatten().collect();
+    if compared.is_empty() {
+        bail!(
+            help = "runs of a scene that differ in `seed` alone, such as those of scenes/dataset/discs-test.toml",
+            "--truth: no scene in {} has several seeds",
+            args.data.display()
+        );
+    }
+    if single > 0 {
+        note!("{single} scenes have one seed only, and are left out");
+    }
+    let names: Vec<String> = args.beside.iter().map(|(name, _)| name.clone()).collect();
+    write_text(&output, &truth_csv(&compared, &names))?;
+    if args.json {
+        let (model, data) = (&*args.model, &*args.data);
+        print_json(&TruthReport { model, data, output: &output, others: names, scenes: compared })?;
+    } else if announces() {
+        let _ = print_result(truth_report(&compared, &names));
+    }
+    announce!("written: {}", output.display());
+    Ok(())
+}
+
 /// Compares a rollout, and a run with another packing if there is one, with a trajectory.
-fn evaluate(args: &EvalArgs, simulator: &Simulator, path: PathBuf) -> miette::Result<Case> {
+fn evaluate(args: &EvalArgs, simulator: &Simulator, path: &Path) -> miette::Result<Case> {
     let began = Instant::now();
-    let rollout = compare(simulator, &path, args.frames)?;
+    let rollout = compare(simulator, path, args.frames)?;
     if rollout.errors.is_empty() && rollout.failure.is_none() {
         bail!(
             "{}: nothing to compare: the model starts from {} frames",
@@ -123,10 +195,10 @@ fn evaluate(args: &EvalArgs, simulator: &Simulator, path: PathBuf) -> miette::Re
     inform!("{}: {} frames, {per_frame:.3} s each", rollout.case, rollout.errors.len());
     let twin = |folder: &PathBuf| folder.join(path.file_name().unwrap_or_default());
     let floor = match args.noise_floor.as_ref().map(twin).filter(|twin| twin.exists()) {
-        Some(twin) => Some(noise_floor(simulator, &path, &twin, args.frames)?),
+        Some(twin) => Some(noise_floor(simulator, path, &twin, args.frames)?),
         None => None,
     };
-    Ok(Case { path, rollout, floor })
+    Ok(Case { path: path.to_owned(), rollout, floor })
 }
 
 /// Writes the errors into the model file.

@@ -23,6 +23,12 @@ impl Progress {
         Self::new(rollout_bar(frames), "frame", 0)
     }
 
+    /// Over many rollouts.
+    pub fn of_scenes(scenes: u64) -> Self {
+        let style = style("{bar:24} {percent:>3} %  scene {pos}/{len}  {eta} left");
+        Self::new(ProgressBar::new(scenes).with_style(style), "scene", 0)
+    }
+
     fn new(bar: ProgressBar, unit: &'static str, done: u64) -> Self {
         if is_quiet() {
             bar.set_draw_target(ProgressDrawTarget::hidden());

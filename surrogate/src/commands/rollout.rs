@@ -1,6 +1,6 @@
 //! `surrogate rollout`: predicts a trajectory.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -10,8 +10,9 @@ use files::{FileLock, INTERRUPTED, Interrupt, announce, note, refuse_input};
 use miette::{Context, IntoDiagnostic, Report, bail};
 
 use super::progress::Progress;
+use super::rollout_many::{Many, first_frames, rollout_many};
 use crate::cuda::CudaError;
-use crate::diagnostics::{asymmetry, start_checks};
+use crate::diagnostics::{ExpectedError, start_checks};
 use crate::network::Precision;
 use crate::rollout::{InitialFrames, RecordingOptions, RolloutObserver, record};
 use crate::simulator::Simulator;
@@ -22,8 +23,12 @@ pub struct RolloutArgs {
     /// Model (safetensors)
     model: PathBuf,
     /// Scene file (TOML), whose first frames are simulated
-    #[arg(long, required_unless_present = "from")]
+    #[arg(long, required_unless_present_any = ["from", "scenes"])]
     scene: Option<PathBuf>,
+    /// Many scenes: a list as of `dempm dataset`, whose first frames are simulated, or a folder of
+    /// trajectories, whose first frames are read; the output is then a folder
+    #[arg(long, value_name = "LIST", conflicts_with_all = ["scene", "from"])]
+    scenes: Option<PathBuf>,
     /// Trajectory file (HDF5), whose first frames are read
     #[arg(long, conflicts_with = "scene")]
     from: Option<PathBuf>,
@@ -42,7 +47,7 @@ pub struct RolloutArgs {
     /// Precision of matrix products on a GPU; bf16 is faster and less exact
     #[arg(long, value_enum, default_value_t = Precision::F32)]
     precision: Precision,
-    /// Trajectory file to write (HDF5)
+    /// Trajectory file to write (HDF5); with --scenes a folder
     #[arg(short, long)]
     output: PathBuf,
     /// Replace the output if it exists
@@ -57,6 +62,9 @@ pub struct RolloutArgs {
 /// before.
 pub fn rollout(args: &RolloutArgs, verbose: bool) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
+    if let Some(list) = &args.scenes {
+        return many(args, list, &interrupt, verbose);
+    }
     if args.output.exists() && !args.overwrite {
         bail!(help = "--overwrite replaces it", "{}: is there already", args.output.display());
     }
@@ -72,8 +80,7 @@ pub fn rollout(args: &RolloutArgs, verbose: bool) -> miette::Result<ExitCode> {
     if frames < initial.positions.len() {
         bail!("--frames {frames}: the model starts from {} frames", initial.positions.len());
     }
-    let checks = start_checks(&simulator, &initial);
-    for warning in checks.into_iter().chain(asymmetry(&simulator, &initial)) {
+    if let Some(warning) = start_checks(&simulator, &initial) {
         note!("{warning}");
     }
 
@@ -93,9 +100,49 @@ pub fn rollout(args: &RolloutArgs, verbose: bool) -> miette::Result<ExitCode> {
         note!("interrupted; {output} holds {made} of {frames} frames");
         return Ok(ExitCode::from(INTERRUPTED));
     }
+    note!("{}", expected_error(&simulator, made, recorded.expected));
     let (predicted, seconds) = (made - initial.positions.len(), recorded.seconds);
     announce!("{output}: {made} frames, {predicted} of them predicted in {seconds:.2} s");
     Ok(ExitCode::SUCCESS)
+}
+
+/// Predicts all scenes of a list.
+fn many(
+    args: &RolloutArgs,
+    list: &Path,
+    interrupt: &Interrupt,
+    verbose: bool,
+) -> miette::Result<ExitCode> {
+    let (mirror, precision) = (args.mirror, args.precision);
+    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
+    select_device(&mut simulator, args.device, verbose)?;
+    let (model, output) = (&args.model, &args.output);
+    let many = Many { model, list, output, frames: args.frames, overwrite: args.overwrite };
+    let _guard = interrupt.guard();
+    let done = rollout_many(&many, &simulator, interrupt);
+    if interrupt.requested() {
+        note!("interrupted");
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    done.map(|()| ExitCode::SUCCESS)
+}
+
+/// The error to expect in the last of so many frames, in words.
+fn expected_error(simulator: &Simulator, frames: usize, error: Option<ExpectedError>) -> String {
+    let training = &simulator.training;
+    match (error, &training.accuracy) {
+        (Some(ExpectedError { median, bound }), _) => {
+            let time = (frames - 1) as f64 * training.frame_interval;
+            format!(
+                "expected error after {time:.2} s: {median:.2} m (RMS over the points), below {bound:.2} m in \
+                 nine of ten scenes"
+            )
+        }
+        (None, Some(accuracy)) => format!("expected error: {}", accuracy.statement()),
+        (None, None) => {
+            "expected error: unknown; `surrogate calibrate-error` measures it".to_owned()
+        }
+    }
 }
 
 /// Selects the device of a model, and reports a GPU that is there but cannot be used; with `verbose` also the one
@@ -126,7 +173,7 @@ fn initial_frames(args: &RolloutArgs, simulator: &Simulator) -> miette::Result<I
             if !simulator.training.is_interval(asked) {
                 note!("frames are {own} s apart, as in training, not {asked} s as in the scene");
             }
-            Ok(InitialFrames::from_scene(scene, simulator)?)
+            Ok(first_frames(&scene, simulator)?)
         }
         (None, Some(from)) => Ok(InitialFrames::from_trajectory(from, args.start, simulator)?),
         (None, None) => bail!("give a scene (--scene) or a trajectory (--from) to start from"),

@@ -1,6 +1,5 @@
 //! Checks on the initial frames.
 
-use super::accuracy::Accuracy;
 use super::training_range::FlowState;
 use crate::rollout::InitialFrames;
 use crate::simulator::Simulator;
@@ -9,16 +8,23 @@ use crate::simulator::Simulator;
 /// in standard deviations of the training data (1 in training).
 const OUTLIER: f64 = 4.0;
 
-/// Warnings about a model and the frames it starts from, except for
-/// [`asymmetry`](super::asymmetry), which takes a few predictions.
-pub fn start_checks(simulator: &Simulator, initial: &InitialFrames) -> Vec<String> {
-    let mut warnings = Vec::new();
-    warnings.extend(unseen_boxes(simulator, initial));
-    warnings.extend(training_range(simulator, initial));
-    warnings.extend(Accuracy::warning(simulator.training.accuracy.as_ref()));
-    warnings.extend(motion(simulator, initial));
-    warnings
+/// What of a scene and the frames that a rollout starts from lies outside of what the model has learnt, in numbers;
+/// `None` if nothing does.
+pub fn start_checks(simulator: &Simulator, initial: &InitialFrames) -> Option<String> {
+    let mut outside = training_range(simulator, initial);
+    outside.extend(motion(simulator, initial));
+    outside.extend(unseen_boxes(simulator, initial));
+    let known = simulator.training.range.is_some();
+    match (outside.is_empty(), known) {
+        (true, true) => None,
+        (true, false) => Some(UNKNOWN_RANGE.to_owned()),
+        (false, true) => Some(format!("outside the training data: {}", outside.join("; "))),
+        (false, false) => Some(format!("{UNKNOWN_RANGE}; besides: {}", outside.join("; "))),
+    }
 }
+
+const UNKNOWN_RANGE: &str = "the model file does not state the range of its training data: `surrogate \
+                             stats DATA --into MODEL` adds it";
 
 /// Boxes that act on the points, but are no input of the network.
 fn unseen_boxes(simulator: &Simulator, initial: &InitialFrames) -> Option<String> {
@@ -30,21 +36,15 @@ fn unseen_boxes(simulator: &Simulator, initial: &InitialFrames) -> Option<String
         (false, true) => "the plate",
         (false, false) => return None,
     };
-    Some(format!("the network does not see {unseen}; points are stopped only on contact"))
+    Some(format!("{unseen}, which the network does not see: points are stopped only on contact"))
 }
 
 /// Compares the initial frames with the range of the training data.
-fn training_range(simulator: &Simulator, initial: &InitialFrames) -> Option<String> {
-    let Some(range) = &simulator.training.range else {
-        return Some(
-            "the model file does not state the range of its training data: `surrogate stats DATA \
-             --into MODEL` adds it"
-                .to_owned(),
-        );
-    };
+fn training_range(simulator: &Simulator, initial: &InitialFrames) -> Vec<String> {
+    let Some(range) = &simulator.training.range else { return Vec::new() };
     let interval = simulator.training.frame_interval;
-    let [a, b, c] = &initial.window(3, interval)[..] else { return None };
-    range.warning(&FlowState::measure([a, b, c], interval, simulator.config.connection_radius))
+    let [a, b, c] = &initial.window(3, interval)[..] else { return Vec::new() };
+    range.outside(&FlowState::measure([a, b, c], interval, simulator.config.connection_radius))
 }
 
 /// Velocities and accelerations far above those of the training data.
@@ -67,12 +67,7 @@ fn motion(simulator: &Simulator, initial: &InitialFrames) -> Vec<String> {
     [("velocities", rms(&velocity)), ("accelerations", rms(&acceleration))]
         .into_iter()
         .filter(|(_, ratio)| *ratio > OUTLIER)
-        .map(|(what, ratio)| {
-            format!(
-                "initial {what} are {ratio:.0} times those of the training data: do not trust the \
-                 prediction"
-            )
-        })
+        .map(|(what, ratio)| format!("initial {what} {ratio:.0} times those in training"))
         .collect()
 }
 

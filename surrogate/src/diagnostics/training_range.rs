@@ -10,6 +10,8 @@ use crate::features::radius_graph;
 const MARGIN: f64 = 0.05;
 /// The same for a quantity that scatters from frame to frame.
 const SCATTER: f64 = 1.0;
+/// Largest logarithm of a quantity over its limit that counts: beyond, nothing is known.
+const FARTHEST: f64 = 2.0;
 /// Every tenth frame of the training data is measured.
 const STRIDE: usize = 10;
 
@@ -152,8 +154,19 @@ impl TrainingRange {
         }
     }
 
-    /// Warning about quantities of an initial state outside the training range.
-    pub fn warning(&self, initial: &FlowState) -> Option<String> {
+    /// How far a state is outside the training range: the sum of the logarithms of values over limits.
+    pub fn excess(&self, state: &FlowState) -> f64 {
+        let beyond = |q: &Quantity| {
+            let [value, least, most] = [state, &self.least, &self.most].map(q.of);
+            let above = (value / most.max(f64::MIN_POSITIVE)).ln();
+            let below = if q.least { (least / value.max(f64::MIN_POSITIVE)).ln() } else { 0.0 };
+            above.max(below).clamp(0.0, FARTHEST)
+        };
+        QUANTITIES.iter().map(beyond).sum()
+    }
+
+    /// The quantities of an initial state outside the training range, with their limits.
+    pub fn outside(&self, initial: &FlowState) -> Vec<String> {
         let outside = |q: &Quantity| {
             let [value, least, most] = [initial, &self.least, &self.most].map(q.of);
             let text = |how: &str, limit: f64| {
@@ -168,10 +181,7 @@ impl TrainingRange {
                 None
             }
         };
-        let all: Vec<String> = QUANTITIES.iter().filter_map(outside).collect();
-        (!all.is_empty()).then(|| {
-            format!("the initial frames are outside the training data: {}", all.join("; "))
-        })
+        QUANTITIES.iter().filter_map(outside).collect()
     }
 }
 
@@ -223,12 +233,10 @@ mod tests {
         let quiet = state(|_, _| 0.0);
         let most = FlowState { width: 2.0, speed: 1.0, roughness: 1.0, ..quiet };
         let range = TrainingRange { least: quiet, most };
-        assert_eq!(range.warning(&quiet), None);
+        assert!(range.outside(&quiet).is_empty() && range.excess(&quiet) == 0.0);
         // Slower and smoother than in training, and a little beyond: all the same.
-        assert_eq!(
-            range.warning(&FlowState { speed: 0.0, roughness: 1.5, width: 2.05, ..quiet }),
-            None
-        );
+        let near = FlowState { speed: 0.0, roughness: 1.5, width: 2.05, ..quiet };
+        assert!(range.outside(&near).is_empty());
         for (start, expected) in [
             (FlowState { points: 25.0, ..quiet }, "points 25, at least 50"),
             (FlowState { width: 3.0, ..quiet }, "width 3 m, at most 2 m"),
@@ -237,8 +245,12 @@ mod tests {
             (FlowState { speed: 5.0, ..quiet }, "mean speed 5 m/s, at most 1 m/s"),
             (FlowState { roughness: 34.6, ..quiet }, "accelerations 34.6 m/s², at most 1 m/s²"),
         ] {
-            let warning = range.warning(&start).unwrap();
-            assert!(warning.contains(expected) && !warning.contains(';'), "{warning}");
+            let [found] = &range.outside(&start)[..] else { panic!("{expected}") };
+            assert!(found.contains(expected), "{found}");
         }
+        // Half as many points and twice the width: ln 2 each. A hundredfold counts as much as e² times.
+        let beyond = FlowState { points: 25.0, width: 4.0, ..quiet };
+        assert!((range.excess(&beyond) - 2.0 * 2.0_f64.ln()).abs() < 1e-12);
+        assert_eq!(range.excess(&FlowState { speed: 100.0, ..quiet }), 2.0);
     }
 }

@@ -8,6 +8,7 @@ mod engine;
 mod error;
 mod frames;
 mod initial_frames;
+mod lattice_start;
 mod recorder;
 
 pub use constraints::Constraints;

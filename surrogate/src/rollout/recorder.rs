@@ -4,14 +4,14 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use dempm::trajectory::{Header, TrajectoryError, TrajectoryWriter};
+use dempm::trajectory::{Frame, Header, TrajectoryError, TrajectoryWriter};
 use files::utc_now;
 
 use super::engine::Rollout;
 use super::error::RolloutError;
 use super::frames::FrameBuilder;
 use super::initial_frames::InitialFrames;
-use crate::diagnostics::Monitor;
+use crate::diagnostics::{ErrorFeatures, ExpectedError, Monitor};
 use crate::network::Precision;
 use crate::simulator::Simulator;
 
@@ -45,6 +45,8 @@ pub struct RecordedRollout {
     pub seconds: f64,
     /// The error that ended the rollout early.
     pub failure: Option<RolloutError>,
+    /// The distance from the truth to expect in the last frame; none if the model knows none.
+    pub expected: Option<ExpectedError>,
 }
 
 /// Rolls `simulator` out from `initial` into a trajectory file, until it has all frames, the
@@ -65,13 +67,19 @@ pub fn record(
     let mut rollout = Rollout::new(simulator, initial);
     let preparation = options.began.elapsed().as_secs_f64() - initial.simulated_in;
     let builder = FrameBuilder::new(initial, interval);
-    for frame in builder.initial() {
+    let error = simulator.training.error.as_ref();
+    for mut frame in builder.initial() {
+        if error.is_some() {
+            // These are the truth's.
+            expect(&mut frame, ExpectedError { median: 0.0, bound: 0.0 });
+        }
         writer.push(frame)?;
     }
 
     let began = Instant::now();
     let mut monitor = Monitor::new(initial, interval, options.frames);
-    let mut failure = None;
+    let mut features = error.map(|_| ErrorFeatures::new(simulator, initial));
+    let (mut failure, mut expected) = (None, None);
     while writer.frames() < options.frames
         && !interrupted.load(Ordering::Relaxed)
         && failure.is_none()
@@ -82,7 +90,15 @@ pub fn record(
                 for warning in monitor.observe(frame, before, now) {
                     observer.warning(&warning);
                 }
-                writer.push(builder.predicted(frame, before, now))?;
+                let mut predicted = builder.predicted(frame, before, now);
+                if let (Some(error), Some(features)) = (error, &mut features) {
+                    features.observe(before, now);
+                    let part = frame as f64 / (options.frames - 1) as f64;
+                    let of_frame = error.expected(part, &features.at(frame, now));
+                    expect(&mut predicted, of_frame);
+                    expected = Some(of_frame);
+                }
+                writer.push(predicted)?;
             }
             Err(error) => failure = Some(error),
         }
@@ -98,7 +114,13 @@ pub fn record(
         None if frames < options.frames => writer.finish("interrupted")?,
         None => writer.finish("finished")?,
     }
-    Ok(RecordedRollout { frames, seconds, failure })
+    Ok(RecordedRollout { frames, seconds, failure, expected })
+}
+
+/// States the error to expect in a frame.
+fn expect(frame: &mut Frame, error: ExpectedError) {
+    frame.budget.insert("expected_error".to_owned(), error.median);
+    frame.budget.insert("error_bound".to_owned(), error.bound);
 }
 
 /// The header of the run that the rollout replaces, with the surrogate as its material.

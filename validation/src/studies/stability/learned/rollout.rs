@@ -130,7 +130,7 @@ pub fn beside<T: Sync>(
 pub fn roll(simulator: &Simulator, start: &InitialFrames, frames: usize) -> Rolled {
     let mut rollout = Rollout::new(simulator, start);
     let mut monitor = Monitor::new(start, simulator.training.frame_interval, frames);
-    let said = start_checks(simulator, start);
+    let said = start_checks(simulator, start).into_iter().collect();
     let mut rolled = Rolled { positions: start.positions.clone(), said, error: None };
     while rolled.positions.len() < frames {
         match rollout.advance() {
