@@ -7,7 +7,9 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::commands::shell_files::{ShellFilesArgs, shell_files};
 use crate::commands::terminal::{TerminalArgs, exit_code};
-use crate::commands::{bench, calibrate, check, choose, dataset, element, export, import, info, plot, run};
+use crate::commands::{
+    bench, calibrate, check, choose, dataset, element, export, import, info, plot, run,
+};
 
 /// Granular flow by MPM x DEM: every material point carries its own packing of discs.
 #[derive(Parser)]

@@ -22,9 +22,8 @@ pub fn checked(text: &str) -> Option<String> {
 pub fn doubts(text: &str) -> Vec<String> {
     let scene = Scene::parse(text, NAME);
     // The rate only enters the estimated duration.
-    let doubts = scene.map_or(Vec::new(), |scene| {
-        Needs::of(&scene, &Rates::of_processor(1.0)).warnings
-    });
+    let doubts =
+        scene.map_or(Vec::new(), |scene| Needs::of(&scene, &Rates::of_processor(1.0)).warnings);
     problems(text).into_iter().chain(doubts).collect()
 }
 
