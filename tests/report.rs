@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use assert_cmd::cargo::cargo_bin;
+use dempm::check::Rates;
 use dempm::scene::Scene;
 use dempm::simulation::Simulation;
 use dempm::trajectory::TrajectoryWriter;
@@ -141,7 +142,7 @@ fn models_are_compared_with_discs() {
         data: None,
         models: Vec::new(),
         runs: Vec::new(),
-        rate: 1e7,
+        rates: Rates::of_processor(1e7),
         hashes: RefCell::default(),
     };
     let case = Case::new(scene, Suite::Quick);
