@@ -9,6 +9,7 @@
 //   BLOCKS        thread blocks that one multiprocessor should hold
 //   SHARED_BYTES  what shape.rs reserves for `Shared`
 //   ROLLING       1 where contacts resist rolling, else 0
+//   SLEEP         1 where packings may sleep, else 0
 
 constexpr int LANES = 32;
 constexpr int WARPS = THREADS / LANES;

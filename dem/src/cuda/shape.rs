@@ -24,6 +24,8 @@ pub struct Shape {
     pub shared_bytes: usize,
     /// Whether contacts resist rolling.
     pub rolling: bool,
+    /// Whether packings may sleep.
+    pub sleep: bool,
     real_bits: usize,
 }
 
@@ -128,6 +130,7 @@ impl Shape {
                         .max(search_shared::<R>(threads, rows))
                         .max(sums_shared::<R>(threads)),
                 rolling,
+                sleep: p.sleep_stress > 0.0,
                 real_bits: R::BITS,
             })
         };
@@ -159,6 +162,7 @@ impl Shape {
             ("BLOCKS", self.blocks),
             ("SHARED_BYTES", self.shared_bytes),
             ("ROLLING", usize::from(self.rolling)),
+            ("SLEEP", usize::from(self.sleep)),
         ]
         .map(|(name, value)| format!("{name}={value}"))
         .to_vec()
