@@ -519,6 +519,7 @@ fn kernels_compile() {
     let p = RveParameters::default();
     let mut rolling = p.clone();
     rolling.grains.rolling_friction = 0.1;
+    let sleeping = RveParameters { sleep_stress: 0.1, ..rolling.clone() };
     for (architecture, limits) in [("sm_80", Limits::SM_80), ("sm_90a", Limits::SM_90)] {
         for discs in [1, 100, 400, 832] {
             let shapes = [
@@ -527,6 +528,7 @@ fn kernels_compile() {
                 (Shape::new::<f32>(&p, discs, limits, Room::Ample), source::<f32>()),
                 (Shape::new::<f32>(&rolling, discs, limits, Room::Usual), source::<f32>()),
                 (Shape::new::<f64>(&rolling, discs, limits, Room::Usual), source::<f64>()),
+                (Shape::new::<f64>(&sleeping, discs, limits, Room::Usual), source::<f64>()),
             ];
             for (shape, source) in shapes {
                 let Ok(shape) = shape else { continue };

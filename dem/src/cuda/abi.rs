@@ -205,7 +205,7 @@ cuda_struct! {
         pub max_solid_fraction: f64,
         /// As of [`RveParameters`].
         pub overlap_limit: f64,
-        /// As of [`RveParameters`].
+        /// As of [`RveParameters`]; not used unless positive.
         pub sleep_stress: f64,
         /// Largest error of the elastic answer before sleep, over the norm of stress.
         pub right_stress: f64,

@@ -9,17 +9,6 @@ __device__ inline Matrix scaled(const Matrix& a, double k) {
     return {a.xx * k, a.xy * k, a.yx * k, a.yy * k};
 }
 
-__device__ inline Matrix sum(const Matrix& a, const Matrix& b) {
-    return {a.xx + b.xx, a.xy + b.xy, a.yx + b.yx, a.yy + b.yy};
-}
-
-__device__ inline Matrix transposed(const Matrix& a) { return {a.xx, a.yx, a.xy, a.yy}; }
-
-// Frobenius norm.
-__device__ inline double norm(const Matrix& a) {
-    return sqrt(a.xx * a.xx + a.xy * a.xy + a.yx * a.yx + a.yy * a.yy);
-}
-
 __device__ inline double determinant(const Matrix& a) { return a.xx * a.yy - a.xy * a.yx; }
 
 __device__ inline bool finite(const Matrix& a) {
@@ -79,19 +68,6 @@ __device__ Matrix exponential(const Matrix& a) {
     }
     const double e = exp(half_trace);
     return {e * (c + s * bxx), e * s * a.xy, e * s * a.yx, e * (c - s * bxx)};
-}
-
-// The inverse of `exponential` for rotations below a right angle.
-__device__ Matrix logarithm(const Matrix& f) {
-    const double det = determinant(f);
-    const double half = 0.5 * (f.xx + f.yy);
-    const double k = 1.0 / sqrt(det);
-    const Matrix s = {k * (f.xx - half), k * f.xy, k * f.yx, k * (f.yy - half)};
-    const double y = -determinant(s);
-    const double root = sqrt(fabs(y));
-    const double ratio = fabs(y) < 1e-8 ? 1.0 - y / 6.0 : (y > 0.0 ? asinh(root) : asin(root)) / root;
-    const double trace = 0.5 * log(det);
-    return {ratio * s.xx + trace, ratio * s.xy, ratio * s.yx, ratio * s.yy + trace};
 }
 
 // Whether a lattice reduction is due.

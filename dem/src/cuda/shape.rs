@@ -26,6 +26,8 @@ pub struct Shape {
     pub rolling: bool,
     /// Whether each RVE has parameters of its own.
     pub unequal: bool,
+    /// Whether packings may sleep.
+    pub sleep: bool,
     real_bits: usize,
 }
 
@@ -131,6 +133,7 @@ impl Shape {
                         .max(sums_shared::<R>(threads)),
                 rolling,
                 unequal: false,
+                sleep: p.sleep_stress > 0.0,
                 real_bits: R::BITS,
             })
         };
@@ -169,6 +172,7 @@ impl Shape {
             ("SHARED_BYTES", self.shared_bytes),
             ("ROLLING", usize::from(self.rolling)),
             ("UNEQUAL", usize::from(self.unequal)),
+            ("SLEEP", usize::from(self.sleep)),
         ]
         .map(|(name, value)| format!("{name}={value}"))
         .to_vec()

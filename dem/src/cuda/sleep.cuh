@@ -1,5 +1,38 @@
 // Sleep: twin of dem/src/sleep.rs, where formulas are explained. All for one thread.
 
+// What one thread decides for a whole RVE is not inlined with sleep: registers are few in the loop over contacts.
+#if SLEEP
+#define OUTLINED __noinline__
+#else
+#define OUTLINED
+#endif
+
+#if SLEEP
+
+__device__ inline Matrix sum(const Matrix& a, const Matrix& b) {
+    return {a.xx + b.xx, a.xy + b.xy, a.yx + b.yx, a.yy + b.yy};
+}
+
+__device__ inline Matrix transposed(const Matrix& a) { return {a.xx, a.yx, a.xy, a.yy}; }
+
+// Frobenius norm.
+__device__ inline double norm(const Matrix& a) {
+    return sqrt(a.xx * a.xx + a.xy * a.xy + a.yx * a.yx + a.yy * a.yy);
+}
+
+// The inverse of `exponential` for rotations below a right angle.
+__device__ Matrix logarithm(const Matrix& f) {
+    const double det = determinant(f);
+    const double half = 0.5 * (f.xx + f.yy);
+    const double k = 1.0 / sqrt(det);
+    const Matrix s = {k * (f.xx - half), k * f.xy, k * f.yx, k * (f.yy - half)};
+    const double y = -determinant(s);
+    const double root = sqrt(fabs(y));
+    const double ratio = fabs(y) < 1e-8 ? 1.0 - y / 6.0 : (y > 0.0 ? asinh(root) : asin(root)) / root;
+    const double trace = 0.5 * log(det);
+    return {ratio * s.xx + trace, ratio * s.xy, ratio * s.yx, ratio * s.yy + trace};
+}
+
 // Nothing known yet.
 __device__ Sleep awake(unsigned audited) {
     Sleep s = {};
@@ -83,3 +116,4 @@ __device__ double compare(Sleep& s, bool asleep, const Parameters& p, const Matr
     s.deformation = {1.0, 0.0, 0.0, 1.0};
     return 0.0;
 }
+#endif
