@@ -74,7 +74,7 @@ impl ErrorModel {
         }
         let all: Vec<&ErrorSample> = samples.iter().collect();
         let (mean, deviation, weights) = regression(&all)?;
-        let mut ratios = vec![Vec::with_capacity(count); PARTS];
+        let mut ratios: Vec<Vec<f64>> = vec![Vec::new(); PARTS];
         for left_out in 0..count {
             let others: Vec<&ErrorSample> = samples
                 .iter()
