@@ -4,10 +4,10 @@
 //! strain $\boldsymbol\varepsilon = \mathbf U - \mathbf I$. Asleep it answers as the springs and dashpots of its contacts
 //! do under an affine deformation (the mean field of Voigt), compression positive:
 //!
-//! $$ \boldsymbol\sigma = \mathbf R (\boldsymbol\sigma_0 + \Delta\boldsymbol\sigma) \mathbf R^T
-//! - 2 \eta c (\operatorname{tr} \mathbf D) \mathbf I - 2 \eta c \operatorname{dev} \mathbf D, \qquad
-//! \Delta\boldsymbol\sigma = - c \left(2 k_n (\operatorname{tr} \boldsymbol\varepsilon) \mathbf I
-//! + 2 (k_n + k_t) \operatorname{dev} \boldsymbol\varepsilon\right), \qquad c = \frac{Z \phi}{4 \pi t}. $$
+//! $$ \boldsymbol\sigma = \mathbf R (\boldsymbol\sigma_0 + \Delta\boldsymbol\sigma) \mathbf R^T -
+//! 2 \eta c (\operatorname{tr} \mathbf D) \mathbf I - 2 \eta c \operatorname{dev} \mathbf D, \qquad
+//! \Delta\boldsymbol\sigma = - c \left(2 k_n (\operatorname{tr} \boldsymbol\varepsilon) \mathbf I +
+//! 2 (k_n + k_t) \operatorname{dev} \boldsymbol\varepsilon\right), \qquad c = \frac{Z \phi}{4 \pi t}. $$
 //!
 //! It sleeps as long as $|\Delta\boldsymbol\sigma| \le s\, |\boldsymbol\sigma_0|$ with the parameter
 //! [`sleep_stress`](RveParameters::sleep_stress) $s$, if in the last DEM step this answer was no further than
