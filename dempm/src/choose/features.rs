@@ -28,7 +28,7 @@ pub const MEANINGS: [&str; 13] = [
     "size of the discs",
 ];
 
-/// The features of a candidate, in the order of [`NAMES`].
+/// The features of a candidate.
 pub type Features = [f64; NAMES.len()];
 
 /// Terms of the regression, and how many of them serve a small table.

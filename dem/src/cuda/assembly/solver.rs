@@ -12,7 +12,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         self.time = time;
     }
 
-    /// As [`Assembly::set_drag`], from the next steps on.
+    /// As [`Assembly::set_drag`](crate::assembly::Assembly::set_drag), from the next steps on.
     pub fn set_drag(&mut self, rate: f64) {
         let drag = R::from_f64(rate);
         if self.p.drag != drag {

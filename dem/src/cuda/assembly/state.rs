@@ -15,7 +15,7 @@ use super::shared::Shared;
 use crate::assembly::Losses;
 use crate::cuda::real::CudaReal;
 
-/// An assembly on a GPU: the twin of [`Assembly`].
+/// An assembly on a GPU: the twin of [`Assembly`](crate::assembly::Assembly).
 ///
 /// State stays on the device between calls of [`advance`](Self::advance), each of which begins with a new
 /// order of memory and a search: results have the same bits from run to run, and whether or not the
