@@ -16,7 +16,7 @@ use crate::truth::{Motion, Reference, compare};
 use crate::wall_time::computing;
 
 /// The list of scenes, whose tests are no part of the library, and its base.
-const LIST: &str = include_str!("../../../scenes/library.toml");
+const LIST: &str = include_str!("../../../scenes/dataset/library.toml");
 const BASE: &str = include_str!("../../../scenes/discs.toml");
 /// Distances (m) that are asked for.
 pub const WITHIN: [f64; 4] = [0.5, 0.2, 0.1, 0.05];
@@ -57,7 +57,9 @@ pub struct Chosen {
 /// If they cannot be written for the reader of lists.
 fn scenes() -> miette::Result<Vec<(String, Scene)>> {
     let folder = tempfile::tempdir().into_diagnostic()?;
-    let [list, base] = ["library.toml", "discs.toml"].map(|name| folder.path().join(name));
+    let lists = folder.path().join("dataset");
+    std::fs::create_dir(&lists).into_diagnostic()?;
+    let [list, base] = [lists.join("library.toml"), folder.path().join("discs.toml")];
     write_text(&list, LIST)?;
     write_text(&base, BASE)?;
     let mut cases = dataset::cases(&list)?;
