@@ -27,4 +27,5 @@ pub use family::Family;
 pub use features::{Features, features};
 pub use judgement::Judgement;
 pub use library::{Case, Distance, head, read};
+pub use regression::Regression;
 pub use within::Within;

@@ -5,7 +5,7 @@
 //! measured on a scene that the regression has not seen, give median and bound (conformal prediction, Vovk, Gammerman
 //! and Shafer 2005; cross-conformal, Vovk 2015).
 
-use nalgebra::{DMatrix, DVector};
+use dempm::choose::Regression;
 use serde::{Deserialize, Serialize};
 
 /// Number of features.
@@ -55,10 +55,8 @@ pub struct ExpectedError {
 pub struct ErrorModel {
     /// Scenes that it was calibrated on.
     pub scenes: usize,
-    mean: Vec<f64>,
-    deviation: Vec<f64>,
-    /// Of the constant and the standardised features.
-    weights: Vec<f64>,
+    /// Of the logarithm of the error.
+    regression: Regression,
     /// Quantiles of true over fitted errors at each part.
     medians: Vec<f64>,
     bounds: Vec<f64>,
@@ -73,7 +71,7 @@ impl ErrorModel {
             return None;
         }
         let all: Vec<&ErrorSample> = samples.iter().collect();
-        let (mean, deviation, weights) = regression(&all)?;
+        let regression = fit_logarithms(&all)?;
         let mut ratios: Vec<Vec<f64>> = vec![Vec::new(); PARTS];
         for left_out in 0..count {
             let others: Vec<&ErrorSample> = samples
@@ -82,13 +80,10 @@ impl ErrorModel {
                 .filter(|(k, _)| *k != left_out)
                 .map(|(_, sample)| sample)
                 .collect();
-            let (mean, deviation, weights) = regression(&others)?;
+            let others = fit_logarithms(&others)?;
             let sample = &samples[left_out];
             for (part, ratios) in ratios.iter_mut().enumerate() {
-                let fitted = sample
-                    .features
-                    .get(part)
-                    .map(|features| fitted(&mean, &deviation, &weights, features));
+                let fitted = sample.features.get(part).map(|features| others.at(features).exp());
                 ratios.push(fitted.map_or(f64::INFINITY, |fitted| sample.error(part) / fitted));
             }
         }
@@ -97,12 +92,12 @@ impl ErrorModel {
         };
         let (medians, bounds) = (quantile(0.5), quantile(COVERED));
         let known = bounds.iter().all(|bound| bound.is_finite());
-        known.then_some(Self { scenes: count, mean, deviation, weights, medians, bounds })
+        known.then_some(Self { scenes: count, regression, medians, bounds })
     }
 
     /// The error to expect at a part of a rollout, from 0 (its start) to 1 (its end).
     pub fn expected(&self, part: f64, features: &Features) -> ExpectedError {
-        let size = fitted(&self.mean, &self.deviation, &self.weights, features);
+        let size = self.regression.at(features).exp();
         let place = (part * PARTS as f64 - 1.0).clamp(0.0, (PARTS - 1) as f64);
         let (low, high) = (place.floor() as usize, place.ceil() as usize);
         let share = place - low as f64;
@@ -134,40 +129,13 @@ fn conformal_quantile(values: &[f64], of: f64) -> f64 {
     sorted.get(rank.saturating_sub(1)).copied().unwrap_or(f64::INFINITY)
 }
 
-fn fitted(mean: &[f64], deviation: &[f64], weights: &[f64], features: &Features) -> f64 {
-    let terms = (0..FEATURES).map(|k| weights[k + 1] * (features[k] - mean[k]) / deviation[k]);
-    (weights[0] + terms.sum::<f64>()).exp()
-}
-
-/// Mean, deviation and weights of a ridge regression of the logarithms of errors.
-fn regression(samples: &[&ErrorSample]) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
-    let rows: Vec<(&Features, f64)> = samples
-        .iter()
-        .flat_map(|sample| sample.features.iter().zip(&sample.errors))
-        .map(|(features, error)| (features, error.max(LEAST).ln()))
-        .collect();
-    let count = rows.len() as f64;
-    let mean: Vec<f64> =
-        (0..FEATURES).map(|k| rows.iter().map(|(f, _)| f[k]).sum::<f64>() / count).collect();
-    let deviation: Vec<f64> = (0..FEATURES)
-        .map(|k| {
-            let square = rows.iter().map(|(f, _)| (f[k] - mean[k]).powi(2)).sum::<f64>() / count;
-            // What never varies has no weight.
-            if square > 1e-24 { square.sqrt() } else { 1.0 }
-        })
-        .collect();
-    let matrix = DMatrix::from_fn(rows.len(), FEATURES + 1, |row, column| match column {
-        0 => 1.0,
-        k => (rows[row].0[k - 1] - mean[k - 1]) / deviation[k - 1],
-    });
-    let target = DVector::from_iterator(rows.len(), rows.iter().map(|(_, error)| *error));
-    let mut normal = matrix.transpose() * &matrix;
+/// Ridge regression of the logarithms of errors.
+fn fit_logarithms(samples: &[&ErrorSample]) -> Option<Regression> {
+    let known = || samples.iter().flat_map(|sample| sample.features.iter().zip(&sample.errors));
+    let rows: Vec<&[f64]> = known().map(|(features, _)| features.as_slice()).collect();
+    let logarithms: Vec<f64> = known().map(|(_, error)| error.max(LEAST).ln()).collect();
     // The parts of a rollout are about one independent observation.
-    for k in 1..=FEATURES {
-        normal[(k, k)] += RIDGE * PARTS as f64;
-    }
-    let weights = normal.cholesky()?.solve(&(matrix.transpose() * target));
-    Some((mean, deviation, weights.iter().copied().collect()))
+    Regression::fit(&rows, &logarithms, &[], RIDGE * PARTS as f64)
 }
 
 #[cfg(test)]
