@@ -16,7 +16,7 @@ pub enum Failure {
 }
 
 /// A failure of a batch or of a preparation.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error)]
 pub enum Error {
     /// An RVE of a batch failed.
     #[error("RVE {rve}: {failure}")]

@@ -1,8 +1,9 @@
 //! Prepared packings, made once and kept on disk.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use dem::assembly::{
     Assembly, AssemblyError, Boundary, ColumnBox, Packed, Settling, on_cpu, prepare_column,
@@ -40,19 +41,41 @@ pub fn ladders(
 ) -> Result<Vec<Ladder>, dem::Error> {
     // Runs that differ in sleep share their packings.
     let p = &RveParameters { sleep_stress: 0.0, ..p.clone() };
-    seeds
-        .par_iter()
-        .map(|&seed| {
-            let file = cache_file(&("isotropic", p, seed));
-            let isotropic = cached(file, || dem::consolidate(p, seed))?;
-            let density = bulk_density(p, &isotropic);
-            let targets: Vec<f64> =
-                depths.iter().map(|depth| (density * g * depth).max(LEAST_STRESS)).collect();
-            let file = cache_file(&("ladder", p, seed, &targets));
-            let rungs = cached(file, || dem::ladder(p, seed, &isotropic, &targets))?;
-            Ok(Ladder { isotropic, rungs })
+    let count = seeds.len();
+    let consolidated = vec![OnceLock::new(); count];
+    // Some packings take five times as long to consolidate as others. Threads take these tasks in order: no ladder
+    // before all consolidations have begun, so that few threads have nothing to do in the end.
+    let ladders: Result<BTreeMap<usize, Ladder>, dem::Error> = (0..2 * count)
+        .par_bridge()
+        .filter_map(|task| {
+            let (k, seed) = (task % count, seeds[task % count]);
+            let isotropic = consolidated[k].get_or_init(|| {
+                cached(cache_file(&("isotropic", p, seed)), || dem::consolidate(p, seed))
+            });
+            let isotropic = match isotropic {
+                Ok(isotropic) => isotropic,
+                Err(error) => return Some(Err(error.clone())),
+            };
+            (task >= count).then(|| Ok((k, ladder(p, seed, isotropic, depths, g)?)))
         })
-        .collect()
+        .collect();
+    Ok(ladders?.into_values().collect())
+}
+
+/// A consolidated packing at the vertical stress of every depth.
+fn ladder(
+    p: &RveParameters,
+    seed: u64,
+    isotropic: &Packing<f64>,
+    depths: &[f64],
+    g: f64,
+) -> Result<Ladder, dem::Error> {
+    let density = bulk_density(p, isotropic);
+    let targets: Vec<f64> =
+        depths.iter().map(|depth| (density * g * depth).max(LEAST_STRESS)).collect();
+    let file = cache_file(&("ladder", p, seed, &targets));
+    let rungs = cached(file, || dem::ladder(p, seed, isotropic, &targets))?;
+    Ok(Ladder { isotropic: isotropic.clone(), rungs })
 }
 
 /// Least vertical stress of the ladder (Pa): below it a packing would fall apart.

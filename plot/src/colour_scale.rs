@@ -49,8 +49,12 @@ impl Range {
             low = 0.0;
         }
         if high - low <= 1e-12 * high.abs().max(low.abs()) {
-            let half = if high == 0.0 { 0.5 } else { 0.05 * high.abs() };
-            (low, high) = (low - half, high + half);
+            let half = 0.05 * high.abs();
+            (low, high) = match (high == 0.0, signed) {
+                (false, _) => (low - half, high + half),
+                (true, true) => (-0.5, 0.5),
+                (true, false) => (0.0, 1.0),
+            };
         }
         Self { low, high, cut: [least < low, most > high] }
     }
@@ -131,6 +135,12 @@ mod tests {
         assert_eq!(range.cut, [true, true]);
         let signed = Range::robust([-1.0, 3.0].into_iter(), true);
         assert_eq!((signed.low, signed.high), (-3.0, 3.0));
+    }
+
+    #[test]
+    fn distances_of_zero_are_at_the_lower_end() {
+        let range = Range::robust([0.0, 0.0].into_iter(), false);
+        assert_eq!((range.low, range.high), (0.0, 1.0));
     }
 
     #[test]

@@ -85,7 +85,8 @@ class Run:
         try:
             self._file = h5py.File(self.path, "r")
         except OSError as error:
-            raise Error(f"{self.path}: cannot read it as HDF5: {error}") from error
+            reason = os.strerror(error.errno) if error.errno else "it is no HDF5 file, or damaged"
+            raise Error(f"cannot read {self.path}: {reason}") from error
         if self._text("format") != "DEMPM trajectory":
             self._file.close()
             raise Error(f"{self.path}: this is no trajectory")

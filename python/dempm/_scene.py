@@ -23,7 +23,8 @@ def text_and_name(scene: Values) -> tuple[str, str]:
     try:
         return Path(scene).read_text(encoding="utf-8"), os.fspath(scene)
     except (OSError, UnicodeDecodeError) as error:
-        raise Error(f"cannot read the scene {os.fspath(scene)}: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise Error(f"cannot read the scene {os.fspath(scene)}: {reason}") from error
 
 
 def values(file: Values) -> dict[str, Any]:

@@ -32,10 +32,12 @@ pub fn choose(
     within: &str,
     device: &str,
 ) -> PyResult<(String, String, String)> {
-    let within: Within =
-        within.parse().map_err(|error| PyValueError::new_err(format!("within: {error}")))?;
-    let device: Device =
-        device.parse().map_err(|error| PyValueError::new_err(format!("device: {error}")))?;
+    let within: Within = within
+        .parse()
+        .map_err(|error| PyValueError::new_err(format!("within = {within:?}; valid: {error}")))?;
+    let device: Device = device
+        .parse()
+        .map_err(|error| PyValueError::new_err(format!("device = {device:?}; {error}")))?;
     supervise(py, None, move |_, _| {
         let scene = Scene::parse(&scene, &name)?;
         let on_gpu = device.open().into_diagnostic()?.is_some();

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use files::divert_notes;
-use miette::miette;
+use miette::{Report, miette};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -40,19 +40,27 @@ impl Program {
 
     /// One command of it, which returns its error.
     fn run(self, arguments: Vec<OsString>) -> miette::Result<ExitCode> {
-        let wrong = |error: clap::Error| miette!("{error}");
         match self {
-            Self::Dempm => {
-                dempm::program::Arguments::try_parse_from(arguments).map_err(wrong)?.run()
-            }
-            Self::Surrogate => {
-                surrogate::program::Arguments::try_parse_from(arguments).map_err(wrong)?.run()
-            }
-            Self::Validation => {
-                validation::program::Arguments::try_parse_from(arguments).map_err(wrong)?.run()
-            }
+            Self::Dempm => dempm::program::Arguments::try_parse_from(arguments)
+                .map_err(|error| wrong(&error))?
+                .run(),
+            Self::Surrogate => surrogate::program::Arguments::try_parse_from(arguments)
+                .map_err(|error| wrong(&error))?
+                .run(),
+            Self::Validation => validation::program::Arguments::try_parse_from(arguments)
+                .map_err(|error| wrong(&error))?
+                .run(),
         }
     }
+}
+
+/// What is wrong with an option, without the hints for a terminal.
+fn wrong(error: &clap::Error) -> Report {
+    let text = error.to_string();
+    let text = text.strip_prefix("error: ").unwrap_or(&text);
+    let hints = ["\n\n  tip:", "\n\nUsage:", "\n\nFor more information"];
+    let end = hints.iter().filter_map(|hint| text.find(hint)).min();
+    miette!("{}", &text[..end.unwrap_or(text.len())])
 }
 
 /// Runs a program as the process: it prints, handles signals and may end the process. Returns its exit code.

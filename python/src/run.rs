@@ -54,8 +54,9 @@ pub fn run(
     interval: f64,
     watcher: &Bound<'_, PyAny>,
 ) -> PyResult<()> {
-    let device: Device =
-        device.parse().map_err(|error| PyValueError::new_err(format!("device: {error}")))?;
+    let device: Device = device
+        .parse()
+        .map_err(|error| PyValueError::new_err(format!("device = {device:?}; {error}")))?;
     supervise(py, Some(watcher), move |interrupt, reporter| {
         let scene = Scene::parse(&scene, &name)?;
         if let Some(report) = scene.warning_report() {

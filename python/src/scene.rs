@@ -1,7 +1,7 @@
 //! Scenes as values of Python and as TOML; JSON lies between the two.
 
 use dempm::scene::{Material, Scene};
-use miette::{IntoDiagnostic, Report};
+use miette::{IntoDiagnostic, Report, miette};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
@@ -18,7 +18,14 @@ pub fn toml_values(text: &str) -> PyResult<String> {
 pub fn toml_text(values: &str) -> PyResult<String> {
     let values: Result<Value, _> = serde_json::from_str(values).into_diagnostic();
     values
-        .and_then(|values| toml::to_string(&values).into_diagnostic())
+        .and_then(|values| {
+            let text = toml::to_string(&values);
+            text.map_err(|error| {
+                miette!(
+                    "this dictionary cannot be a scene: {error}; leave out keys whose value is None"
+                )
+            })
+        })
         .map_err(|report| exception(&report))
 }
 

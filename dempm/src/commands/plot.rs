@@ -116,7 +116,7 @@ fn plot_paths(args: &PlotArgs, figure: Option<&Path>) -> miette::Result<()> {
     };
     draw_paths(&args.files, args.width.unwrap_or(1600), output)
         .map_err(Report::new)
-        .wrap_err_with(|| format!("cannot write {}", output.display()))?;
+        .wrap_err_with(|| format!("cannot draw {}", output.display()))?;
     announce!("{}", output.display());
     Ok(())
 }
@@ -145,7 +145,7 @@ fn plot_trajectories(args: &PlotArgs, figure: Option<&Path>) -> miette::Result<(
 fn told(output: &Path, undrawn: Result<Undrawn, FigureError>) -> miette::Result<()> {
     let undrawn = undrawn
         .map_err(Report::new)
-        .wrap_err_with(|| format!("cannot write {}", output.display()))?;
+        .wrap_err_with(|| format!("cannot draw {}", output.display()))?;
     if let Some((frame, point)) = undrawn.first {
         note!(
             "{}: {} positions are not finite and not drawn, the first at frame {frame}, point {point}",

@@ -99,6 +99,16 @@ pub enum FigureError {
     /// A time that is not finite.
     #[error("{0} s is not a time")]
     NotATime(f64),
+    /// A time before the first or after the last frame.
+    #[error("there is no frame near {time} s: the frames are from {first} to {last} s")]
+    OutsideOfTime {
+        /// The time (s).
+        time: f64,
+        /// Time of the first frame (s).
+        first: f64,
+        /// Time of the last frame (s).
+        last: f64,
+    },
     /// More panels than fit into a figure.
     #[error("{0} frames are too many for one figure: at most 64")]
     TooManyPanels(usize),

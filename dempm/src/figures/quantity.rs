@@ -22,10 +22,12 @@ pub enum Quantity {
     /// Stress component yy, tension positive
     StressYy,
     /// Area of grains over area of the packing
+    #[value(alias = "solid_fraction")]
     SolidFraction,
     /// Contacts a grain
     Coordination,
     /// Inertial number
+    #[value(alias = "inertial_number")]
     InertialNumber,
     /// Distance from the place in the first frame
     Displacement,

@@ -25,14 +25,22 @@ pub(super) fn places(
     }
 }
 
-/// The time nearest to `time` (s).
+/// The place of the time nearest to `time` (s), which lies between the first and the last or less than an interval
+/// outside.
 fn nearest(time: f64, all: &[f64]) -> Result<usize, FigureError> {
     if !time.is_finite() {
         return Err(FigureError::NotATime(time));
     }
     let distance = |place: &usize| (all[*place] - time).abs();
     let nearest = (0..all.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    nearest.ok_or(FigureError::NoCommonTime)
+    let (nearest, &[first, .., last]) = (nearest.ok_or(FigureError::NoCommonTime)?, all) else {
+        return Ok(0);
+    };
+    let interval = (last - first) / (all.len() - 1) as f64;
+    if time < first - interval || time > last + interval {
+        return Err(FigureError::OutsideOfTime { time, first, last });
+    }
+    Ok(nearest)
 }
 
 /// The place of a frame by its number, or `first` or `last`, among `frames`: those of `count` that can be shown, which
@@ -98,6 +106,10 @@ mod tests {
     #[test]
     fn times_pick_the_nearest_frame() {
         assert_eq!(nearest(0.26, &[0.0, 0.1, 0.3]).unwrap(), 2);
+        assert_eq!(nearest(0.31, &[0.0, 0.1, 0.3]).unwrap(), 2);
+        assert!(
+            nearest(9.0, &[0.0, 0.1, 0.3]).unwrap_err().to_string().contains("from 0 to 0.3 s")
+        );
         assert!(nearest(f64::NAN, &[0.0]).unwrap_err().to_string().contains("not a time"));
     }
 }
