@@ -48,7 +48,11 @@ def as_file(values: Values) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "scene.toml")
         file.write_text(text_and_name(values)[0], encoding="utf-8")
-        yield file
+        try:
+            yield file
+        except Error as error:
+            # Whoever gave a dictionary knows of no file.
+            raise Error(str(error).replace(os.fspath(file), "dictionary")) from None
 
 
 def _plain(value: Any) -> Any:

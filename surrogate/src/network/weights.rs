@@ -25,10 +25,12 @@ const NEWEST_FORMAT: u32 = 2;
 #[derive(Debug, thiserror::Error)]
 pub enum WeightsError {
     /// The file cannot be read or written.
-    #[error("{path}: cannot read or write it")]
+    #[error("{path}: cannot {action} it")]
     Io {
         /// The file.
         path: PathBuf,
+        /// What failed.
+        action: &'static str,
         /// The error of the file system.
         source: std::io::Error,
     },
@@ -176,7 +178,11 @@ pub fn save<B: Backend>(
         .map_err(format)?;
     let metadata = HashMap::from([(METADATA_KEY.to_string(), json)]);
     let bytes = serialize(views, Some(metadata)).map_err(format)?;
-    std::fs::write(path, bytes).map_err(|source| WeightsError::Io { path: path.into(), source })
+    std::fs::write(path, bytes).map_err(|source| WeightsError::Io {
+        path: path.into(),
+        action: "write",
+        source,
+    })
 }
 
 /// Reads network, architecture, normalisation and further metadata from a file of [`save`].
@@ -188,8 +194,11 @@ pub fn load<B: Backend>(
     path: &Path,
     device: &B::Device,
 ) -> Result<(Model<B>, ModelConfig, Normalisation, BTreeMap<String, String>), WeightsError> {
-    let bytes =
-        std::fs::read(path).map_err(|source| WeightsError::Io { path: path.into(), source })?;
+    let bytes = std::fs::read(path).map_err(|source| WeightsError::Io {
+        path: path.into(),
+        action: "read",
+        source,
+    })?;
     let format = |source| WeightsError::Format { path: path.into(), source };
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(format)?;
     let file = File { path, tensors: SafeTensors::deserialize(&bytes).map_err(format)? };
