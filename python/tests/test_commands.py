@@ -104,7 +104,9 @@ def test_a_picture_is_that_of_the_command(run, tmp_path):
     assert picture.png == file.read_bytes() == picture._repr_png_()
     with pytest.raises(dempm.Error, match="from 0 to 10"):
         dempm.plot(run.path, frames=[11])
-    with pytest.raises(dempm.Error, match="unexpected argument '--colour'"):
+    with pytest.raises(dempm.Error, match="no frame near 99 s"):
+        dempm.plot(run.path, times=[99])
+    with pytest.raises(dempm.Error, match="unexpected argument '--colour' found$"):
         dempm.plot(run, colour="red")
 
 

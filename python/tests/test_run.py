@@ -86,10 +86,14 @@ def test_errors_are_those_of_the_commands(run, tmp_path):
         dempm.run(SCENE, run.path)
     with pytest.raises(dempm.Error, match="nothing.toml"):
         dempm.run(tmp_path / "nothing.toml")
+    with pytest.raises(dempm.Error, match="leave out keys whose value is None"):
+        dempm.run({**SCENE, "title": None})
     with pytest.raises(ValueError, match="valid: auto, cpu, cuda, cuda:N"):
         dempm.run(LAW, device="gpu")
     with pytest.raises(dempm.Error, match="cannot read .*no HDF5 file"):
         dempm.open(ROOT / "README.md")
+    with pytest.raises(dempm.Error, match="cannot read nothing.h5: No such file or directory$"):
+        dempm.open("nothing.h5")
     with pytest.raises(dempm.Error, match="output.fields"):
         dempm.run(LAW, device="cpu")["coordination"]
     with h5py.File(tmp_path / "other.h5", "w"), pytest.raises(dempm.Error, match="no trajectory"):
