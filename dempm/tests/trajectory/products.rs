@@ -107,7 +107,7 @@ fn every_field_makes_a_picture() {
 fn same_trajectory_same_picture() {
     let (directory, path) = trajectory();
     let picture = || {
-        run_plot(&path, &["--times", "0.7,3"]).unwrap();
+        run_plot(&path, &["--times", "0.007,0.03"]).unwrap();
         std::fs::read(directory.path().join("run.png")).unwrap()
     };
     assert!(picture() == picture());
