@@ -4,7 +4,9 @@ use std::process::Command;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use dempm::trajectory::Trajectory;
+use dempm::scene::Scene;
+use dempm::simulation::Simulation;
+use dempm::trajectory::{Frame, Trajectory, TrajectoryWriter};
 use surrogate::data::{DataSet, WindowShape};
 use surrogate::network::parameters::weights;
 use surrogate::simulator::Simulator;
@@ -38,6 +40,36 @@ fn imported_trajectories_train_a_model() {
     succeeds(surrogate(here).args(from));
     let predicted = Trajectory::open(&here.join("out.h5")).unwrap();
     assert_eq!((predicted.status(), predicted.frames()), ("finished", 41));
+}
+
+/// Frames that repeat a state at rest have nothing to teach: one window of them is learnt from.
+#[test]
+fn frames_at_rest_are_learnt_once() {
+    let directory = TempDir::new().unwrap();
+    let path = directory.path().join("rest.h5");
+    let scene = Scene::parse(&scene(0.0, 1.0, ""), "tiny.toml").unwrap();
+    let mut simulation = Simulation::new(scene).unwrap();
+    let header = simulation.header("2026-11-23T00:00:00Z".to_owned());
+    let mut writer = TrajectoryWriter::create(&path, &header, &simulation.static_points()).unwrap();
+    for _ in 0..10 {
+        writer.push(simulation.frame()).unwrap();
+        for _ in 0..simulation.scene.steps_per_frame() {
+            simulation.advance().unwrap();
+        }
+    }
+    let rest = simulation.frame();
+    writer.set_rest_time(rest.time);
+    for later in 0..20 {
+        writer.push(Frame { time: rest.time + 0.01 * f64::from(later), ..rest.clone() }).unwrap();
+    }
+    writer.finish("finished").unwrap();
+    let shape = WindowShape { frames: 3, stride: 1, before: 0 };
+    let set = DataSet::open(&[path], shape, 0).unwrap();
+    // Of frames 0 to 10 and three copies, all but the first three are targets.
+    assert_eq!(set.len(), 11);
+    let [moving, rest] = [8, 10].map(|window| set.example(window).unwrap());
+    assert!(moving.acceleration().iter().any(|&change| change != 0.0));
+    assert!(rest.velocity().iter().chain(&rest.acceleration()).all(|&change| change == 0.0));
 }
 
 #[test]

@@ -98,8 +98,8 @@ impl<R: CudaReal> CudaRveBatch<R> {
         batch: &RveBatch<R>,
     ) -> Result<Self, CudaError> {
         let discs = batch.fresh.discs.len();
-        let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?, Room::Ample)?;
-        Self::upload_with_shape(device, batch, shape.with_unequal_parameters())
+        let shape = Shape::unequal::<R>(&batch.parameters, discs, device.limits()?)?;
+        Self::upload_with_shape(device, batch, shape)
     }
 
     fn upload_with_shape(

@@ -80,8 +80,30 @@ impl Shape {
         limits: Limits,
         room: Room,
     ) -> Result<Self, CudaError> {
-        Self::try_new::<R>(p, discs, limits, room).ok_or_else(|| {
-            let fits = |n: &usize| Self::try_new::<R>(p, *n, limits, room).is_some();
+        Self::checked::<R>(p, discs, limits, room, false)
+    }
+
+    /// The same, with ample room, for RVEs that have parameters of their own.
+    ///
+    /// # Errors
+    /// More discs than fit one thread block.
+    pub fn unequal<R: CudaReal>(
+        p: &RveParameters,
+        discs: usize,
+        limits: Limits,
+    ) -> Result<Self, CudaError> {
+        Self::checked::<R>(p, discs, limits, Room::Ample, true)
+    }
+
+    fn checked<R: CudaReal>(
+        p: &RveParameters,
+        discs: usize,
+        limits: Limits,
+        room: Room,
+        unequal: bool,
+    ) -> Result<Self, CudaError> {
+        Self::try_new::<R>(p, discs, limits, room, unequal).ok_or_else(|| {
+            let fits = |n: &usize| Self::try_new::<R>(p, *n, limits, room, unequal).is_some();
             CudaError::TooManyDiscs {
                 discs,
                 most: (0..discs).rev().find(fits).unwrap_or(0),
@@ -95,6 +117,7 @@ impl Shape {
         discs: usize,
         limits: Limits,
         room: Room,
+        unequal: bool,
     ) -> Option<Self> {
         if discs > MOST_DISCS {
             return None;
@@ -114,25 +137,27 @@ impl Shape {
         let rows = rows(p);
         let fit = |blocks: usize, fewest: &Rows| {
             let share = limits.shared_per_multiprocessor / blocks - SYSTEM_SHARED;
-            let room = share.min(limits.shared_per_block).checked_sub(fixed)? / (listed + reaction);
+            let share = share.min(limits.shared_per_block);
+            let room = share.checked_sub(fixed)? / (listed + reaction);
             let warps = threads / WARP;
             let slot_rows =
                 |r: &Rows| ((r.per_warp * warps as f64) as usize + r.more).min(rows * warps);
             let slots = WARP * slot_rows(&AMPLE).min(room / WARP);
-            let enough = slots >= WARP * slot_rows(fewest);
+            let shared_bytes = fixed
+                + slots * listed
+                + (slots * reaction)
+                    .max(search_shared::<R>(threads, rows))
+                    .max(sums_shared::<R>(threads, unequal));
+            let enough = slots >= WARP * slot_rows(fewest) && shared_bytes <= share;
             enough.then_some(Self {
                 discs,
                 threads,
                 rows,
                 slots,
                 blocks,
-                shared_bytes: fixed
-                    + slots * listed
-                    + (slots * reaction)
-                        .max(search_shared::<R>(threads, rows))
-                        .max(sums_shared::<R>(threads)),
+                shared_bytes,
                 rolling,
-                unequal: false,
+                unequal,
                 sleep: p.sleep_stress > 0.0,
                 real_bits: R::BITS,
             })
@@ -142,12 +167,6 @@ impl Shape {
             Room::Ample => &AMPLE,
         };
         (1..=wanted).rev().find_map(|blocks| fit(blocks, fewest)).or_else(|| fit(1, &LEAST))
-    }
-
-    /// The same for RVEs that have parameters of their own.
-    #[must_use]
-    pub fn with_unequal_parameters(self) -> Self {
-        Self { unequal: true, ..self }
     }
 
     /// Room for listed pairs at the discs that do not own them.
@@ -199,8 +218,9 @@ fn fixed_shared<R: Real>(threads: usize) -> usize {
 }
 
 /// Shared memory of the sums over the discs (bytes).
-fn sums_shared<R: Real>(threads: usize) -> usize {
-    9 * threads * size_of::<R>()
+fn sums_shared<R: Real>(threads: usize, unequal: bool) -> usize {
+    let sums = if unequal { 9 } else { 7 };
+    sums * threads * size_of::<R>()
 }
 
 /// Shared memory of a search (bytes): discs by bins or who is near them, bins, a census and rows.
@@ -215,6 +235,28 @@ fn search_shared<R: Real>(threads: usize, rows: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn memory_of_a_block_is_never_exceeded() {
+        let plain = RveParameters::default();
+        let mut rolling = plain.clone();
+        rolling.grains.rolling_friction = 0.1;
+        for limits in [Limits::SM_80, Limits::SM_90] {
+            for discs in 1..=MOST_DISCS {
+                for p in [&plain, &rolling] {
+                    let shapes = [
+                        Shape::new::<f32>(p, discs, limits, Room::Ample),
+                        Shape::new::<f64>(p, discs, limits, Room::Usual),
+                        Shape::unequal::<f32>(p, discs, limits),
+                        Shape::unequal::<f64>(p, discs, limits),
+                    ];
+                    for shape in shapes.into_iter().flatten() {
+                        assert!(shape.shared_bytes <= limits.shared_per_block, "{shape:?}");
+                    }
+                }
+            }
+        }
+    }
 
     #[test]
     fn ample_room_is_4_5_rows_a_warp_and_more() {

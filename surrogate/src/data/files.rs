@@ -96,6 +96,12 @@ impl Recording {
         self.trajectory.frames()
     }
 
+    /// The number of frames up to the first at rest, which those after it repeat.
+    pub fn frames_until_rest(&self) -> usize {
+        let rest = self.trajectory.rest_time().unwrap_or(f64::INFINITY);
+        self.trajectory.time().partition_point(|&time| time < rest) + 1
+    }
+
     /// The number of material points.
     pub fn points(&self) -> usize {
         self.trajectory.points().mass.len()

@@ -257,8 +257,10 @@ impl DataSet {
         })
     }
 
+    /// Windows of a file. Frames that repeat a state at rest add one.
     fn windows(&self, recording: &Recording) -> usize {
-        recording.frames() + self.shape.ahead() - self.shape.span()
+        let frames = recording.frames().min(recording.frames_until_rest() + self.shape.span());
+        frames + self.shape.ahead() - self.shape.span()
     }
 }
 
