@@ -1,5 +1,6 @@
 //! The choice between CPU and GPUs.
 
+use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -27,6 +28,18 @@ impl FromStr for Device {
                 .and_then(|number| number.parse().ok())
                 .map(|number| Self::Cuda(Some(number)))
                 .ok_or_else(|| "valid: auto, cpu, cuda, cuda:N".to_owned()),
+        }
+    }
+}
+
+impl fmt::Display for Device {
+    /// As the option takes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Cpu => f.write_str("cpu"),
+            Self::Cuda(None) => f.write_str("cuda"),
+            Self::Cuda(Some(number)) => write!(f, "cuda:{number}"),
         }
     }
 }

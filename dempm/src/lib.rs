@@ -51,7 +51,7 @@ pub mod export;
 pub mod figures;
 pub mod fronts;
 pub mod import;
-mod memory;
+pub mod memory;
 pub mod packings;
 pub mod program;
 pub mod run;

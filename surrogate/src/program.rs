@@ -8,8 +8,8 @@ use dempm::commands::shell_files::{ShellFilesArgs, shell_files};
 use dempm::commands::terminal::{TerminalArgs, exit_code};
 
 use crate::commands::{
-    CalibrateErrorArgs, EvalArgs, RolloutArgs, StatsArgs, TrainArgs, calibrate_error, eval,
-    rollout, stats, train,
+    CalibrateErrorArgs, EvalArgs, ExpectArgs, RolloutArgs, StatsArgs, TrainArgs, calibrate_error,
+    eval, expect, rollout, stats, train,
 };
 
 /// Learned simulator of granular flow, trained on trajectories of `dempm`.
@@ -30,6 +30,8 @@ enum Command {
     Train(TrainArgs),
     /// Predict a trajectory.
     Rollout(RolloutArgs),
+    /// Say how far from the discs a prediction of a scene is to be expected.
+    Expect(ExpectArgs),
     /// Compare predictions with trajectories.
     Eval(EvalArgs),
     /// Measure the errors that rollouts state of themselves.
@@ -52,6 +54,7 @@ impl Arguments {
             Command::Stats(args) => stats(&args).map(done),
             Command::Train(args) => train(&args),
             Command::Rollout(args) => rollout(&args, verbose),
+            Command::Expect(args) => expect(&args, verbose).map(done),
             Command::Eval(args) => eval(&args, verbose).map(done),
             Command::CalibrateError(args) => calibrate_error(&args, verbose).map(done),
             Command::ShellFiles(args) => shell_files(&args, Self::command()).map(done),

@@ -51,6 +51,7 @@ impl Candidate {
             let next = match self.family {
                 Family::Discs => is_twice(other.size, self.size),
                 Family::Rve | Family::MuI => is_twice(other.cell, self.cell),
+                Family::Learned => false,
             };
             next && other.family == self.family && other.packings == self.packings
         };
@@ -123,6 +124,14 @@ pub fn candidates(scene: &Scene) -> Vec<Candidate> {
         all.push(Candidate { family: Family::MuI, name, size: 1.0, cell, packings: None, scene });
     }
     all
+}
+
+/// The scene with its grains as discs on every grid that fits it, the finest first.
+pub fn discs_on_grids(scene: &Scene) -> Vec<Scene> {
+    let Ok(mut base) = scene.text.parse::<Table>() else { return Vec::new() };
+    base.remove("choice");
+    let cells = POWERS.map(|power| scene.domain.cell * 2.0_f64.powi(power));
+    cells.filter_map(|cell| Some(*with(scene, &base, &kind(Family::Discs, cell)).ok()?)).collect()
 }
 
 /// A key of a scene: table, key and value.

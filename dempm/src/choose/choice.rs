@@ -6,9 +6,10 @@ use serde::Serialize;
 use toml::{Table, Value};
 
 use super::candidate::{Candidate, candidates};
-use super::error_model::{ErrorModel, Prediction};
+use super::error_model::{ErrorModel, Expected, Prediction};
 use super::family::Family;
 use super::features::{Features, features};
+use super::learned::Learned;
 use super::within::Within;
 use crate::check::{Needs, Rates, bytes, quantity};
 use crate::scene::{Chosen, Scene};
@@ -79,6 +80,9 @@ pub struct Entry {
     pub memory: Option<f64>,
     /// Why it is not near enough or cannot be computed.
     pub out: Option<String>,
+    /// The largest distance to expect; `None` outside of what was measured.
+    #[serde(skip)]
+    expected: Option<Expected>,
     #[serde(skip)]
     candidate: Candidate,
     #[serde(skip)]
@@ -86,7 +90,8 @@ pub struct Entry {
 }
 
 impl Choice {
-    /// Chooses a model of `scene` on a machine of this speed with so much memory left (bytes).
+    /// Chooses a model of `scene` on a machine of this speed with so much memory left (bytes), with a learned one among
+    /// the candidates if there is one.
     ///
     /// # Errors
     /// If the scene has no grains or a plate, no candidate can be computed, or a share of no run-out is asked for.
@@ -96,6 +101,7 @@ impl Choice {
         model: &ErrorModel,
         rates: &Rates,
         available: Option<f64>,
+        learned: Option<&Learned>,
     ) -> Result<Self, ChoiceError> {
         let name = || scene.name.clone();
         let none = |why| Err(ChoiceError::NoCandidate { name: name(), why });
@@ -112,39 +118,22 @@ impl Choice {
         // The grains of the truth, which a law does not have.
         let discs = all.first().and_then(|discs| discs.scene.as_deref().ok());
         let truth = discs.unwrap_or(scene).clone();
-        let height = scene.height();
-        let entry = |candidate: Candidate| {
-            let features = features(&truth, &candidate);
-            let prediction = model.predict(candidate.family, &features, height);
-            let needs = candidate.scene.as_deref().ok().map(|scene| Needs::of(scene, rates));
-            let short = |needs: &Needs| available.is_some_and(|left| needs.memory > left);
-            let out = match (&candidate.scene, &needs) {
-                (Err(why), _) => Some(why.clone()),
-                (Ok(_), Some(needs)) if short(needs) => {
-                    Some(format!("needs {}, more than is left", bytes(needs.memory)))
-                }
-                _ => None,
-            };
-            Entry {
-                name: candidate.name.clone(),
-                family: candidate.family,
-                prediction,
-                seconds: needs.as_ref().map(|needs| needs.seconds + needs.preparation),
-                memory: needs.as_ref().map(|needs| needs.memory),
-                out,
-                candidate,
-                features,
-            }
-        };
-        let mut entries: Vec<Entry> = all.into_iter().map(entry).collect();
         let runout = runout(&truth, &Needs::of(&truth, rates));
         let within = within.metres(runout).ok_or_else(|| ChoiceError::NoRunout { name: name() })?;
+        let height = scene.height();
+        let simulated = |candidate| Entry::simulated(candidate, &truth, height, model, rates);
+        let mut entries: Vec<Entry> = all.into_iter().map(simulated).collect();
         // What the scene itself lies outside of, every candidate does.
         let beyond: Vec<&'static str> = entries
             .first()
             .and_then(|discs| discs.prediction.as_ref())
             .map_or(Vec::new(), |prediction| prediction.beyond.clone());
         let is_measured = beyond.is_empty();
+        entries.iter_mut().for_each(|entry| entry.expect(is_measured));
+        entries.extend(learned.map(|learned| Entry::learned(learned, &truth)));
+        for entry in &mut entries {
+            entry.refuse_beyond(available);
+        }
         let possible: Vec<bool> = entries.iter().map(|entry| entry.out.is_none()).collect();
         for entry in entries.iter_mut().filter(|entry| entry.out.is_none()) {
             entry.out = entry.why_not(within, is_measured);
@@ -192,12 +181,11 @@ impl Choice {
     fn scene_of(&self, entry: &Entry) -> Result<Scene, String> {
         let scene = entry.candidate.scene.as_ref().map_err(Clone::clone)?;
         let mut table: Table = scene.text.parse().map_err(|error| format!("{error}"))?;
-        let expected = entry.expected(self.beyond.is_empty());
         let chosen = Chosen {
             model: entry.name.clone(),
             within: self.within,
-            expected: expected.map(|expected| expected.median),
-            bound: expected.map(|expected| expected.bound),
+            expected: entry.expected.map(|expected| expected.median),
+            bound: entry.bound(),
         };
         let statement = Table::try_from(&chosen).map_err(|error| error.to_string())?;
         table.insert("choice".to_owned(), Value::Table(statement));
@@ -243,25 +231,81 @@ impl Entry {
 
     /// Nine of ten largest distances are smaller (m).
     pub fn bound(&self) -> Option<f64> {
-        self.expected(true).map(|expected| expected.bound)
+        self.expected.map(|expected| expected.bound)
     }
 
     /// The largest distance to expect, if the scene and this candidate are like what was measured.
-    pub fn expected(&self, is_measured: bool) -> Option<super::error_model::Expected> {
-        let prediction = self.prediction.as_ref().filter(|_| is_measured)?;
-        prediction.beyond.is_empty().then_some(prediction.largest)
+    pub fn expected(&self) -> Option<Expected> {
+        self.expected
+    }
+
+    /// A candidate that is simulated, on a scene of this height (m) whose grains are those of `truth`.
+    fn simulated(
+        candidate: Candidate,
+        truth: &Scene,
+        height: f64,
+        model: &ErrorModel,
+        rates: &Rates,
+    ) -> Self {
+        let features = features(truth, &candidate);
+        let needs = candidate.scene.as_deref().ok().map(|scene| Needs::of(scene, rates));
+        Self {
+            name: candidate.name.clone(),
+            family: candidate.family,
+            prediction: model.predict(candidate.family, &features, height),
+            expected: None,
+            seconds: needs.as_ref().map(|needs| needs.seconds + needs.preparation),
+            memory: needs.as_ref().map(|needs| needs.memory),
+            out: candidate.scene.as_ref().err().cloned(),
+            candidate,
+            features,
+        }
+    }
+
+    /// A learned model, which knows itself what it was measured on.
+    fn learned(learned: &Learned, truth: &Scene) -> Self {
+        let candidate = learned.candidate(&truth.name);
+        let wrong = candidate.scene.as_ref().err().cloned();
+        let prediction = learned.prediction();
+        Self {
+            name: candidate.name.clone(),
+            family: candidate.family,
+            expected: prediction.as_ref().map(|prediction| prediction.largest),
+            prediction,
+            seconds: learned.seconds,
+            memory: learned.memory,
+            out: learned.out.clone().or(wrong),
+            features: features(truth, &candidate),
+            candidate,
+        }
+    }
+
+    /// Expects what is predicted, unless that lies outside of what was measured.
+    fn expect(&mut self, is_measured: bool) {
+        let prediction = self.prediction.as_ref().filter(|_| is_measured);
+        self.expected = prediction
+            .filter(|prediction| prediction.beyond.is_empty())
+            .map(|prediction| prediction.largest);
+    }
+
+    /// Leaves it out if it needs more memory than is available (bytes).
+    fn refuse_beyond(&mut self, available: Option<f64>) {
+        let memory = self.memory.filter(|memory| available.is_some_and(|left| *memory > left));
+        if let Some(memory) = memory.filter(|_| self.out.is_none()) {
+            self.out = Some(format!("needs {}, more than is left", bytes(memory)));
+        }
     }
 
     fn why_not(&self, within: f64, is_measured: bool) -> Option<String> {
-        let Some(prediction) = &self.prediction else { return Some("not measured".to_owned()) };
-        if !is_measured {
-            return Some("the scene is unlike all that were measured".to_owned());
-        }
-        if !prediction.beyond.is_empty() {
-            return Some(format!("not measured: {}", prediction.beyond.join(", ")));
-        }
-        let bound = prediction.largest.bound;
-        (bound > within).then(|| format!("its bound is above {}", quantity(within, "m")))
+        let Some(expected) = self.expected else {
+            let beyond = self.prediction.as_ref().map(|prediction| prediction.beyond.join(", "));
+            return Some(match beyond {
+                Some(_) if !is_measured => "the scene is unlike all that were measured".to_owned(),
+                Some(beyond) => format!("not measured: {beyond}"),
+                None => "not measured".to_owned(),
+            });
+        };
+        (expected.bound > within).then(|| format!("its bound is above {}", quantity(within, "m")))
     }
 }
 
@@ -319,7 +363,7 @@ mod tests {
 
     fn choose(scene: &Scene, within: f64, available: Option<f64>) -> Choice {
         let rates = Rates::of_processor(1.0e8);
-        Choice::of(scene, Within::Metres(within), &model(), &rates, available).unwrap()
+        Choice::of(scene, Within::Metres(within), &model(), &rates, available, None).unwrap()
     }
 
     #[test]
@@ -367,7 +411,7 @@ mod tests {
     #[test]
     fn a_share_is_one_of_the_way_to_the_wall() {
         let rates = Rates::of_processor(1.0e8);
-        let of = |scene: &Scene| Choice::of(scene, Within::OfRunout(0.1), &model(), &rates, None);
+        let of = |scene: &Scene| Choice::of(scene, Within::OfRunout(0.1), &model(), &rates, None, None);
         // 2.5 a L = 2.5 m for discs (Staron and Hinch 2005).
         assert!((of(&scene([1.0, 1.0], 0.0, "")).unwrap().within - 0.25).abs() < 1e-12);
         // The box ends after 2 m.
@@ -381,7 +425,7 @@ mod tests {
         let text = "duration = 0.5\nmaterial.kind = \"elastic\"\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n";
         let scene = Scene::parse(text, "test.toml").unwrap();
         let found =
-            Choice::of(&scene, Within::Metres(0.1), &model(), &Rates::of_processor(1e8), None);
+            Choice::of(&scene, Within::Metres(0.1), &model(), &Rates::of_processor(1e8), None, None);
         assert!(found.unwrap_err().to_string().contains("elastic"));
     }
 }

@@ -63,7 +63,7 @@ struct Predictor {
 }
 
 /// An expected error (m).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Expected {
     /// Half of the errors are smaller.
     pub median: f64,

@@ -12,22 +12,25 @@ pub enum Family {
     Rve,
     /// The mu(I) law.
     MuI,
+    /// A network, whose error is its own statement.
+    Learned,
 }
 
 impl Family {
-    /// All families.
+    /// All families whose errors are measured.
     pub const ALL: [Self; 3] = [Self::Discs, Self::Rve, Self::MuI];
 
-    /// The name in scene files.
+    /// The name in scene files and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Discs => "discs",
             Self::Rve => "rve",
             Self::MuI => "mu-i",
+            Self::Learned => "learned",
         }
     }
 
-    /// The family of this name in scene files.
+    /// The measured family of this name.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|family| family.name() == name)
     }

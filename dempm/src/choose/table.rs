@@ -73,7 +73,7 @@ impl Choice {
         let mark = if index == self.taken { "> " } else { "  " };
         let metres =
             |value: Option<f64>| value.map_or("-".to_owned(), |value| quantity(value, "m"));
-        let expected = entry.expected(self.beyond.is_empty());
+        let expected = entry.expected();
         [
             format!("{mark}{}", entry.name),
             metres(expected.map(|expected| expected.median)),
@@ -89,7 +89,7 @@ impl Choice {
         let entry = self.taken();
         let within = quantity(self.within, "m");
         let bound = entry.bound().map_or("unknown".to_owned(), |bound| quantity(bound, "m"));
-        if !self.beyond.is_empty() {
+        if !self.beyond.is_empty() && entry.expected().is_none() {
             return format!(
                 "Nothing like this scene was measured ({}): {}, the finest that can be computed; its error is unknown.",
                 self.beyond.join(", "),

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use files::{note, out};
 use miette::IntoDiagnostic;
 
+use super::learned::Network;
 use super::terminal::print_json;
 use crate::check::Rates;
-use crate::choose::{Choice, ChoiceError, ErrorModel, Within};
+use crate::choose::{Choice, ChoiceError, ErrorModel, Learned, Within};
 use crate::device::Device;
 use crate::memory;
 use crate::scene::Scene;
@@ -20,6 +21,9 @@ pub struct ChooseArgs {
     /// Largest distance from the grains computed one by one: metres (root mean square), or 5% of the run-out.
     #[arg(long, value_name = "DISTANCE")]
     within: Within,
+    /// A network (safetensors) that is a candidate too, with the error that it expects of itself.
+    #[arg(long, value_name = "MODEL")]
+    learned: Option<PathBuf>,
     /// Device that it is to run on: auto (the first GPU, else the CPU), cpu, cuda or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
@@ -38,7 +42,9 @@ pub fn choose(args: &ChooseArgs) -> miette::Result<()> {
         note!("{warnings:?}");
     }
     let on_gpu = args.device.open().into_diagnostic()?.is_some();
-    let choice = Chooser::new(on_gpu)?.choice(&scene, args.within)?;
+    let learned = args.learned.as_deref().map(|model| Network::new(model, args.device)?.expect(&scene));
+    let choice =
+        Chooser::new(on_gpu)?.choice(&scene, args.within, learned.transpose()?.as_ref())?;
     if args.json {
         return print_json(&choice);
     }
@@ -67,11 +73,16 @@ impl Chooser {
         })
     }
 
-    /// The choice for a scene.
+    /// The choice for a scene, also among a learned model if there is one.
     ///
     /// # Errors
     /// If nothing can be chosen.
-    pub fn choice(&self, scene: &Scene, within: Within) -> Result<Choice, ChoiceError> {
-        Choice::of(scene, within, &self.model, &self.rates, self.available)
+    pub fn choice(
+        &self,
+        scene: &Scene,
+        within: Within,
+        learned: Option<&Learned>,
+    ) -> Result<Choice, ChoiceError> {
+        Choice::of(scene, within, &self.model, &self.rates, self.available, learned)
     }
 }

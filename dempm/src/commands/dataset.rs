@@ -1,6 +1,7 @@
 //! `dempm dataset`: runs many scenes into a data set.
 
-use std::path::PathBuf;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
@@ -13,8 +14,9 @@ use miette::{IntoDiagnostic, Report, bail, miette};
 
 use super::choose::Chooser;
 use super::device::report as report_device;
+use super::learned::{Network, Predicted};
 use super::progress::{SceneProgress, Total, bars};
-use crate::choose::Within;
+use crate::choose::{Family, Within};
 use crate::dataset::scheduler::{self, Done};
 use crate::dataset::{self, Case, DatasetError, Estimate, Metadata, Selection, Split, report};
 use crate::device::Device;
@@ -41,6 +43,9 @@ pub struct DatasetArgs {
     /// square), or 5% of the run-out.
     #[arg(long, value_name = "DISTANCE")]
     within: Option<Within>,
+    /// A network (safetensors) that is a candidate too, with the error that it expects of itself.
+    #[arg(long, value_name = "MODEL", requires = "within")]
+    learned: Option<PathBuf>,
     /// Device to run on: auto (every visible GPU, else the CPU), cpu, cuda (every GPU) or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
@@ -66,9 +71,12 @@ pub struct DatasetArgs {
 pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
     let mut all = dataset::cases(&args.scenes)?;
-    if let Some(within) = args.within {
-        choose_models(&mut all, within, args)?;
-    }
+    let network = args.learned.as_deref().map(|model| Network::new(model, args.device));
+    let network = network.transpose()?;
+    let predicted = match args.within {
+        Some(within) => choose_models(&mut all, within, network.as_ref(), args)?,
+        None => HashSet::new(),
+    };
     dataset::check_intervals(&all, &args.scenes)?;
     let selected = dataset::select(&all, &args.only, &args.scenes)?;
     let Some(folder) = args.output.as_deref().filter(|_| !args.list) else {
@@ -92,7 +100,10 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
         checkpoint_interval: checkpoint_interval(args.checkpoint_interval)?,
     };
     let progress = Progress::new();
-    let done = scheduler::run(&selected, folder, &options, &progress, &interrupt)?;
+    let (predicted, simulated): (Vec<Case>, Vec<Case>) =
+        selected.into_iter().partition(|case| predicted.contains(&case.full_name()));
+    let mut done = vec![scheduler::run(&simulated, folder, &options, &progress, &interrupt)?];
+    done.extend(network.map(|network| predict(&network, &predicted, folder, args, &interrupt)));
     // What is done by now is reported even after an interrupt.
     let _guard = interrupt.guard();
 
@@ -109,32 +120,72 @@ pub fn dataset(args: &DatasetArgs, verbose: bool) -> miette::Result<ExitCode> {
     } else {
         announce!("no metadata.json yet: the training set is not complete");
     }
-    let mut failed = match done {
-        Done::Interrupted => {
-            note!("interrupted; --resume continues");
-            return Ok(ExitCode::from(INTERRUPTED));
+    let mut failed = Vec::new();
+    for done in done {
+        match done {
+            Done::Interrupted => {
+                note!("interrupted; --resume continues");
+                return Ok(ExitCode::from(INTERRUPTED));
+            }
+            Done::All => {}
+            Done::Failed(names) => failed.extend(names),
         }
-        Done::All => Vec::new(),
-        Done::Failed(names) => names,
-    };
+    }
     // Some damage shows only when every frame is read.
     let damaged = rows.iter().filter(|row| row.damaged).map(|row| row.split.case(&row.name));
     failed.extend(damaged.filter(|name| !failed.contains(name)).collect::<Vec<_>>());
     if failed.is_empty() { Ok(ExitCode::SUCCESS) } else { bail!("failed: {}", failed.join(", ")) }
 }
 
-/// Replaces the model of each case by the one that is chosen; a run that is continued keeps its model.
-fn choose_models(cases: &mut [Case], within: Within, args: &DatasetArgs) -> miette::Result<()> {
+/// Replaces the model of each case by the one that is chosen; a run that is continued keeps its model. Returns the names
+/// of those that the network predicts.
+fn choose_models(
+    cases: &mut [Case],
+    within: Within,
+    network: Option<&Network>,
+    args: &DatasetArgs,
+) -> miette::Result<HashSet<String>> {
     let chooser = Chooser::new(args.device.open().into_diagnostic()?.is_some())?;
+    let mut predicted = HashSet::new();
     for case in cases {
-        let mut choice = chooser.choice(&case.scene, within)?;
+        let learned = network.map(|network| network.expect(&case.scene)).transpose()?;
+        let mut choice = chooser.choice(&case.scene, within, learned.as_ref())?;
         if let Some(folder) = args.output.as_deref().filter(|_| args.resume) {
             choice = choice.continued(&case.file(folder));
         }
         inform!("{}: {}", case.full_name(), choice.verdict());
         case.scene = choice.chosen_scene().map_err(|why| miette!("{}: {why}", case.full_name()))?;
+        if choice.taken().family == Family::Learned {
+            predicted.insert(case.full_name());
+        }
     }
-    Ok(())
+    Ok(predicted)
+}
+
+/// Predicts cases one after the other.
+fn predict(
+    network: &Network,
+    cases: &[Case],
+    folder: &Path,
+    args: &DatasetArgs,
+    interrupt: &Interrupt,
+) -> Done {
+    let mut failed = Vec::new();
+    for case in cases {
+        if interrupt.requested() {
+            return Done::Interrupted;
+        }
+        let output = case.file(folder);
+        match network.predict(&case.scene, &output, args.resume, args.overwrite) {
+            Ok(Predicted::Now | Predicted::Before) => inform!("{} done", case.full_name()),
+            Ok(Predicted::Interrupted) => return Done::Interrupted,
+            Err(error) => {
+                note!("{} failed: {error:?}", case.full_name());
+                failed.push(case.full_name());
+            }
+        }
+    }
+    if failed.is_empty() { Done::All } else { Done::Failed(failed) }
 }
 
 /// Prints the scenes and what they cost.

@@ -11,6 +11,7 @@ pub mod element;
 pub mod export;
 pub mod import;
 pub mod info;
+mod learned;
 mod outputs;
 pub mod plot;
 mod progress;

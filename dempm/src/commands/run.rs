@@ -11,11 +11,12 @@ use serde::Serialize;
 
 use super::choose::Chooser;
 use super::device::report;
+use super::learned::{Network, Predicted};
 use super::outputs::default_output;
 use super::progress::{SceneProgress, bars};
 use super::summary::Summary;
 use super::terminal::print_json;
-use crate::choose::{Choice, Judgement, Within};
+use crate::choose::{Choice, Family, Judgement, Within};
 use crate::device::Device;
 use crate::run::{Observer, Options, Outcome, checkpoint, checkpoint_interval, run_scene};
 use crate::scene::{Material, Scene};
@@ -33,6 +34,9 @@ pub struct RunArgs {
     /// mean square), or 5% of the run-out.
     #[arg(long, value_name = "DISTANCE")]
     within: Option<Within>,
+    /// A network (safetensors) that is a candidate too, with the error that it expects of itself.
+    #[arg(long, value_name = "MODEL", requires = "within")]
+    learned: Option<PathBuf>,
     /// Device to run on: auto (the first GPU, else the CPU), cpu, cuda or cuda:N.
     #[arg(long, default_value = "auto")]
     device: Device,
@@ -105,7 +109,13 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         Some(_) if environment.is_shared() => {
             bail!(help = "`dempm choose` prints the choice", "--within takes a run in one process")
         }
-        Some(within) => chosen(&scene, within, &output, args.resume, device.is_some())?,
+        Some(within) => {
+            let network = args.learned.as_deref().map(|model| Network::new(model, args.device));
+            let network = network.transpose()?;
+            let choice = chosen(&scene, within, network.as_ref(), &output, args.resume, device.is_some())?;
+            let scene = choice.chosen_scene().map_err(|why| miette!("{}: {why}", scene.name))?;
+            (scene, Some(Taken { choice, network }))
+        }
         None => (scene, None),
     };
     let options = Options {
@@ -122,16 +132,24 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
     };
     let steps = scene.steps();
     let statement = scene.choice.clone();
-    let outcome = run_scene(scene, output.clone(), &options, progress.as_mut(), &interrupt)?;
-    let (status, step, summary) = match outcome {
-        Outcome::Finished { simulation, stable_step } => {
-            (Status::Finished, steps, Some(Summary::of(&simulation, stable_step)))
-        }
-        Outcome::WasFinished => (Status::FinishedBefore, steps, None),
-        Outcome::Interrupted { step, .. } => (Status::Interrupted, step, None),
+    let (status, step, summary) = match choice.as_ref().and_then(Taken::network) {
+        Some(network) => match network.predict(&scene, &output, args.resume, args.overwrite)? {
+            Predicted::Now => (Status::Finished, steps, None),
+            Predicted::Before => (Status::FinishedBefore, steps, None),
+            Predicted::Interrupted => (Status::Interrupted, 0, None),
+        },
+        None => match run_scene(scene, output.clone(), &options, progress.as_mut(), &interrupt)? {
+            Outcome::Finished { simulation, stable_step } => {
+                (Status::Finished, steps, Some(Summary::of(&simulation, stable_step)))
+            }
+            Outcome::WasFinished => (Status::FinishedBefore, steps, None),
+            Outcome::Interrupted { step, .. } => (Status::Interrupted, step, None),
+        },
     };
     let mut judgement = None;
-    if let (Some(choice), Some(statement), Status::Finished) = (&choice, statement, status) {
+    if let (Some(Taken { choice, .. }), Some(statement), Status::Finished) =
+        (&choice, statement, status)
+    {
         judgement = Some(Judgement::of(choice, statement, &output, device.as_ref(), &interrupt)?);
     }
     if is_first {
@@ -153,31 +171,47 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
     })
 }
 
-/// The scene with the model that is chosen, and the choice; a run that is continued keeps its model.
+/// A choice, and the network that was among the candidates.
+struct Taken {
+    choice: Choice,
+    network: Option<Network>,
+}
+
+impl Taken {
+    /// The network, if it is what was chosen.
+    fn network(&self) -> Option<&Network> {
+        self.network.as_ref().filter(|_| self.choice.taken().family == Family::Learned)
+    }
+}
+
+/// The choice of a model; a run that is continued keeps its model.
 fn chosen(
     scene: &Scene,
     within: Within,
+    network: Option<&Network>,
     output: &Path,
     resume: bool,
     on_gpu: bool,
-) -> miette::Result<(Scene, Option<Choice>)> {
-    let choice = Chooser::new(on_gpu)?.choice(scene, within)?;
+) -> miette::Result<Choice> {
+    let learned = network.map(|network| network.expect(scene)).transpose()?;
+    let choice = Chooser::new(on_gpu)?.choice(scene, within, learned.as_ref())?;
     let choice = if resume { choice.continued(output) } else { choice };
     inform!("{}", choice.verdict());
-    let scene = choice.chosen_scene().map_err(|why| miette!("{}: {why}", scene.name))?;
-    Ok((scene, Some(choice)))
+    Ok(choice)
 }
 
 /// Prints a report for people.
 fn print(report: &Report<'_>) {
     let output = report.output.display();
-    match &report.summary {
-        Some(summary) => {
+    match report.status {
+        Status::Finished => {
+            // A network has no summary.
+            let summary = report.summary.as_ref().map_or_else(String::new, Summary::to_string);
             let choice = report.choice.as_ref().map_or_else(String::new, Judgement::to_string);
             announce!("{summary}{choice}  {:<22}{output}", "written");
         }
-        None if report.status == Status::Interrupted => {}
-        None => announce!("{output}: finished already"),
+        Status::FinishedBefore => announce!("{output}: finished already"),
+        Status::Interrupted => {}
     }
 }
 

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use dempm::device::Device;
+use dempm::trajectory::Trajectory;
 use files::{announce, note, out};
-use miette::bail;
+use miette::{bail, miette};
 
 use super::rollout::select_device;
 use crate::data::trajectories_in;
@@ -46,8 +47,9 @@ pub fn calibrate_error(args: &CalibrateErrorArgs, verbose: bool) -> miette::Resu
     let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
     select_device(&mut simulator, args.device, verbose)?;
     let samples = samples_of(&simulator, &args.data)?;
+    let truth = truth_of(&args.data)?;
     let failed = samples.iter().filter(|sample| sample.errors.len() < PARTS).count();
-    let Some(model) = ErrorModel::fit(&samples) else {
+    let Some(model) = ErrorModel::fit(&samples, &truth) else {
         bail!(
             help = "a bound for nine of ten scenes needs nine scenes, of which hardly any prediction fails",
             "{}: {} scenes, {failed} of them failed; at least {LEAST_SCENES} are needed",
@@ -87,6 +89,23 @@ fn samples_of(simulator: &Simulator, folder: &Path) -> miette::Result<Vec<ErrorS
         note!("{}: the prediction fails or the trajectory ends", sample.scene);
     }
     Ok(samples)
+}
+
+/// The model of the runs in a folder, as in scenes.
+fn truth_of(folder: &Path) -> miette::Result<String> {
+    let mut found: Option<String> = None;
+    for path in trajectories_in(folder)? {
+        let material = Trajectory::open(&path)?.header().material.clone();
+        match &found {
+            Some(other) if *other != material => bail!(
+                help = "errors are distances from runs of one model",
+                "{}: a run of `{material}`, others are of `{other}`",
+                path.display()
+            ),
+            _ => found = Some(material),
+        }
+    }
+    found.ok_or_else(|| miette!("{}: no trajectories", folder.display()))
 }
 
 /// True and stated errors at the end of each scene.

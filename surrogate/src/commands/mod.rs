@@ -2,6 +2,7 @@
 
 mod calibrate_error;
 mod eval;
+mod expect;
 mod progress;
 mod rollout;
 mod rollout_many;
@@ -10,6 +11,7 @@ mod train;
 
 pub use calibrate_error::{CalibrateErrorArgs, calibrate_error};
 pub use eval::{EvalArgs, eval};
+pub use expect::{ExpectArgs, expect, expect_of};
 pub use rollout::{RolloutArgs, rollout};
 pub use stats::{StatsArgs, stats};
 pub use train::{TrainArgs, train};

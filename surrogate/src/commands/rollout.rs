@@ -10,7 +10,7 @@ use files::{FileLock, INTERRUPTED, Interrupt, announce, note, refuse_input};
 use miette::{Context, IntoDiagnostic, Report, bail};
 
 use super::progress::Progress;
-use super::rollout_many::{Many, first_frames, rollout_many};
+use super::rollout_many::{Many, rollout_many};
 use crate::cuda::CudaError;
 use crate::diagnostics::{ExpectedError, start_checks};
 use crate::network::Precision;
@@ -173,7 +173,7 @@ fn initial_frames(args: &RolloutArgs, simulator: &Simulator) -> miette::Result<I
             if !simulator.training.is_interval(asked) {
                 note!("frames are {own} s apart, as in training, not {asked} s as in the scene");
             }
-            Ok(first_frames(&scene, simulator)?)
+            Ok(InitialFrames::of_scene(&scene, simulator)?)
         }
         (None, Some(from)) => Ok(InitialFrames::from_trajectory(from, args.start, simulator)?),
         (None, None) => bail!("give a scene (--scene) or a trajectory (--from) to start from"),

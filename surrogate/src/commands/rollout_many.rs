@@ -14,7 +14,7 @@ use super::progress::Progress;
 use crate::data::trajectories_in;
 use crate::diagnostics::start_checks;
 use crate::rollout::{
-    InitialFrames, InitialFramesError, RecordedRollout, RecordingOptions, RolloutObserver, record,
+    InitialFrames, RecordedRollout, RecordingOptions, RolloutObserver, record,
 };
 use crate::simulator::Simulator;
 use crate::workers::for_all;
@@ -149,7 +149,7 @@ fn predict(
     }
     let began = Instant::now();
     let initial = match &job.start {
-        Start::Scene(scene) => first_frames(scene, simulator)?,
+        Start::Scene(scene) => InitialFrames::of_scene(scene, simulator)?,
         Start::Trajectory(path) => InitialFrames::from_trajectory(path, 0, simulator)?,
     };
     let frames = many.frames.unwrap_or(initial.frames);
@@ -162,20 +162,6 @@ fn predict(
     let outside = start_checks(simulator, &initial);
     let points = initial.points.mass.len();
     Ok(Row { points, recorded, frames, outside, warnings: warnings.0 })
-}
-
-/// The frames that a rollout of a scene starts from: the scene as it is written where that is enough, else simulated.
-///
-/// # Errors
-/// If the simulation fails, or its step does not divide the time between the model's frames.
-pub(super) fn first_frames(
-    scene: &Scene,
-    simulator: &Simulator,
-) -> Result<InitialFrames, InitialFramesError> {
-    match InitialFrames::from_lattice(scene, simulator) {
-        Some(initial) => Ok(initial),
-        None => InitialFrames::from_scene(scene.clone(), simulator),
-    }
 }
 
 fn status(row: &Row) -> String {

@@ -55,6 +55,9 @@ pub struct ExpectedError {
 pub struct ErrorModel {
     /// Scenes that it was calibrated on.
     pub scenes: usize,
+    /// The model of their runs, as in scenes; older files do not state it.
+    #[serde(default)]
+    pub truth: Option<String>,
     /// Of the logarithm of the error.
     regression: Regression,
     /// Quantiles of true over fitted errors at each part.
@@ -63,9 +66,9 @@ pub struct ErrorModel {
 }
 
 impl ErrorModel {
-    /// Calibrates a model on rollouts of scenes that the network has not learnt from, one of each scene. `None` of
-    /// fewer than [`LEAST_SCENES`], or if more than a tenth failed.
-    pub fn fit(samples: &[ErrorSample]) -> Option<Self> {
+    /// Calibrates a model on rollouts of scenes that the network has not learnt from, one of each scene, against runs
+    /// of the model `truth`. `None` of fewer than [`LEAST_SCENES`], or if more than a tenth failed.
+    pub fn fit(samples: &[ErrorSample], truth: &str) -> Option<Self> {
         let count = samples.len();
         if count < LEAST_SCENES {
             return None;
@@ -92,7 +95,8 @@ impl ErrorModel {
         };
         let (medians, bounds) = (quantile(0.5), quantile(COVERED));
         let known = bounds.iter().all(|bound| bound.is_finite());
-        known.then_some(Self { scenes: count, regression, medians, bounds })
+        let truth = Some(truth.to_owned());
+        known.then_some(Self { scenes: count, truth, regression, medians, bounds })
     }
 
     /// The error to expect at a part of a rollout, from 0 (its start) to 1 (its end).
@@ -162,7 +166,7 @@ mod tests {
     /// Without noise, what remains is the pull of the ridge: a scene in 200 that see all features at full size.
     #[test]
     fn the_regression_finds_what_errors_depend_on() {
-        let model = ErrorModel::fit(&samples(200, 0.0, 1)).unwrap();
+        let model = ErrorModel::fit(&samples(200, 0.0, 1), "discs").unwrap();
         let at = |x: f64| {
             let mut features = [0.0; FEATURES];
             features[0] = x;
@@ -177,7 +181,7 @@ mod tests {
     /// 0.03) and test (0.0095).
     #[test]
     fn nine_of_ten_new_scenes_are_below_the_bound() {
-        let model = ErrorModel::fit(&samples(100, 1.0, 2)).unwrap();
+        let model = ErrorModel::fit(&samples(100, 1.0, 2), "discs").unwrap();
         let [end, all] = model.coverage(&samples(1000, 1.0, 3));
         assert!((end - 0.9).abs() < 4.0 * 0.0315, "{end}");
         assert!((all - 0.9).abs() < 4.0 * 0.0315, "{all}");
@@ -185,19 +189,19 @@ mod tests {
 
     #[test]
     fn too_few_scenes_have_no_bound() {
-        assert_eq!(ErrorModel::fit(&samples(LEAST_SCENES - 1, 1.0, 4)), None);
-        assert!(ErrorModel::fit(&samples(LEAST_SCENES, 1.0, 4)).is_some());
+        assert_eq!(ErrorModel::fit(&samples(LEAST_SCENES - 1, 1.0, 4), "discs"), None);
+        assert!(ErrorModel::fit(&samples(LEAST_SCENES, 1.0, 4), "discs").is_some());
         // A failure is an infinite error, and may be the tenth of ten.
         let mut ten = samples(30, 1.0, 5);
         ten[0].features.truncate(3);
         ten[0].errors.truncate(3);
-        let model = ErrorModel::fit(&ten).unwrap();
+        let model = ErrorModel::fit(&ten, "discs").unwrap();
         assert!(model.coverage(&ten[..1])[0] < 0.5);
         for sample in &mut ten[..6] {
             sample.features.clear();
             sample.errors.clear();
         }
-        assert_eq!(ErrorModel::fit(&ten), None);
+        assert_eq!(ErrorModel::fit(&ten, "discs"), None);
     }
 
     #[test]

@@ -154,6 +154,12 @@ impl TrainingRange {
         }
     }
 
+    /// How far a number of neighbours is outside the training range: the logarithm of its ratio to the limit.
+    pub fn excess_of_neighbours(&self, neighbours: f64) -> f64 {
+        let [least, most] = [&self.least, &self.most].map(|state| state.neighbours);
+        (neighbours / most).ln().max((least / neighbours).ln()).max(0.0)
+    }
+
     /// How far a state is outside the training range: the sum of the logarithms of values over limits.
     pub fn excess(&self, state: &FlowState) -> f64 {
         let beyond = |q: &Quantity| {

@@ -1,5 +1,6 @@
 //! Evaluation: rollouts compared with the trajectories that they should reproduce.
 
+mod candidate;
 mod compare;
 mod error_samples;
 mod metrics;
@@ -8,6 +9,7 @@ mod tables;
 mod truth;
 mod truth_table;
 
+pub use candidate::candidate;
 pub use compare::{Case, EvaluationError, compare, noise_floor};
 pub use error_samples::error_sample;
 pub use metrics::{Errors, FrameError, Measure, mean_square_distance};

@@ -5,10 +5,22 @@ use std::collections::BTreeMap;
 use dempm::scene::Scene;
 use dempm::trajectory::{Frame, Header, Points};
 
-use super::initial_frames::{InitialFrames, static_features_of};
+use super::initial_frames::{InitialFrames, InitialFramesError, static_features_of};
 use crate::simulator::{ROUNDING, Simulator};
 
 impl InitialFrames {
+    /// The frames that a rollout of a scene starts from: the scene as it is written where that is enough, else
+    /// simulated.
+    ///
+    /// # Errors
+    /// If the simulation fails, or its step does not divide the time between the model's frames.
+    pub fn of_scene(scene: &Scene, simulator: &Simulator) -> Result<Self, InitialFramesError> {
+        match Self::from_lattice(scene, simulator) {
+            Some(initial) => Ok(initial),
+            None => Self::from_scene(scene.clone(), simulator),
+        }
+    }
+
     /// The scene at time zero, for a model that starts from one frame and needs no field of it. `None` for others.
     pub fn from_lattice(scene: &Scene, simulator: &Simulator) -> Option<Self> {
         if simulator.first_frames() > 1 {

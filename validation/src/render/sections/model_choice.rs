@@ -5,7 +5,6 @@ use crate::render::block::Block;
 use crate::render::section::Section;
 use crate::render::table::Table;
 use crate::studies::model_choice::{OfScene, WITHIN, estimate, measure};
-use crate::suite::Suite;
 use crate::text::{number, seconds};
 
 /// The choice of models.
@@ -22,17 +21,10 @@ impl Section for ModelChoice {
     }
 
     fn estimate(&self, context: &Context) -> f64 {
-        context.suite.pick(0.0, estimate(context))
+        estimate(context)
     }
 
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
-        if context.suite == Suite::Quick {
-            return Ok(vec![Block::missing(
-                "The choice of models",
-                "only the full suite computes it.",
-                "`--suite full` does, on a GPU.",
-            )]);
-        }
         let scenes = measure(context)?;
         Ok(vec![Block::headline(headline(&scenes)), Block::Table(table(&scenes))])
     }

@@ -1,0 +1,108 @@
+//! A network among the candidates of `dempm choose`.
+//!
+//! What is known of its error follows from the rollout itself, so it is made, and not kept.
+
+use std::time::Instant;
+
+use dempm::choose::{Expected, Learned, LearnedError, discs_on_grids};
+use dempm::memory;
+use dempm::scene::Scene;
+
+use crate::diagnostics::{ErrorFeatures, ErrorModel, ExpectedError, FlowState, start_checks};
+use crate::rollout::{InitialFrames, InitialFramesError, Rollout};
+use crate::simulator::Simulator;
+
+/// What the error has to be the distance from.
+const TRUTH: &str = "discs";
+
+/// What a network of this name expects of a scene, whichever model the scene names.
+///
+/// # Errors
+/// If the first frames cannot be simulated.
+pub fn candidate(
+    simulator: &Simulator,
+    name: &str,
+    scene: &Scene,
+) -> Result<Learned, InitialFramesError> {
+    let began = Instant::now();
+    let scene = on_grid_of_training(simulator, scene);
+    let mut found = Learned {
+        name: format!("network {name}"),
+        scene: scene.text.clone(),
+        error: None,
+        seconds: None,
+        memory: None,
+        out: None,
+    };
+    let model = match error_model(simulator, &scene) {
+        Ok(model) => model,
+        Err(why) => return Ok(Learned { out: Some(why), ..found }),
+    };
+    let initial = InitialFrames::of_scene(&scene, simulator)?;
+    if let Some(outside) = start_checks(simulator, &initial) {
+        return Ok(Learned { out: Some(outside), ..found });
+    }
+    match expected(simulator, model, &initial) {
+        Ok(error) => found.error = Some(error),
+        Err(why) => found.out = Some(why),
+    }
+    found.seconds = Some(began.elapsed().as_secs_f64());
+    found.memory = memory::peak();
+    Ok(found)
+}
+
+/// The scene as discs, averaged over squares that give points as many neighbours as in training. The scene itself if it
+/// cannot be computed as discs.
+fn on_grid_of_training(simulator: &Simulator, scene: &Scene) -> Scene {
+    let interval = simulator.training.frame_interval;
+    let radius = simulator.config.connection_radius;
+    let excess = |scene: &Scene| {
+        let points = &scene.points().position[..];
+        let neighbours = FlowState::measure([points; 3], interval, radius).neighbours;
+        let range = simulator.training.range.as_ref();
+        range.map_or(0.0, |range| range.excess_of_neighbours(neighbours))
+    };
+    let grids = discs_on_grids(scene).into_iter().map(|scene| (excess(&scene), scene));
+    let nearest = grids.min_by(|(a, _), (b, _)| a.total_cmp(b));
+    nearest.map_or_else(|| scene.clone(), |(_, scene)| scene)
+}
+
+/// The calibration of a network whose frames are those of the scene, or why it does not serve.
+fn error_model<'a>(simulator: &'a Simulator, scene: &Scene) -> Result<&'a ErrorModel, String> {
+    let training = &simulator.training;
+    let (own, asked) = (training.frame_interval, scene.frame_interval);
+    if !training.is_interval(asked) {
+        return Err(format!("its frames are {own} s apart, those of the scene {asked} s"));
+    }
+    let unknown = "its error is unknown: `surrogate calibrate-error` measures it";
+    let model = training.error.as_ref().ok_or(unknown)?;
+    match model.truth.as_deref() {
+        Some(other) if other != TRUTH => Err(format!("its error is that from `{other}`, not discs")),
+        _ => Ok(model),
+    }
+}
+
+/// The error to expect at the end of a rollout, and the largest over time; or why the rollout fails.
+fn expected(
+    simulator: &Simulator,
+    model: &ErrorModel,
+    initial: &InitialFrames,
+) -> Result<LearnedError, String> {
+    let nothing = Expected { median: 0.0, bound: 0.0 };
+    let mut error = LearnedError { end: nothing, largest: nothing };
+    let mut features = ErrorFeatures::new(simulator, initial);
+    let mut rollout = Rollout::new(simulator, initial);
+    let last = initial.frames - 1;
+    while rollout.frame() < last {
+        rollout.advance().map_err(|error| format!("its prediction fails: {error}"))?;
+        features.observe(rollout.before(), rollout.last());
+        let frame = rollout.frame();
+        let part = frame as f64 / last as f64;
+        let ExpectedError { median, bound } =
+            model.expected(part, &features.at(frame, rollout.last()));
+        error.end = Expected { median, bound };
+        error.largest.median = error.largest.median.max(median);
+        error.largest.bound = error.largest.bound.max(bound);
+    }
+    Ok(error)
+}
