@@ -125,7 +125,8 @@ fn a_network_with_a_bound_is_taken_and_run() {
 
 #[test]
 fn scenes_of_a_list_are_predicted() {
-    let dataset = "dataset list.toml -o predicted --only train --within 100 --learned known.safetensors";
+    let dataset =
+        "dataset list.toml -o predicted --only train --within 100 --learned known.safetensors";
     for more in ["", " --resume"] {
         succeeds("dempm", FOLDER.path(), &format!("{dataset}{more} --device cpu"));
     }

@@ -16,6 +16,7 @@ from . import _dempm, _scene
 from ._progress import Watcher, command
 from ._run import Run, opened
 from ._scene import FilePath, Values
+from .surrogate import rollout
 
 #: Tables of a list of scenes.
 _SPLITS = ("train", "valid", "test")
@@ -26,6 +27,7 @@ def run(
     output: FilePath | None = None,
     *,
     within: float | str | None = None,
+    learned: FilePath | None = None,
     device: str = "auto",
     progress: bool = True,
     resume: bool = False,
@@ -39,7 +41,8 @@ def run(
     `cuda` or `cuda:N`.
 
     With `within`, metres or a text such as `5%` of the run-out, the model is not that of the scene but the cheapest
-    that stays so near to the grains computed one by one: `choose` tells which. `run.scene["choice"]` states it.
+    that stays so near to the grains computed one by one: `choose` tells which. `run.scene["choice"]` states it. A
+    network is among them if `learned` names its file; its predictions are made again rather than continued.
 
     Ctrl-C, or *Interrupt* in a notebook, saves a checkpoint beside `output` and raises `KeyboardInterrupt`; the same
     call with `resume=True` continues with the same bits. Other Python threads run meanwhile.
@@ -49,7 +52,13 @@ def run(
     """
     text, name = _scene.text_and_name(scene)
     if within is not None:
-        text = choose(scene, within, device=device).scene_text
+        choice = choose(scene, within, learned=learned, device=device)
+        text = choice.scene_text
+        if learned is not None and choice["candidates"][choice["taken"]]["family"] == "learned":
+            values = json.loads(_dempm.toml_values(text))
+            return rollout(learned, values, output, device=device, overwrite=overwrite or resume)
+    elif learned is not None:
+        raise ValueError("learned: with `within` only")
     with Watcher(progress) as watcher:
         return opened(
             lambda path: _dempm.run(text, name, path, device, resume, overwrite, checkpoint_interval, watcher),
@@ -126,12 +135,15 @@ class Choice(Mapping[str, Any]):
         return self._text
 
 
-def choose(scene: Values, within: float | str, *, device: str = "auto") -> Choice:
+def choose(
+    scene: Values, within: float | str, *, learned: FilePath | None = None, device: str = "auto"
+) -> Choice:
     """Finds the cheapest model of a scene, a file or a dictionary, that stays `within` a distance of its grains computed
-    one by one: metres (root mean square), or a text such as `5%` of the run-out. Raises `dempm.Error` if the scene is
-    invalid or has no candidates.
+    one by one: metres (root mean square), or a text such as `5%` of the run-out. A network is a candidate too if `learned`
+    names its file. Raises `dempm.Error` if the scene is invalid or has no candidates.
     """
-    values, text, chosen = _dempm.choose(*_scene.text_and_name(scene), str(within), device)
+    model = None if learned is None else os.fspath(learned)
+    values, text, chosen = _dempm.choose(*_scene.text_and_name(scene), str(within), device, model)
     return Choice(json.loads(values), text, chosen)
 
 

@@ -1,5 +1,7 @@
 //! The cost of a scene.
 
+use std::path::PathBuf;
+
 use dempm::check::{Needs, Rates};
 use dempm::choose::Within;
 use dempm::commands::choose::Chooser;
@@ -9,6 +11,7 @@ use miette::{IntoDiagnostic, miette};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
+use surrogate::commands::expect_of;
 
 use crate::failure::text;
 use crate::supervisor::supervise;
@@ -31,6 +34,7 @@ pub fn choose(
     name: String,
     within: &str,
     device: &str,
+    learned: Option<PathBuf>,
 ) -> PyResult<(String, String, String)> {
     let within: Within = within
         .parse()
@@ -41,7 +45,8 @@ pub fn choose(
     supervise(py, None, move |_, _| {
         let scene = Scene::parse(&scene, &name)?;
         let on_gpu = device.open().into_diagnostic()?.is_some();
-        let choice = Chooser::new(on_gpu)?.choice(&scene, within)?;
+        let learned = learned.map(|model| expect_of(&model, &scene, device, false)).transpose()?;
+        let choice = Chooser::new(on_gpu)?.choice(&scene, within, learned.as_ref())?;
         let chosen = choice.chosen_scene().map_err(|why| miette!("{name}: {why}"))?;
         let json = serde_json::to_string(&choice).into_diagnostic()?;
         Ok((json, choice.to_string(), chosen.text))

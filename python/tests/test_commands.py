@@ -46,6 +46,13 @@ def test_a_model_is_chosen_and_run():
     assert share["within"] == pytest.approx(0.05 * share["runout"])
     with pytest.raises(ValueError, match="metres"):
         dempm.choose(path, "near")
+    # A network without a bound is out.
+    model = ROOT / "models/tgnns-baseline.safetensors"
+    network = dempm.choose(path, 0.2, learned=model, device="cpu")["candidates"][-1]
+    assert network["family"] == "learned"
+    assert "calibrate-error" in network["out"]
+    with pytest.raises(ValueError, match="with `within` only"):
+        dempm.run(path, learned=model)
     # What is chosen is run.
     scene = {**dempm._scene.values(path), "duration": 0.5}
     choice = dempm.choose(scene, 100, device="cpu")

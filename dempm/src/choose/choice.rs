@@ -320,6 +320,7 @@ fn runout(scene: &Scene, needs: &Needs) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::learned::LearnedError;
     use super::super::library::{Case, Distance};
     use super::*;
 
@@ -343,6 +344,7 @@ mod tests {
                     Family::Discs => 0.01 * candidate.size,
                     Family::Rve => 0.03 * fineness,
                     Family::MuI => 0.08 * fineness,
+                    Family::Learned => unreachable!("no network is among them"),
                 };
                 let error = share * size[1];
                 cases.push(Case {
@@ -395,6 +397,44 @@ mod tests {
     }
 
     #[test]
+    fn a_network_counts_by_its_own_bound() {
+        let rates = Rates::of_processor(1.0e8);
+        let of = |velocity: &str, learned: &Learned| {
+            let scene = scene([1.0, 1.0], 0.0, velocity);
+            let learned = Learned { scene: scene.text.clone(), ..learned.clone() };
+            let within = Within::Metres(0.05);
+            Choice::of(&scene, within, &model(), &rates, None, Some(&learned)).unwrap()
+        };
+        let expected = Expected { median: 0.02, bound: 0.04 };
+        let quick = Learned {
+            name: "network".to_owned(),
+            scene: String::new(),
+            error: Some(LearnedError { end: expected, largest: expected }),
+            seconds: Some(1.0e-6),
+            memory: None,
+            out: None,
+        };
+        let throw = "velocity = [3.0, 0.0]";
+        for velocity in ["", throw] {
+            let choice = of(velocity, &quick);
+            assert_eq!((choice.taken().family, choice.met), (Family::Learned, true), "{choice}");
+            assert_eq!(choice.chosen_scene().unwrap().choice.unwrap().bound, Some(0.04));
+            assert!(choice.coarser().is_none());
+        }
+        // Too slow, too far, or out by its own word.
+        let slow = Learned { seconds: Some(1.0e9), ..quick.clone() };
+        let beyond =
+            Some(LearnedError { end: expected, largest: Expected { bound: 0.06, ..expected } });
+        let far = Learned { error: beyond, ..quick.clone() };
+        let out = Learned { out: Some("other frames".to_owned()), ..quick };
+        assert_ne!(of("", &slow).taken().family, Family::Learned);
+        assert_eq!(of(throw, &far).taken, 0);
+        let choice = of(throw, &out);
+        let network = choice.candidates.last().unwrap();
+        assert_eq!((choice.taken, network.out.as_deref()), (0, Some("other frames")));
+    }
+
+    #[test]
     fn the_scene_states_the_choice_and_is_found_again() {
         let column = scene([1.0, 1.0], 0.0, "");
         let choice = choose(&column, 0.1, None);
@@ -411,7 +451,8 @@ mod tests {
     #[test]
     fn a_share_is_one_of_the_way_to_the_wall() {
         let rates = Rates::of_processor(1.0e8);
-        let of = |scene: &Scene| Choice::of(scene, Within::OfRunout(0.1), &model(), &rates, None, None);
+        let of =
+            |scene: &Scene| Choice::of(scene, Within::OfRunout(0.1), &model(), &rates, None, None);
         // 2.5 a L = 2.5 m for discs (Staron and Hinch 2005).
         assert!((of(&scene([1.0, 1.0], 0.0, "")).unwrap().within - 0.25).abs() < 1e-12);
         // The box ends after 2 m.
@@ -424,8 +465,14 @@ mod tests {
     fn scenes_without_grains_have_no_choice() {
         let text = "duration = 0.5\nmaterial.kind = \"elastic\"\n[domain]\nsize = [4.0, 2.0]\n[[column]]\nsize = [1.0, 1.0]\n";
         let scene = Scene::parse(text, "test.toml").unwrap();
-        let found =
-            Choice::of(&scene, Within::Metres(0.1), &model(), &Rates::of_processor(1e8), None, None);
+        let found = Choice::of(
+            &scene,
+            Within::Metres(0.1),
+            &model(),
+            &Rates::of_processor(1e8),
+            None,
+            None,
+        );
         assert!(found.unwrap_err().to_string().contains("elastic"));
     }
 }

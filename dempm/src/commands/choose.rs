@@ -42,7 +42,8 @@ pub fn choose(args: &ChooseArgs) -> miette::Result<()> {
         note!("{warnings:?}");
     }
     let on_gpu = args.device.open().into_diagnostic()?.is_some();
-    let learned = args.learned.as_deref().map(|model| Network::new(model, args.device)?.expect(&scene));
+    let learned =
+        args.learned.as_deref().map(|model| Network::new(model, args.device)?.expect(&scene));
     let choice =
         Chooser::new(on_gpu)?.choice(&scene, args.within, learned.transpose()?.as_ref())?;
     if args.json {

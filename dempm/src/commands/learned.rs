@@ -65,13 +65,14 @@ impl Network {
         let folder = tempfile::tempdir().into_diagnostic()?;
         let mut command = self.command("expect", scene, folder.path())?;
         let output = command.arg("--json").stdout(Stdio::piped()).output();
-        let output = output.into_diagnostic().wrap_err_with(|| self.program.display().to_string())?;
+        let output =
+            output.into_diagnostic().wrap_err_with(|| self.program.display().to_string())?;
         if !output.status.success() {
             bail!("{}: no expectation from {}", scene.name, self.model.display());
         }
-        serde_json::from_slice(&output.stdout).into_diagnostic().wrap_err_with(|| {
-            format!("{}: not the answer of this version", self.program.display())
-        })
+        serde_json::from_slice(&output.stdout)
+            .into_diagnostic()
+            .wrap_err_with(|| format!("{}: not the answer of this version", self.program.display()))
     }
 
     /// Predicts a scene into a trajectory file. With `resume`, a finished prediction of the scene stays, and an

@@ -112,7 +112,8 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         Some(within) => {
             let network = args.learned.as_deref().map(|model| Network::new(model, args.device));
             let network = network.transpose()?;
-            let choice = chosen(&scene, within, network.as_ref(), &output, args.resume, device.is_some())?;
+            let choice =
+                chosen(&scene, within, network.as_ref(), &output, args.resume, device.is_some())?;
             let scene = choice.chosen_scene().map_err(|why| miette!("{}: {why}", scene.name))?;
             (scene, Some(Taken { choice, network }))
         }

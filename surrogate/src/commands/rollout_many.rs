@@ -13,9 +13,7 @@ use miette::bail;
 use super::progress::Progress;
 use crate::data::trajectories_in;
 use crate::diagnostics::start_checks;
-use crate::rollout::{
-    InitialFrames, RecordedRollout, RecordingOptions, RolloutObserver, record,
-};
+use crate::rollout::{InitialFrames, RecordedRollout, RecordingOptions, RolloutObserver, record};
 use crate::simulator::Simulator;
 use crate::workers::for_all;
 

@@ -77,7 +77,9 @@ fn error_model<'a>(simulator: &'a Simulator, scene: &Scene) -> Result<&'a ErrorM
     let unknown = "its error is unknown: `surrogate calibrate-error` measures it";
     let model = training.error.as_ref().ok_or(unknown)?;
     match model.truth.as_deref() {
-        Some(other) if other != TRUTH => Err(format!("its error is that from `{other}`, not discs")),
+        Some(other) if other != TRUTH => {
+            Err(format!("its error is that from `{other}`, not discs"))
+        }
         _ => Ok(model),
     }
 }

@@ -54,6 +54,13 @@ pub struct Chosen {
     pub seconds: f64,
 }
 
+impl Chosen {
+    /// Whether it is nearer to the truth than this distance (m).
+    pub fn is_below(&self, distance: f64) -> bool {
+        self.distance.as_ref().is_ok_and(|found| *found <= distance)
+    }
+}
+
 /// The scenes; of the quick suite the cheapest.
 ///
 /// # Errors
@@ -98,53 +105,22 @@ pub fn measure(context: &mut Context) -> miette::Result<Vec<OfScene>> {
 }
 
 fn of_scene(context: &mut Context, name: &str, scene: &Scene) -> miette::Result<OfScene> {
-    let texts = texts(scene);
-    let first = context.run(&format!("{name}: discs"), &texts[0])?;
-    let others: Vec<&str> = texts[1..].iter().map(String::as_str).collect();
-    let others = context.runs_together(&format!("{name}: seeds of the discs"), &others)?;
-    let read = |run: &Run| match run.succeeded {
-        true => Motion::read(&run.output).into_diagnostic(),
-        false => Err(miette!("{}", run.message)),
-    };
-    let truth: Vec<Motion> =
-        std::iter::once(&first).chain(&others).map(read).collect::<miette::Result<_>>()?;
-    let truth = Reference::of(truth).map_err(|problem| miette!("{problem}"))?;
-    let against = |run: &Run| -> miette::Result<Result<[f64; 2], String>> {
-        if !run.succeeded {
-            return Ok(Err(run.message.clone()));
-        }
-        let motion = Motion::read(&run.output)?;
-        Ok(compare(&motion, &truth).map(|found| {
-            let largest = |values: Vec<f64>| values.into_iter().fold(0.0, f64::max);
-            let distance = largest(found.rows.iter().map(|row| row.distance).collect());
-            [distance, largest(found.rows.iter().filter_map(|row| row.spread).collect())]
-        }))
-    };
-    let seconds = |run: &Run| -> miette::Result<f64> {
-        let finished = run.succeeded.then(|| Trajectory::open(&run.output)).transpose()?;
-        Ok(finished.map_or(f64::NAN, |trajectory| computing(&trajectory)))
-    };
-    let spread = against(&first)?.map_err(|why| miette!("{why}"))?[1];
+    let discs = Discs::run(context, name, scene)?;
+    let model = ErrorModel::shipped();
     // One run for each model, however often it is chosen.
     let mut known: BTreeMap<String, (Result<f64, String>, f64)> = BTreeMap::new();
     let mut chosen = Vec::new();
     for within in WITHIN {
-        let choice = Choice::of(
-            scene,
-            Within::Metres(within),
-            &ErrorModel::shipped(),
-            &context.rates,
-            None,
-            None,
-        )?;
+        let (allowed, rates) = (Within::Metres(within), &context.rates);
+        let choice = Choice::of(scene, allowed, &model, rates, None, None)?;
         let entry = choice.taken();
         if !known.contains_key(&entry.name) {
             let found = if choice.taken == 0 {
-                (Ok(spread), seconds(&first)?)
+                (Ok(discs.spread), discs.seconds)
             } else {
                 let text = &entry.scene().map_err(|why| miette!("{why}"))?.text;
                 let run = context.run(&format!("{name}: {}", entry.name), text)?;
-                (against(&run)?.map(|[distance, _]| distance), seconds(&run)?)
+                (discs.distance(&run)?, seconds(&run)?)
             };
             known.insert(entry.name.clone(), found);
         }
@@ -158,5 +134,49 @@ fn of_scene(context: &mut Context, name: &str, scene: &Scene) -> miette::Result<
             seconds,
         });
     }
-    Ok(OfScene { name: name.to_owned(), spread, seconds: seconds(&first)?, chosen })
+    Ok(OfScene { name: name.to_owned(), spread: discs.spread, seconds: discs.seconds, chosen })
+}
+
+/// The discs of a scene.
+struct Discs {
+    truth: Reference,
+    /// The largest distance (m) between two seeds.
+    spread: f64,
+    /// Wall time of one, s.
+    seconds: f64,
+}
+
+impl Discs {
+    /// Runs all seeds.
+    fn run(context: &mut Context, name: &str, scene: &Scene) -> miette::Result<Self> {
+        let texts = texts(scene);
+        let first = context.run(&format!("{name}: discs"), &texts[0])?;
+        let others: Vec<&str> = texts[1..].iter().map(String::as_str).collect();
+        let others = context.runs_together(&format!("{name}: seeds of the discs"), &others)?;
+        let read = |run: &Run| match run.succeeded {
+            true => Motion::read(&run.output).into_diagnostic(),
+            false => Err(miette!("{}", run.message)),
+        };
+        let truth: Vec<Motion> =
+            std::iter::once(&first).chain(&others).map(read).collect::<miette::Result<_>>()?;
+        let truth = Reference::of(truth).map_err(|problem| miette!("{problem}"))?;
+        let found = compare(&read(&first)?, &truth).map_err(|why| miette!("{why}"))?;
+        let spread = found.rows.iter().filter_map(|row| row.spread).fold(0.0, f64::max);
+        Ok(Self { truth, spread, seconds: seconds(&first)? })
+    }
+
+    /// The largest distance (m) of a run from them over time, or why there is none.
+    fn distance(&self, run: &Run) -> miette::Result<Result<f64, String>> {
+        if !run.succeeded {
+            return Ok(Err(run.message.clone()));
+        }
+        let found = compare(&Motion::read(&run.output)?, &self.truth);
+        Ok(found.map(|found| found.rows.iter().map(|row| row.distance).fold(0.0, f64::max)))
+    }
+}
+
+/// Wall time of a run, s; not a number if it failed.
+fn seconds(run: &Run) -> miette::Result<f64> {
+    let finished = run.succeeded.then(|| Trajectory::open(&run.output)).transpose()?;
+    Ok(finished.map_or(f64::NAN, |trajectory| computing(&trajectory)))
 }
