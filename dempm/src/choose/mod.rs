@@ -22,6 +22,7 @@ mod within;
 pub use after::distance;
 pub use candidate::{Candidate, candidates, discs_on_grids};
 pub use choice::{Choice, ChoiceError, Entry};
+pub use conformal::quantile;
 pub use error_model::{ErrorModel, Expected, LEVEL, Prediction};
 pub use evaluation::{Evaluation, FACTOR, evaluate};
 pub use family::Family;

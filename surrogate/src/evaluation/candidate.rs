@@ -2,6 +2,7 @@
 //!
 //! What is known of its error follows from the rollout itself, so it is made, and not kept.
 
+use std::convert::Infallible;
 use std::time::Instant;
 
 use dempm::choose::{Expected, Learned, LearnedError, discs_on_grids};
@@ -95,8 +96,7 @@ fn expected(
     let mut features = ErrorFeatures::new(simulator, initial);
     let mut rollout = Rollout::new(simulator, initial);
     let last = initial.frames - 1;
-    while rollout.frame() < last {
-        rollout.advance().map_err(|error| format!("its prediction fails: {error}"))?;
+    let Ok(failure) = rollout.up_to(last, |rollout| {
         features.observe(rollout.before(), rollout.last());
         let frame = rollout.frame();
         let part = frame as f64 / last as f64;
@@ -105,6 +105,10 @@ fn expected(
         error.end = Expected { median, bound };
         error.largest.median = error.largest.median.max(median);
         error.largest.bound = error.largest.bound.max(bound);
+        Ok::<_, Infallible>(())
+    });
+    match failure {
+        Some(failure) => Err(format!("its prediction fails: {failure}")),
+        None => Ok(error),
     }
-    Ok(error)
 }

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use dempm::trajectory::{Trajectory, TrajectoryError};
+use dempm::trajectory::Trajectory;
 
+use super::error::EvaluationError;
 use super::metrics::{Errors, Measure};
+use super::seeds::stem;
 use crate::rollout::{InitialFrames, InitialFramesError, Rollout, stride};
 use crate::simulator::Simulator;
 
@@ -16,27 +18,6 @@ pub struct Case {
     pub rollout: Errors,
     /// Differences to a run of the same scene with another packing, over the same frames.
     pub floor: Option<Errors>,
-}
-
-/// A comparison that cannot be made.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
-pub enum EvaluationError {
-    /// A trajectory cannot be read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Trajectory(#[from] TrajectoryError),
-    /// The model cannot start from the trajectory.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    InitialFrames(#[from] InitialFramesError),
-    /// The two runs of a noise floor are of different scenes.
-    #[error("--noise-floor: {} is not a run of the scene of {}", twin.display(), path.display())]
-    OtherScene {
-        /// The trajectory file.
-        path: PathBuf,
-        /// The file that should be a run of its scene.
-        twin: PathBuf,
-    },
 }
 
 /// Rolls a model out from the first frames of a trajectory and compares it with the rest, up to
@@ -54,24 +35,19 @@ pub fn compare(
     let initial = InitialFrames::from_trajectory(path, 0, simulator)?;
     let truth = Trajectory::open(path)?;
     let header = truth.header();
-    let stride = stride(simulator.training.frame_interval, header.frame_interval, || name(path))?;
-    let mut errors = Errors { case: name(path), ..Errors::default() };
+    let stride = stride(simulator.training.frame_interval, header.frame_interval, || stem(path))?;
+    let mut errors = Errors { case: stem(path), ..Errors::default() };
     let measure = measure(&truth);
     let mut rollout = Rollout::new(simulator, &initial);
-    let last = frames.unwrap_or(initial.frames).min(initial.frames);
-    while rollout.frame() + 1 < last {
-        let frame = rollout.frame() + 1;
-        let predicted = match rollout.advance() {
-            Ok(predicted) => predicted,
-            Err(error) => {
-                errors.failure = Some(error.to_string());
-                break;
-            }
-        };
+    let last = frames.unwrap_or(initial.frames).min(initial.frames).saturating_sub(1);
+    let failure = rollout.up_to(last, |rollout| {
+        let frame = rollout.frame();
         let truth = truth.frame(frame * stride)?;
         errors.frames.push(frame);
-        errors.errors.push(measure.between(predicted, &truth.position, truth.time));
-    }
+        errors.errors.push(measure.between(rollout.last(), &truth.position, truth.time));
+        Ok::<_, InitialFramesError>(())
+    })?;
+    errors.failure = failure.map(|error| error.to_string());
     Ok(errors)
 }
 
@@ -92,12 +68,12 @@ pub fn noise_floor(
         && header.domain == found.domain
         && header.frame_interval == found.frame_interval;
     if !alike {
-        return Err(EvaluationError::OtherScene { path: path.to_owned(), twin: twin.to_owned() });
+        return Err(EvaluationError::OtherScene { path: path.to_owned(), other: twin.to_owned() });
     }
-    let stride = stride(simulator.training.frame_interval, header.frame_interval, || name(path))?;
+    let stride = stride(simulator.training.frame_interval, header.frame_interval, || stem(path))?;
     let measure = measure(&truth);
     let made = truth.frames().min(other.frames()).div_ceil(stride);
-    let mut errors = Errors { case: format!("{} floor", name(path)), ..Errors::default() };
+    let mut errors = Errors { case: format!("{} floor", stem(path)), ..Errors::default() };
     for frame in simulator.first_frames()..frames.unwrap_or(made).min(made) {
         let (one, another) = (truth.frame(frame * stride)?, other.frame(frame * stride)?);
         errors.frames.push(frame);
@@ -110,8 +86,4 @@ fn measure(truth: &Trajectory) -> Measure {
     let header = truth.header();
     let mass = truth.points().mass.clone();
     Measure { mass, spacing: header.point_spacing, width: header.domain[0] }
-}
-
-fn name(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -7,103 +7,17 @@
 use std::path::{Path, PathBuf};
 
 use dempm::comparison::{Parts, common_frames};
-use dempm::trajectory::{Trajectory, TrajectoryError};
+use dempm::trajectory::Trajectory;
 use serde::Serialize;
-use toml::Table;
 
+use super::error::EvaluationError;
 use super::metrics::mean_square_distance;
-use crate::rollout::{InitialFrames, InitialFramesError, Rollout, stride};
+use super::seeds::Seeds;
+use crate::rollout::{InitialFrames, Rollout, stride};
 use crate::simulator::Simulator;
 
 /// Distances below this part of the distance between points do not count: they are no difference.
 const NOTHING: f64 = 0.1;
-
-/// Runs of one scene with several seeds.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Seeds {
-    /// Class of the scene: the beginning of the file's name before its number.
-    pub class: String,
-    /// The files, the first of which names the scene.
-    pub files: Vec<PathBuf>,
-}
-
-impl Seeds {
-    fn of(mut files: Vec<PathBuf>) -> Self {
-        // `heap-000.h5` comes before `heap-000-seed-2.h5`.
-        files.sort_by_key(|path| (stem(path).len(), path.clone()));
-        Self { class: class_of(&stem(&files[0])), files }
-    }
-
-    /// Name of the scene.
-    pub fn name(&self) -> String {
-        stem(&self.files[0])
-    }
-}
-
-/// A comparison with the truth that cannot be made.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
-pub enum TruthError {
-    /// A trajectory cannot be read.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    Trajectory(#[from] TrajectoryError),
-    /// The model cannot start from a trajectory.
-    #[error(transparent)]
-    #[diagnostic(transparent)]
-    InitialFrames(#[from] InitialFramesError),
-    /// A run beside the truth is of another scene.
-    #[error("{} does not start with the material of {}", other.display(), truth.display())]
-    OtherScene {
-        /// The run.
-        other: PathBuf,
-        /// The truth of its name.
-        truth: PathBuf,
-    },
-    /// Runs of a scene differ in their points.
-    #[error("{} and {} have other points, or no frame in common", one.display(), other.display())]
-    OtherPoints {
-        /// A run.
-        one: PathBuf,
-        /// Another one.
-        other: PathBuf,
-    },
-}
-
-/// Groups trajectories by scene, in the order of their names. The text of a scene but for title and seed tells
-/// which belong together.
-///
-/// # Errors
-/// If a trajectory cannot be read.
-pub fn group_by_scene(paths: &[PathBuf]) -> Result<Vec<Seeds>, TrajectoryError> {
-    let mut groups: Vec<(Option<Table>, Vec<PathBuf>)> = Vec::new();
-    for path in paths {
-        let text = Trajectory::open(path)?.header().scene.clone();
-        let scene = toml::from_str::<Table>(&text).ok().map(|mut scene| {
-            scene.remove("seed");
-            scene.remove("title");
-            scene
-        });
-        match groups.iter_mut().find(|(other, _)| scene.is_some() && *other == scene) {
-            Some((_, files)) => files.push(path.clone()),
-            None => groups.push((scene, vec![path.clone()])),
-        }
-    }
-    let seeds = groups.into_iter().map(|(_, files)| Seeds::of(files));
-    Ok(seeds.collect())
-}
-
-fn stem(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-/// `at-rest` of `at-rest-003`; a name without a number is its own class, and one that is a number is of class
-/// `scene`.
-fn class_of(name: &str) -> String {
-    match name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches(['-', '_']) {
-        "" => "scene".to_owned(),
-        class => class.to_owned(),
-    }
-}
 
 /// Distances from the truth at one time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -172,7 +86,7 @@ pub fn against_truth(
     simulator: &Simulator,
     seeds: &Seeds,
     others: &[PathBuf],
-) -> Result<Option<AgainstTruth>, TruthError> {
+) -> Result<Option<AgainstTruth>, EvaluationError> {
     if seeds.files.len() < 2 {
         return Ok(None);
     }
@@ -181,8 +95,8 @@ pub fn against_truth(
     let [first, rest @ ..] = &runs[..] else { return Ok(None) };
     for other in rest {
         if other.frames[0].len() != first.frames[0].len() {
-            let [one, other] = [0, 1].map(|k| seeds.files[k].clone());
-            return Err(TruthError::OtherPoints { one, other });
+            let [path, other] = [0, 1].map(|k| seeds.files[k].clone());
+            return Err(EvaluationError::OtherPoints { path, other });
         }
     }
     let start = simulator.first_frames();
@@ -199,16 +113,15 @@ pub fn against_truth(
             squares[frame] += share * mean_square_distance(&run.frames[frame], &mean[frame]);
         }
         let mut rollout = Rollout::new(simulator, &run.initial);
-        for frame in start..count {
-            let square = match rollout.advance() {
-                Ok(positions) => Some(share * mean_square_distance(positions, &mean[frame])),
-                Err(error) => {
-                    failure.get_or_insert_with(|| error.to_string());
-                    predicted[frame..].fill(None);
-                    break;
-                }
-            };
-            predicted[frame] = predicted[frame].zip(square).map(|(sum, square)| sum + square);
+        let ended = rollout.up_to(count.saturating_sub(1), |rollout| {
+            let frame = rollout.frame();
+            let square = share * mean_square_distance(rollout.last(), &mean[frame]);
+            predicted[frame] = predicted[frame].map(|sum| sum + square);
+            Ok::<_, EvaluationError>(())
+        })?;
+        if let Some(error) = ended {
+            predicted[rollout.frame() + 1..].fill(None);
+            failure.get_or_insert_with(|| error.to_string());
         }
     }
     let mut rows: Vec<TruthRow> = (start..count)
@@ -245,7 +158,7 @@ struct Run {
 }
 
 impl Run {
-    fn read(path: &Path, simulator: &Simulator) -> Result<Self, TruthError> {
+    fn read(path: &Path, simulator: &Simulator) -> Result<Self, EvaluationError> {
         let initial = InitialFrames::from_trajectory(path, 0, simulator)?;
         let trajectory = Trajectory::open(path)?;
         let (own, found) = (simulator.training.frame_interval, trajectory.header().frame_interval);
@@ -274,9 +187,10 @@ fn distances_of(
     truth: &Path,
     first: &Run,
     without: &[Vec<Vec<[f64; 2]>>],
-) -> Result<Vec<Option<f64>>, TruthError> {
+) -> Result<Vec<Option<f64>>, EvaluationError> {
     let [own, reference] = [Trajectory::open(path)?, Trajectory::open(truth)?];
-    let other_scene = || TruthError::OtherScene { other: path.to_owned(), truth: truth.to_owned() };
+    let other_scene =
+        || EvaluationError::OtherScene { path: truth.to_owned(), other: path.to_owned() };
     let parts = Parts::of(&own, &reference)?.ok_or_else(other_scene)?;
     let mut distances = vec![None; first.times.len()];
     for frames in common_frames(&[own.time(), &first.times]) {
@@ -296,23 +210,6 @@ fn distances_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn classes_are_what_stands_before_the_number() {
-        for (name, class) in
-            [("at-rest-003", "at-rest"), ("000", "scene"), ("col2x2", "col2x"), ("heap", "heap")]
-        {
-            assert_eq!(class_of(name), class);
-        }
-    }
-
-    #[test]
-    fn the_first_seed_names_the_scene() {
-        let files = ["heap-000-seed-10.h5", "heap-000-seed-2.h5", "heap-000.h5"].map(PathBuf::from);
-        let seeds = Seeds::of(files.to_vec());
-        assert_eq!((seeds.name().as_str(), seeds.class.as_str()), ("heap-000", "heap"));
-        assert_eq!(stem(&seeds.files[2]), "heap-000-seed-10");
-    }
 
     /// Seeds at 0, 1 and 2 m: means without one are at 1.5, 1 and 0.5 m, so one seed is 1.5, 0 and 1.5 m away.
     #[test]

@@ -114,6 +114,24 @@ impl<'a> Rollout<'a> {
         Ok(&self.window[self.window.len() - 1])
     }
 
+    /// Predicts up to the frame of this number, and shows each to `look`. Returns the failure that ends it earlier.
+    ///
+    /// # Errors
+    /// Those of `look`.
+    pub fn up_to<E>(
+        &mut self,
+        frame: usize,
+        mut look: impl FnMut(&Self) -> Result<(), E>,
+    ) -> Result<Option<RolloutError>, E> {
+        while self.frame < frame {
+            if let Err(error) = self.advance() {
+                return Ok(Some(error));
+            }
+            look(self)?;
+        }
+        Ok(None)
+    }
+
     /// Semi-implicit Euler, then walls and boxes. Accelerations are in m/frame².
     fn integrate(&self, accelerations: &[f64]) -> Result<Vec<[f64; 2]>, RolloutError> {
         let (last, before) = (self.last(), self.before());

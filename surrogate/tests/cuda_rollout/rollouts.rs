@@ -1,0 +1,168 @@
+//! Rollouts, frame by frame.
+
+use burn::backend::Flex;
+use dempm::scene::{Plate, Rectangle, Scene};
+use rstest::rstest;
+use surrogate::cuda::{BLOCK, Capacity, CudaNetwork, CudaRollout, Frames, Motion, Past};
+use surrogate::features::{Obstacle, Window};
+use surrogate::network::parameters::weights;
+use surrogate::network::{Model, ModelConfig, Precision};
+use surrogate::rollout::{Constraints, RolloutError};
+use surrogate::simulator::{Simulator, Training};
+
+use crate::fixtures::{FEATURES, normalisation_for, statics};
+use crate::scene::{boxes_before, integrate, motion, scene, single, start};
+use crate::stand_in::{StandIn, advance, stand_in_config};
+
+/// Rolls a random network out on the device: each frame is what the simulator on the processor makes
+/// of those before it.
+fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usize) {
+    let Some(device) = gpu::for_tests() else { return };
+    // No box in the way: a rough one holds a point that touches it, and rounding decides which does. A
+    // plate within sight moves away faster than the points.
+    let place = Rectangle { corner: [0.5, 1.3], size: [1.5, 0.3] };
+    let faces = scene().plate.unwrap().faces;
+    let plate = Some(Plate { place, velocity: [0.2, 3.0], start: 0.05, faces });
+    let scene = Scene { obstacles: Vec::new(), plate, ..scene() };
+    // Falling to one side, which the image does to the other.
+    let fall = [5e-4, -9.81e-4];
+    let motion = Motion { constraints: Constraints::new(&scene), fall, mirror, ..motion() };
+    let norm = normalisation_for(&config);
+    let model = Model::<Flex>::new(&config, 5, &Default::default());
+    let mut window = start(300, config.window(), 0.7);
+    let statics = &statics(&config, 300)[..];
+    let room = Capacity { points: 1, edges: 1 };
+    let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();
+    network.set_weights(&weights(&model)).unwrap();
+    let past = Past { window: &window, statics, next: window.len() };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
+    let training = Training::untrained(motion.interval, true);
+    let simulator = Simulator { mirror, ..Simulator::new(model, config, norm, training) };
+    let mut network = simulator.inference();
+    let mut obstacles = boxes_before(&motion, window.len());
+    // Of the largest acceleration.
+    let tolerance = if precision == Precision::F32 { 1e-4 } else { 0.2 };
+    let mut frame = window.len();
+    for _ in 0..blocks {
+        let (frames, failure) = rollout.block().unwrap();
+        assert_eq!(failure, None);
+        for found in frames {
+            let positions = &single(&window);
+            let (points, seen) = (window[0].len(), &obstacles);
+            let seen = Window { positions, points, statics, obstacles: seen };
+            let domain = motion.constraints.domain();
+            let accelerations = simulator.accelerations(&mut network, &seen, domain, motion.fall);
+            obstacles.iter_mut().for_each(Obstacle::advance);
+            let largest = accelerations.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+            let expected = integrate(&window, &motion, frame, &accelerations);
+            let pairs = found.as_flattened().iter().zip(expected.as_flattened());
+            let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(most <= tolerance * largest, "frame {frame}: {most:e} of {largest:e} m");
+            window.remove(0);
+            window.push(found);
+            frame += 1;
+        }
+    }
+}
+
+#[rstest]
+fn networks_roll_out(
+    #[values("baseline", "frame4-msg0-hidden1", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
+    #[values(Precision::F32, Precision::Bf16)] precision: Precision,
+) {
+    // More frames than it takes until everything comes from CUDA graphs: six and one.
+    let config = ModelConfig { gns_layers: 3, ..ModelConfig::named(name).unwrap() };
+    roll_out(config, precision, false, 3);
+}
+
+#[rstest]
+fn mirror_images_and_further_features_roll_out(
+    #[values("frame4-msg0-hidden1", "frame4-msg1-hidden1-edgemsg", "gns")] name: &str,
+    #[values(false, true)] mirror: bool,
+) {
+    let config = ModelConfig::named(name).unwrap();
+    // The kernels take 32 features of a node: with all of these, a GNS sees five frames.
+    let frames = config.frames.min(5);
+    let config = ModelConfig { frames, node_features: FEATURES.to_vec(), gns_layers: 3, ..config };
+    roll_out(config, Precision::F32, mirror, 3);
+}
+
+/// Several blocks, most of them CUDA graphs: to the bit what the CPU makes of them. The points start
+/// close together, so that the room for edges is too small and grows.
+#[rstest]
+fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spread: f64) {
+    let Some(device) = gpu::for_tests() else { return };
+    let config = stand_in_config(4);
+    let (scale, motion) = (0.05, motion());
+    let mut window = start(points, config.frames, spread);
+    let network = StandIn::new(&device, &config, points, scale);
+    let norm = normalisation_for(&config);
+    let past = Past { window: &window, statics: &[], next: window.len() };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
+    let mut frame = window.len();
+    let mut obstacles = boxes_before(&motion, frame);
+    for _ in 0..3 {
+        let (frames, failure) = rollout.block().unwrap();
+        assert_eq!((frames.len(), failure), (BLOCK, None));
+        for found in frames {
+            let expected = advance(&window, &mut obstacles, &motion, frame, scale);
+            assert_eq!(found, expected, "frame {frame}");
+            window.remove(0);
+            window.push(found);
+            frame += 1;
+        }
+    }
+}
+
+/// What a rollout gives before it fails, and why it does.
+fn failing(
+    motion: &Motion,
+    window: &[Vec<[f64; 2]>],
+    scale: f32,
+) -> Option<(Frames, RolloutError)> {
+    let device = gpu::for_tests()?;
+    let config = stand_in_config(window.len());
+    let network = StandIn::new(&device, &config, window[0].len(), scale);
+    let norm = normalisation_for(&config);
+    let past = Past { window, statics: &[], next: window.len() };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, motion, past, network).unwrap();
+    let mut good = Vec::new();
+    while good.len() < 100 {
+        let (frames, failure) = rollout.block().unwrap();
+        good.extend(frames);
+        if let Some(failure) = failure {
+            return Some((good, failure));
+        }
+    }
+    panic!("no failure in 100 frames");
+}
+
+#[test]
+fn failures_name_frame_and_point() {
+    let mut window = start(50, 4, 1.0);
+    let Some((good, failure)) = failing(&motion(), &window, f32::INFINITY) else { return };
+    assert!(good.is_empty());
+    assert_eq!(failure, RolloutError::NotFinite { frame: 4, point: 0 });
+
+    // Free fall along x, in which this point reaches the wall with 0.35 m/frame in frame 26.
+    for frame in &mut window {
+        frame[7] = [0.12, 1.9];
+    }
+    let motion = Motion { fall: [0.015, 0.0], ..motion() };
+    let Some((good, failure)) = failing(&motion, &window, 0.0) else { return };
+    let mut frame = window.len();
+    let mut obstacles = boxes_before(&motion, frame);
+    for found in good {
+        assert_eq!(found, advance(&window, &mut obstacles, &motion, frame, 0.0));
+        window.remove(0);
+        window.push(found);
+        frame += 1;
+    }
+    let RolloutError::Left { frame: failed, point, distance } = failure else {
+        panic!("{failure}")
+    };
+    assert_eq!(failed, frame);
+    let (before, last) = (window[window.len() - 2][point], window[window.len() - 1][point]);
+    let beyond = last[0] + (last[0] - before[0] + (1e-4 + 0.015)) - 4.0;
+    assert!(beyond > 0.25 && (beyond - distance).abs() < 1e-12, "{beyond} {distance}");
+}
