@@ -1,5 +1,5 @@
 # make demo    build, run a column of packings and the same grains one by one, and draw both: out/*.png
-# make learn   train a small network on direct runs, let it predict a column: out/learn
+# make learn   train a small network on columns of discs, let it predict another: out/learn
 # make test    the whole test suite; TORCH=1 includes dempm.torch, a download of some gigabytes
 # make lint    links, formatting, clippy, licences and crate documentation, as the continuous
 #              integration does
@@ -27,18 +27,15 @@ demo: build-dempm
 	$(RUN) dempm -- plot out/discs.h5 out/column.h5 -o out/column.png
 
 LEARN := out/learn
-RUNS := train/column train/tall train/wide valid/between other-packing/between
 
-learn: build-surrogate $(RUNS:%=$(LEARN)/data/%.h5)
-	$(RUN) surrogate -- train configs/tiny.toml --data $(LEARN)/data -o $(LEARN)/run --overwrite
-	$(RUN) surrogate -- rollout $(LEARN)/run/best.safetensors --scene configs/tiny/train/column.toml \
+learn: build-dempm build-surrogate
+	$(RUN) dempm -- dataset scenes/dataset/discs-tiny.toml -o $(LEARN)/data --resume \
+		--only train --only valid --only 'test/at-rest-000*'
+	$(RUN) surrogate -- train configs/discs-tiny.toml --data $(LEARN)/data -o $(LEARN)/run --overwrite
+	$(RUN) surrogate -- rollout $(LEARN)/run/best.safetensors --scene scenes/discs.toml \
 		-o $(LEARN)/column.h5 --overwrite
 	$(RUN) dempm -- plot $(LEARN)/column.h5 -o $(LEARN)/column.png
-	$(RUN) surrogate -- eval $(LEARN)/run/best.safetensors --data $(LEARN)/data/valid \
-		--noise-floor $(LEARN)/data/other-packing -o $(LEARN)/eval
-
-$(LEARN)/data/%.h5: configs/tiny/%.toml | build-dempm
-	$(RUN) dempm -- run $< -o $@ --overwrite
+	$(RUN) surrogate -- eval $(LEARN)/run/best.safetensors --data $(LEARN)/data/test --truth -o $(LEARN)/eval
 
 test:
 	$(CARGO) test --workspace --release

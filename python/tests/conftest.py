@@ -35,5 +35,5 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> dempm.Run:
 @pytest.fixture(scope="session")
 def learned() -> dempm.Run:
     """A prediction of the network that ships, 30 frames of the scene that it has learnt."""
-    model, scene = ROOT / "models/tgnns-tiny.safetensors", ROOT / "configs/tiny/train/column.toml"
+    model, scene = ROOT / "models/tgnns-tiny.safetensors", ROOT / "scenes/column-paper.toml"
     return dempm.surrogate.rollout(model, scene, frames=30, device="cpu")

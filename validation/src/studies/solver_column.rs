@@ -1,4 +1,4 @@
-//! The column of `configs/tiny/train/column.toml` by the direct solver, with two seeds: what rollouts should reproduce.
+//! The column of `scenes/column-paper.toml` by the direct solver, with two seeds: what rollouts should reproduce.
 
 use miette::{Context as _, miette};
 
@@ -32,6 +32,6 @@ pub fn measure(context: &mut Context) -> miette::Result<[Run; 2]> {
 /// The scene with both seeds; the quick suite has half of the collapse.
 fn texts(suite: Suite) -> [String; 2] {
     let duration = suite.pick("duration = 0.5\n", "");
-    let column = include_str!("../../../configs/tiny/train/column.toml");
+    let column = include_str!("../../../scenes/column-paper.toml");
     [1, 2].map(|seed| merged(column, &format!("{duration}seed = {seed}\noutput.fields = []")))
 }

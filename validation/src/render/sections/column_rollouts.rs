@@ -42,7 +42,7 @@ impl Section for ColumnRollouts {
         let all: Vec<_> = rollouts.iter().collect();
         let mut blocks = vec![
             Block::text(
-                "Every network starts from the first frames of the solver's column (`configs/tiny/train/column.toml`, \
+                "Every network starts from the first frames of the solver's column (`scenes/column-paper.toml`, \
                  200 discs in a packing) and predicts the rest. Errors are against the solver, not against \
                  the discs. No deterministic network can be better than half of the difference between \
                  two seeds.",
