@@ -201,7 +201,8 @@ fn wrong_targets_are_refused() {
         ),
         (format!("[free.friction]\nrange = [0.1, 20.0]\n{target}"), "`grains.friction` is 20"),
         (format!("{free}{}", target.replace("1e5", "-1.0")), "`pressure` must be positive"),
-        (format!("{free}{}", target.replace("sd = 2.0", "sd = 0.0")), "a positive sd"),
+        (format!("{free}{}", target.replace("sd = 2.0", "sd = 0.0")), "`sd` must be positive"),
+        (format!("{free}{}", target.replace("16.0", "160")), "`angle` is in degrees"),
         (format!("{free}{}", target.replace("angle", "angel")), "unknown field `angel`"),
         (
             format!("{free}{biaxial}{{ deviatoric_stress = 0.0 }}\n"),
