@@ -45,8 +45,9 @@ pub(super) fn read(
         let curve = of_rows(&rows, abscissa, ordinates);
         return Ok((curve, ordinates.to_vec()));
     }
+    let separator = [';', '\t'].into_iter().find(|&c| header.contains(c)).unwrap_or(',');
     let mut columns = Vec::new();
-    for title in header.split(',') {
+    for title in header.split(separator) {
         match column(title, abscissa, ordinates) {
             Ok(column) => columns.push(column),
             Err(problem) => return error(header_line, problem),
@@ -67,7 +68,7 @@ pub(super) fn read(
     }
     let mut curve = Curve { x: Vec::new(), y: vec![Vec::new(); found.len()] };
     for (line, text) in lines {
-        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+        let cells: Vec<&str> = text.split(separator).map(str::trim).collect();
         if cells.len() != columns.len() {
             let problem = format!("{} values for {} columns", cells.len(), columns.len());
             return error(line, problem);
@@ -141,11 +142,17 @@ fn element_rows<'a>(
     Ok(rows)
 }
 
-/// The curve of a path. Its strains count from the first row.
+/// The curve of a path. Its strains count from the first row. Stresses of a row are means over its interval, so strains
+/// are those of the middle of it.
 pub(super) fn of_rows(rows: &[Row], abscissa: Quantity, ordinates: &[Quantity]) -> Curve {
     let Some(start) = rows.first() else { return Curve::default() };
+    let before = std::iter::once(start).chain(rows);
+    let middles: Vec<Row> = before
+        .zip(rows)
+        .map(|(a, b)| Row { strain: 0.5 * (a.strain + b.strain) - start.strain, ..*b })
+        .collect();
     let value = |row: &Row, quantity| {
-        let e = row.strain - start.strain;
+        let e = row.strain;
         let shortening = |logarithmic: f64| 1.0 - logarithmic.exp();
         match quantity {
             Quantity::AxialStrain => shortening(e[(1, 1)]),
@@ -156,13 +163,8 @@ pub(super) fn of_rows(rows: &[Row], abscissa: Quantity, ordinates: &[Quantity]) 
             Quantity::AxialStress => -row.stress[(1, 1)],
         }
     };
-    Curve {
-        x: rows.iter().map(|row| value(row, abscissa)).collect(),
-        y: ordinates
-            .iter()
-            .map(|&quantity| rows.iter().map(|row| value(row, quantity)).collect())
-            .collect(),
-    }
+    let of = |quantity| middles.iter().map(|row| value(row, quantity)).collect();
+    Curve { x: of(abscissa), y: ordinates.iter().copied().map(of).collect() }
 }
 
 impl Curve {
@@ -234,6 +236,9 @@ mod tests {
         let text = "# sand, 100 kPa\naxial_strain [%],p [kPa],deviatoric_stress [kPa]\n\
                     0,100,0\n1,150,80.5\n2,160,90\n";
         let (curve, found) = table(text).unwrap();
+        for separator in [";", "\t"] {
+            assert_eq!(table(&text.replace(',', separator)).unwrap().0, curve);
+        }
         assert_eq!(found, [Quantity::DeviatoricStress]);
         assert_eq!(curve.x, [0.0, 0.01, 0.02]);
         assert_eq!(curve.y, [[0.0, 80.5e3, 90.0e3]]);
@@ -289,7 +294,7 @@ mod tests {
         let (curve, _) =
             table(&[header, row(0.0, -1e5), row(-0.1, -2e5), row(-0.2, -3e5)].concat()).unwrap();
         assert_eq!(curve.y[0], [0.0, 1e5, 2e5]);
-        assert!((curve.x[1] - (1.0 - (-0.1_f64).exp())).abs() < 1e-12);
+        assert!((curve.x[1] - (1.0 - (-0.05_f64).exp())).abs() < 1e-12, "the middle of a row");
         assert_eq!(curve.x, curve.y[1], "width is constant: area shrinks as height");
     }
 }

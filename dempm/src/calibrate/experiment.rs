@@ -92,8 +92,10 @@ const STEADY_ROWS: f64 = 50.0;
 const ROWS: f64 = 4.0;
 /// Simulated beyond the last point, in parts of its abscissa.
 const BEYOND: f64 = 1.02;
-/// Fastest shortening (1/s) in which the servo, of 1/s at most, holds the lateral pressure of a packing that dilates.
+/// Fastest shortening (1/s) in which the servo, of 1/s at most, follows a packing that dilates.
 const FASTEST: f64 = 0.4;
+/// Part of its pressure below which a packing counts as one that loses its contacts.
+const CONTACT: f64 = 0.5;
 /// Largest axial strain of an oedometer.
 const CRUSHED: f64 = 0.2;
 /// Least stress of an oedometer, in parts of the largest: that of the packing before the test.
@@ -187,7 +189,8 @@ impl Observation {
     /// The curve of a path at the measured points.
     fn on_curve(&self, rows: &[Row]) -> Vec<f64> {
         let abscissa = self.abscissa.unwrap_or(Quantity::AxialStrain);
-        let curve = of_rows(rows, abscissa, &self.ordinates).rising();
+        let rows: Vec<Row> = rows.iter().map(|row| self.at_its_pressure(row)).collect();
+        let curve = of_rows(&rows, abscissa, &self.ordinates).rising();
         // Stresses fluctuate: neighbouring rows are averaged, but for the first points.
         let at = |k: usize, x: f64| curve.at(k, x);
         let half = 0.5 * last(&self.curve.x) / (self.curve.x.len() as f64 * ROWS);
@@ -196,6 +199,18 @@ impl Observation {
             .flat_map(|k| self.curve.x.iter().map(move |&x| (k, x)))
             .map(|(k, x)| if x > half { mean(k, x) } else { at(k, x) });
         values.collect()
+    }
+
+    /// A row with its stresses in proportion to the pressure of the test. In fast tests of grains that dilate the servo
+    /// lags, and holds up to a fifth more; the strength of grains is proportional to it.
+    fn at_its_pressure(&self, row: &Row) -> Row {
+        let (pressure, held) = match self.experiment {
+            Experiment::Biaxial { pressure } => (pressure, -row.stress[(0, 0)]),
+            Experiment::SimpleShear { pressure } => (pressure, -row.stress[(1, 1)]),
+            _ => return *row,
+        };
+        // A packing that loses its contacts loses its strength.
+        Row { stress: row.stress * (pressure / held.max(CONTACT * pressure)), ..*row }
     }
 }
 

@@ -5,11 +5,12 @@ use std::fmt::Write as _;
 use plot::{Axis, Chart, Mark, PlotError, Series, dark_style, inlined, number};
 
 use super::law::Law;
+use super::parameter::{Free, Prior};
 use super::posterior::Posterior;
 use super::study::Study;
 use super::targets::Targets;
 
-/// Size of the charts of curves, and of those of parameters (pixels).
+/// Size of the charts of curves, and of those of the corner plot (pixels).
 const LARGE: [u32; 2] = [560, 340];
 const SMALL: [u32; 2] = [300, 240];
 /// Most samples drawn of a pair of parameters.
@@ -36,7 +37,9 @@ pub fn page(
          color: #1c1c1a; background: #fdfdfb; }}\n\
          table {{ border-collapse: collapse; }} td, th {{ padding: 0.2rem 0.8rem; text-align: left; \
          border-bottom: 1px solid #dcdbd4; }}\n\
+         figure {{ margin: 0; }} svg {{ max-width: 100%; height: auto; }}\n\
          .charts {{ display: flex; flex-wrap: wrap; gap: 1rem; }}\n\
+         .corner {{ display: grid; gap: 0.25rem; overflow-x: auto; }}\n\
          @media (prefers-color-scheme: dark) {{ body {{ color: #e8e6e0; background: #1b1b1a; }} \
          td, th {{ border-color: #3d3c38; }} }}\n{}</style></head>\n<body>\n<h1>{title}</h1>\n",
         dark_style()
@@ -53,17 +56,18 @@ pub fn page(
 
 fn parameters(html: &mut String, targets: &Targets, study: &Study, posterior: &Posterior) {
     *html += "<h2>Parameters</h2>\n<table><tr><th>parameter</th><th>mean</th>\
-              <th>standard deviation</th><th>95 %</th><th>range</th></tr>\n";
+              <th>standard deviation</th><th>95 %</th><th>range</th><th>unit</th></tr>\n";
     for (k, free) in targets.free.iter().enumerate() {
         let [low, high] = posterior.interval[k].map(number);
         let [least, most] = free.range.map(number);
         // Writing to a string cannot fail.
         let _ = writeln!(
             html,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{low} to {high}</td><td>{least} to {most}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{low} to {high}</td><td>{least} to {most}</td><td>{}</td></tr>",
             free.key,
             number(posterior.mean[k]),
             number(posterior.sd[k]),
+            free.unit(),
         );
     }
     *html += "</table>\n<ul>\n";
@@ -107,23 +111,25 @@ fn curves(html: &mut String, targets: &Targets, posterior: &Posterior) -> Result
         for (ordinate, measured) in observation.ordinates.iter().zip(&observation.curve.y) {
             let (band, rest) = predicted.split_at(points);
             predicted = rest;
+            let ((x_label, x_factor), (y_label, y_factor)) = (abscissa.axis(), ordinate.axis());
+            let point = |(x, y): (&f64, f64)| (x_factor * x, y_factor * y);
             let x = &observation.curve.x;
-            let line = |k: usize| -> Vec<(f64, f64)> {
-                x.iter().copied().zip(band.iter().map(|b| b[k])).collect()
-            };
-            let data = x.iter().copied().zip(measured.iter().copied()).collect();
+            let line = |k: usize| x.iter().zip(band.iter().map(move |b| b[k])).map(point);
             let chart = Chart {
-                x: Axis::linear(abscissa.label()),
-                y: Axis::linear(ordinate.label()),
+                x: Axis::linear(x_label),
+                y: Axis::linear(y_label),
                 series: vec![
-                    Series::new("posterior mean", Mark::Line, line(0)),
-                    Series::new("measured", Mark::Circles, data),
-                    Series::new("95 %, lower", Mark::Line, line(1)),
-                    Series::new("95 %, upper", Mark::Line, line(2)),
+                    Series::new("95 %", Mark::Band, line(1).chain(line(2).rev()).collect()),
+                    Series::new("posterior mean", Mark::Line, line(0).collect()),
+                    Series::new(
+                        "measured",
+                        Mark::Circles,
+                        x.iter().zip(measured.iter().copied()).map(point).collect(),
+                    ),
                 ],
                 floor: None,
             };
-            figure(html, &observation.name, &chart, LARGE)?;
+            figure(html, &observation.name, &chart)?;
         }
     }
     *html += "</div>\n";
@@ -153,41 +159,54 @@ fn friction(html: &mut String, law: &Law) -> Result<(), PlotError> {
         floor: None,
     };
     *html += "<h2>The mu(I) law of these grains</h2>\n<div class=\"charts\">\n";
-    figure(html, "friction over the inertial number", &chart, LARGE)?;
+    figure(html, "friction over the inertial number", &chart)?;
     *html += "</div>\n";
     Ok(())
 }
 
-/// Samples of every pair of parameters, and the distribution of each.
+/// Samples of every pair of parameters below the distribution of each.
 fn corner(html: &mut String, targets: &Targets, posterior: &Posterior) -> Result<(), PlotError> {
-    *html += "<h2>Posterior</h2>\n<div class=\"charts\">\n";
+    let columns = targets.free.len();
+    let _ = writeln!(
+        html,
+        "<h2>Posterior</h2>\n<div class=\"corner\" style=\"grid-template-columns: \
+         repeat({columns}, minmax(13rem, 1fr))\">"
+    );
     let every = posterior.samples.len().div_ceil(DRAWN);
     for (i, free) in targets.free.iter().enumerate() {
-        for (j, other) in targets.free.iter().enumerate().take(i) {
-            let samples = posterior.samples.iter().step_by(every).map(|s| (s[j], s[i]));
-            let chart = Chart {
-                x: Axis::linear(&other.key),
-                y: Axis::linear(&free.key),
-                series: vec![Series::new("", Mark::Circles, samples.collect())],
-                floor: None,
+        for (j, other) in targets.free.iter().enumerate().take(i + 1) {
+            let (title, y, series) = if i == j {
+                let outline = histogram(posterior, i, is_log(free));
+                (free.key.clone(), Axis::linear("share"), Series::new("", Mark::Line, outline))
+            } else {
+                let samples = posterior.samples.iter().step_by(every).map(|s| (s[j], s[i]));
+                let title = format!("{} and {}", other.key, free.key);
+                (title, axis(free), Series::new("", Mark::Dots, samples.collect()))
             };
-            figure(html, &format!("{} and {}", other.key, free.key), &chart, SMALL)?;
+            let chart = Chart { x: axis(other), y, series: vec![series], floor: None };
+            let svg = inlined(&chart.svg_of_size(SMALL)?, &title);
+            let (row, column) = (i + 1, j + 1);
+            let _ = writeln!(html, "<figure style=\"grid-area: {row} / {column}\">{svg}</figure>");
         }
-        let chart = Chart {
-            x: Axis::linear(&free.key),
-            y: Axis::linear("share"),
-            series: vec![Series::new("", Mark::Line, histogram(posterior, i))],
-            floor: None,
-        };
-        figure(html, &free.key, &chart, SMALL)?;
     }
     *html += "</div>\n";
     Ok(())
 }
 
-/// Outline of the bars of a parameter's distribution.
-fn histogram(posterior: &Posterior, parameter: usize) -> Vec<(f64, f64)> {
-    let values = || posterior.samples.iter().map(|sample| sample[parameter]);
+fn is_log(free: &Free) -> bool {
+    free.prior == Prior::LogUniform
+}
+
+fn axis(free: &Free) -> Axis {
+    let unit = free.unit();
+    let label = if unit.is_empty() { free.key.clone() } else { format!("{} [{unit}]", free.key) };
+    Axis { label, log: is_log(free) }
+}
+
+/// Outline of the bars of a parameter's distribution, as wide as each other on its axis.
+fn histogram(posterior: &Posterior, parameter: usize, log: bool) -> Vec<(f64, f64)> {
+    let on_axis = |value: f64| if log { value.ln() } else { value };
+    let values = || posterior.samples.iter().map(|sample| on_axis(sample[parameter]));
     let (low, high) = (values().fold(f64::MAX, f64::min), values().fold(f64::MIN, f64::max));
     let width = ((high - low) / BARS as f64).max(f64::MIN_POSITIVE);
     let mut share = [0.0; BARS];
@@ -201,12 +220,12 @@ fn histogram(posterior: &Posterior, parameter: usize) -> Vec<(f64, f64)> {
         outline.extend([(left, share), (left + width, share)]);
     }
     outline.push((high, 0.0));
-    outline
+    outline.into_iter().map(|(x, y)| (if log { x.exp() } else { x }, y)).collect()
 }
 
-fn figure(html: &mut String, title: &str, chart: &Chart, size: [u32; 2]) -> Result<(), PlotError> {
+fn figure(html: &mut String, title: &str, chart: &Chart) -> Result<(), PlotError> {
     let title = escaped(title);
-    let svg = inlined(&chart.svg_of_size(size)?, &title);
+    let svg = inlined(&chart.svg_of_size(LARGE)?, &title);
     let _ = writeln!(html, "<figure><figcaption>{title}</figcaption>{svg}</figure>");
     Ok(())
 }

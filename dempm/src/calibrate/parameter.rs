@@ -71,6 +71,15 @@ impl Free {
         }
     }
 
+    /// Unit of the value; empty for a number.
+    pub fn unit(&self) -> &'static str {
+        match self.key.as_str() {
+            "normal_stiffness" | "tangential_stiffness" | "rolling_stiffness" => "N/m",
+            "grain_density" => "kg/m³",
+            _ => "",
+        }
+    }
+
     /// The standard normal variable of a value, by bisection.
     pub fn normal(&self, value: f64) -> f64 {
         let (mut low, mut high) = (-FARTHEST, FARTHEST);

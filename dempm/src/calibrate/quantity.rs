@@ -45,9 +45,9 @@ impl Quantity {
         }
     }
 
-    /// Title of an axis.
-    pub fn label(self) -> String {
-        let unit = if self.is_strain() { "-" } else { "Pa" };
-        format!("{} [{unit}]", self.name().replace('_', " "))
+    /// Title of an axis, and the factor from 1 or Pa to its unit.
+    pub fn axis(self) -> (String, f64) {
+        let (unit, factor) = if self.is_strain() { ("%", 100.0) } else { ("kPa", 1.0e-3) };
+        (format!("{} [{unit}]", self.name().replace('_', " ")), factor)
     }
 }

@@ -35,7 +35,11 @@ pub fn calibrated_toml(
     grains.retain(|key, value| !NUMERICS.contains(&key) || usual.get(key) != Some(&*value));
     text += &format!("\n[grains]\n{}", toml::to_string(&grains)?);
     if let Some(law) = law {
-        text += &format!("\n[mu-i]\n{}", toml::to_string(&law.parameters)?);
+        text += "\n# Packings in steady shear: inertial number, sin phi, standard deviation between packings\n";
+        for [inertial, friction, sd] in &law.points {
+            let _ = writeln!(text, "# {inertial:.2e} {friction:.3} {sd:.3}");
+        }
+        text += &format!("[mu-i]\n{}", toml::to_string(&law.parameters)?);
     }
     Ok(text)
 }

@@ -247,20 +247,25 @@ fn observation(
         let abscissa = Some(abscissa);
         Ok((Observation { name, experiment, abscissa, ordinates, curve, sd }, Some(path)))
     };
-    let scalar = |name: String, experiment: Experiment, value: f64, sd: f64| -> Found {
-        if !(value.is_finite() && sd > 0.0 && sd.is_finite()) {
-            return Err(Problem::Here("a target needs a value and a positive sd".into()));
-        }
-        let curve = Curve { x: vec![0.0], y: vec![vec![value]] };
-        let (abscissa, ordinates, sd) = (None, Vec::new(), vec![sd]);
-        Ok((Observation { name, experiment, abscissa, ordinates, curve, sd }, None))
-    };
     let positive = |key: &str, values: &[f64]| {
         if values.iter().all(|&value| value > 0.0 && value.is_finite()) {
             Ok(())
         } else {
             Err(Problem::Here(format!("`{key}` must be positive")))
         }
+    };
+    let acute = |angle: f64| {
+        if (0.0..90.0).contains(&angle) {
+            Ok(())
+        } else {
+            Err(Problem::Here("`angle` is in degrees, from 0 to 90".into()))
+        }
+    };
+    let scalar = |name: String, experiment: Experiment, value: f64, sd: f64| -> Found {
+        positive("sd", &[sd])?;
+        let curve = Curve { x: vec![0.0], y: vec![vec![value]] };
+        let (abscissa, ordinates, sd) = (None, Vec::new(), vec![sd]);
+        Ok((Observation { name, experiment, abscissa, ordinates, curve, sd }, None))
     };
     match target {
         Target::Biaxial { data, pressure, sd } => {
@@ -280,21 +285,25 @@ fn observation(
         }
         Target::CriticalFriction { pressure, angle, sd } => {
             positive("pressure", &[pressure])?;
+            acute(angle)?;
             let name = format!("critical friction at {} kPa", 1.0e-3 * pressure);
             scalar(name, Experiment::CriticalFriction { pressure }, angle, sd)
         }
         Target::BulkDensity { pressure, density, sd } => {
             positive("pressure", &[pressure])?;
+            positive("density", &[density])?;
             let name = format!("bulk density at {} kPa", 1.0e-3 * pressure);
             scalar(name, Experiment::BulkDensity { pressure }, density, sd)
         }
         Target::RunOut { size, run_out, sd } => {
             positive("size", &size)?;
+            positive("run_out", &[run_out])?;
             let name = format!("run-out of {} m x {} m", size[0], size[1]);
             scalar(name, Experiment::RunOut(ColumnTest { size }), run_out, sd)
         }
         Target::Repose { size, angle, sd } => {
             positive("size", &size)?;
+            acute(angle)?;
             let name = format!("repose of {} m x {} m", size[0], size[1]);
             scalar(name, Experiment::Repose(ColumnTest { size }), angle, sd)
         }

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::{Material, MaterialError, require, rotated, strain_rate, stretched};
 use crate::{Mat2, PARALLEL_GRAIN};
 
-/// Parameters of [`DruckerPrager`]. The defaults fit dense discs in the plane with contact
-/// friction 0.5.
+/// Parameters of [`DruckerPrager`]. The defaults are fitted to dense discs in the plane with contact friction 0.5, at
+/// 10 kPa (`dempm calibrate scenes/calibrate/default-grains.toml --law mu-i`).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DruckerPragerParameters {
@@ -32,12 +32,12 @@ pub struct DruckerPragerParameters {
 impl Default for DruckerPragerParameters {
     fn default() -> Self {
         Self {
-            bulk_modulus: 6.0e6,
-            shear_modulus: 4.7e6,
-            density: 2173.0,
-            static_friction: 0.28,
-            dynamic_friction: 0.80,
-            inertial_number: 0.35,
+            bulk_modulus: 6.5e6,
+            shear_modulus: 4.1e6,
+            density: 2234.0,
+            static_friction: 0.288,
+            dynamic_friction: 0.815,
+            inertial_number: 0.395,
             grain_diameter: 7.5e-3,
             grain_density: 2650.0,
         }

@@ -9,6 +9,9 @@ pub(super) const WIDTH: u32 = 760;
 pub(super) const HEIGHT: u32 = 440;
 /// Height of texts, pixels.
 pub(super) const TEXT: u32 = 14;
+/// Opacity of bands and of dots.
+pub(super) const BAND: f64 = 0.25;
+pub(super) const DOTS: f64 = 0.4;
 
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// The result of drawing with plotters, whose errors borrow the text they draw into.

@@ -6,7 +6,7 @@ use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::RGBColor;
 
-use super::area::{Drawn, HEIGHT, TEXT, WIDTH};
+use super::area::{BAND, DOTS, Drawn, HEIGHT, TEXT, WIDTH};
 use super::colours::{GRID, INK, dark_style, series_colour};
 use super::labels::offsets;
 use super::legend::{self, Entry};
@@ -112,6 +112,10 @@ impl Chart {
                     let line = places.iter().map(|(place, _)| *place);
                     chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?;
                 }
+                Mark::Band => {
+                    let outline: Vec<_> = places.iter().map(|(place, _)| *place).collect();
+                    chart.draw_series([Polygon::new(outline, colour.mix(BAND).filled())])?;
+                }
                 mark => {
                     for &(place, _) in &places {
                         let element = EmptyElement::at(place);
@@ -126,6 +130,9 @@ impl Chart {
                             ])?,
                             Mark::Crosses => chart.draw_series([
                                 element + Cross::new((0, 0), 5, colour.stroke_width(2))
+                            ])?,
+                            Mark::Dots => chart.draw_series([
+                                element + Circle::new((0, 0), 2, colour.mix(DOTS).filled())
                             ])?,
                             _ => chart
                                 .draw_series([element + Circle::new((0, 0), 5, colour.filled())])?,
@@ -154,10 +161,10 @@ impl Chart {
         Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
     {
         let pixel = |place: &(f64, f64)| <[i32; 2]>::from(chart.backend_coord(place));
-        let marked = self.series.iter().filter(|s| !matches!(s.mark, Mark::Line | Mark::Reference));
+        let marked = self.series.iter().filter(|s| !s.mark.joins());
         let points: Vec<((f64, f64), &str)> = marked.flat_map(|s| self.shown(s)).collect();
         let marks: Vec<[i32; 2]> = points.iter().map(|(place, _)| pixel(place)).collect();
-        let lines = self.series.iter().filter(|s| matches!(s.mark, Mark::Line | Mark::Reference));
+        let lines = self.series.iter().filter(|s| s.mark.joins());
         let labelled: Vec<((f64, f64), &str)> = points
             .iter()
             .copied()
@@ -191,8 +198,9 @@ impl Chart {
             if series.mark == Mark::Reference {
                 return INK;
             }
-            next += 1;
-            series_colour(next - 1)
+            let colour = series_colour(next);
+            next += usize::from(series.mark != Mark::Band);
+            colour
         };
         self.series.iter().map(colour).collect()
     }
@@ -287,6 +295,15 @@ mod tests {
         }
         assert!(body.contains("noise") && body.contains("solver"));
         assert!(!inlined(&svg, "t").contains("<style>"));
+    }
+
+    #[test]
+    fn a_band_has_the_colour_of_its_line() {
+        let outline = vec![(1.0, 1e-3), (2.0, 1e-3), (2.0, 1e-4)];
+        let mut chart = chart();
+        chart.series.insert(0, Series::new("95 %", Mark::Band, outline));
+        assert_eq!(chart.colours(), [series_colour(0), series_colour(0), INK]);
+        assert!(chart.svg().unwrap().contains("<polygon opacity=\"0.25\" fill=\"#0072B2\""));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use super::area::{Area, Drawn, TEXT};
+use super::area::{Area, BAND, DOTS, Drawn, TEXT};
 use super::colours::INK;
 use super::series::Mark;
 use crate::font::FONT;
@@ -49,6 +49,11 @@ pub(super) fn draw<'a>(area: &Area<'a>, lines: &[Line]) -> Drawn<'a> {
                     let ends = [(*x, y), (x + 24, y)];
                     area.draw(&PathElement::new(ends, colour.stroke_width(2)))?;
                 }
+                Mark::Band => {
+                    let corners = [(*x, y - 6), (x + 24, y + 6)];
+                    area.draw(&Rectangle::new(corners, colour.mix(BAND).filled()))?;
+                }
+                Mark::Dots => area.draw(&Circle::new(at, 2, colour.mix(DOTS).filled()))?,
                 Mark::Circles => area.draw(&Circle::new(at, 5, colour.filled()))?,
                 Mark::Squares => {
                     let corners = [(at.0 - 5, y - 5), (at.0 + 5, y + 5)];

@@ -7,6 +7,10 @@ pub enum Mark {
     Line,
     /// A line in the colour of the text, to compare others with.
     Reference,
+    /// The shaded area within a closed outline, in the colour of the series after it.
+    Band,
+    /// Small discs that let others shine through: clouds of many points.
+    Dots,
     /// Filled circles.
     Circles,
     /// Filled squares.
@@ -15,6 +19,13 @@ pub enum Mark {
     Triangles,
     /// Diagonal crosses.
     Crosses,
+}
+
+impl Mark {
+    /// Whether points are joined instead of marked one by one.
+    pub(super) fn joins(self) -> bool {
+        matches!(self, Self::Line | Self::Reference | Self::Band)
+    }
 }
 
 /// Points of one colour and mark.

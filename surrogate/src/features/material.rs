@@ -43,6 +43,6 @@ mod tests {
         assert_eq!(seen(&discs), [0.3, -3.0, 0.4, 1.0]);
         assert_eq!(seen(&format!("{discs}[discs]\nfloor = \"flat\"\n")), [0.3, -3.0, 0.4, 0.0]);
         assert_eq!(seen(&format!("[material]\nkind = \"rve\"\n{grains}")), [0.3, -3.0, 0.4, 0.0]);
-        assert_eq!(seen("[material]\nkind = \"mu-i\"\n"), [0.28, -3.0, 0.4, 0.0]);
+        assert_eq!(seen("[material]\nkind = \"mu-i\"\n"), [0.288, -3.0, 0.4, 0.0]);
     }
 }
