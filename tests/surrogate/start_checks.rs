@@ -113,10 +113,10 @@ fn a_start_is_compared_with_the_training_data() {
 
     let mut small = start;
     for positions in &mut small.positions {
-        positions.retain(|x| x[0] < 0.5 && x[1] < 0.5);
+        positions.retain(|x| x[0] < 0.25 && x[1] < 0.25);
     }
     let said = start_checks(&symmetric, &small).unwrap();
-    for expected in ["points 64, at least 240", "width", "height"] {
+    for expected in ["points 16, at least 48", "width", "height"] {
         assert!(said.contains(expected), "{expected}: {said}");
     }
 }
