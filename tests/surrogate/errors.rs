@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use dempm::scene::Scene;
 use surrogate::network::PAPER_NETWORKS;
 use surrogate::train::TrainConfig;
 use tempfile::TempDir;
@@ -108,9 +107,4 @@ fn the_configurations_that_come_with_the_program_are_valid() {
         }
     }
     assert_eq!(std::fs::read_dir(paper).unwrap().count(), 50, "ten networks on five data sets");
-    for set in ["train", "valid", "other-packing"] {
-        for entry in std::fs::read_dir(configs.join("tiny").join(set)).unwrap() {
-            Scene::load(entry.unwrap().path()).unwrap();
-        }
-    }
 }
