@@ -1,13 +1,17 @@
 //! `dempm choose`, and runs and data sets `--within` a distance, as a user meets them.
 
-use std::path::Path;
-use std::process::{Command, Output};
+#[path = "common/program.rs"]
+mod program;
 
-use assert_cmd::cargo::cargo_bin;
+use std::path::Path;
+use std::process::Output;
+
 use dempm::scene::Scene;
 use dempm::trajectory::Trajectory;
 use serde_json::Value;
 use tempfile::TempDir;
+
+use program::program;
 
 /// A small column like those that were measured.
 const SCENE: &str = r#"
@@ -29,9 +33,7 @@ radius_max = 1e-2
 
 fn command(directory: &Path, arguments: &[&str]) -> Output {
     std::fs::write(directory.join("scene.toml"), SCENE).unwrap();
-    let mut command = Command::new(cargo_bin("dempm"));
-    command.current_dir(directory).env("DEMPM_CACHE_DIR", directory.join("cache"));
-    command.args(arguments).args(["--device", "cpu"]).output().unwrap()
+    program("dempm", directory).args(arguments).args(["--device", "cpu"]).output().unwrap()
 }
 
 fn json(output: &Output) -> Value {

@@ -1,5 +1,7 @@
 //! `dempm dataset` and the exports for other learned simulators, as a user meets them.
 
+#[path = "common/program.rs"]
+mod program;
 #[path = "../dempm/tests/trajectory/python.rs"]
 mod python;
 
@@ -9,9 +11,10 @@ use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use assert_cmd::cargo::cargo_bin;
 use dempm::trajectory::Trajectory;
 use tempfile::TempDir;
+
+use program::program;
 
 const BASE: &str = r#"
 title = "Heap"
@@ -54,8 +57,8 @@ fn folder(base: &str, list: &str) -> TempDir {
 }
 
 fn dempm(directory: &Path, words: &[&str]) -> Command {
-    let mut command = Command::new(cargo_bin("dempm"));
-    command.current_dir(directory).env("DEMPM_CACHE_DIR", directory.join("cache")).args(words);
+    let mut command = program("dempm", directory);
+    command.args(words);
     command
 }
 

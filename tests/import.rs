@@ -1,5 +1,7 @@
 //! `dempm import`: data sets of geoelements/gns and LagrangeBench, as a user has them.
 
+#[path = "common/program.rs"]
+mod program;
 #[path = "../dempm/tests/trajectory/python.rs"]
 mod python;
 
@@ -7,11 +9,12 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use assert_cmd::cargo::cargo_bin;
 use dempm::scene::Scene;
 use dempm::trajectory::Trajectory;
 use ndarray::{Array1, Array3, s};
 use tempfile::{TempDir, tempdir};
+
+use program::program;
 
 /// Points between a barrier on the floor and a plate that comes down on them.
 const SCENE: &str = r#"
@@ -40,9 +43,7 @@ const METADATA: &str = r#"{"bounds": [[0.1, 0.9], [0.1, 0.7]], "dim": 2, "dt": 0
     "default_connectivity_radius": 0.015, "sequence_length": 12}"#;
 
 fn dempm(directory: &Path) -> Command {
-    let mut command = Command::new(cargo_bin("dempm"));
-    command.current_dir(directory).env("DEMPM_CACHE_DIR", directory.join("cache"));
-    command
+    program("dempm", directory)
 }
 
 fn succeeds(directory: &Path, words: &[&str]) -> Output {

@@ -1,5 +1,8 @@
 //! `--learned`: a network among the models that `dempm choose` and runs `--within` a distance take.
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::LazyLock;
@@ -9,6 +12,8 @@ use dempm::scene::Scene;
 use dempm::trajectory::Trajectory;
 use serde_json::Value;
 use tempfile::TempDir;
+
+use program::program;
 
 /// Some hundred grains: so few for the height that no model was measured on their like. What `dempm choose` knows of the
 /// solvers it does not use here, and a network that knows its error is the only one with a bound.
@@ -58,21 +63,20 @@ static FOLDER: LazyLock<TempDir> = LazyLock::new(|| {
     folder
 });
 
-fn command(program: &str, folder: &Path, arguments: &str) -> Command {
-    let mut command = Command::new(cargo_bin(program));
-    command.current_dir(folder).env("DEMPM_CACHE_DIR", folder.join("cache"));
+fn command(name: &str, folder: &Path, arguments: &str) -> Command {
+    let mut command = program(name, folder);
     command.args(arguments.split(' '));
     command
 }
 
-fn succeeds(program: &str, folder: &Path, arguments: &str) -> Output {
-    let output = command(program, folder, arguments).output().unwrap();
+fn succeeds(name: &str, folder: &Path, arguments: &str) -> Output {
+    let output = command(name, folder, arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     output
 }
 
-fn json(program: &str, arguments: &str) -> Value {
-    let output = succeeds(program, FOLDER.path(), &format!("{arguments} --device cpu --json"));
+fn json(name: &str, arguments: &str) -> Value {
+    let output = succeeds(name, FOLDER.path(), &format!("{arguments} --device cpu --json"));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 

@@ -1,18 +1,19 @@
 //! What tests of `dempm run` share.
 
+mod program;
+
 use std::path::Path;
 use std::process::{Child, Command};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use assert_cmd::cargo::cargo_bin;
 use dempm::trajectory::Trajectory;
+
+use program::program;
 
 /// The program in a directory, with a cache of its own there.
 pub fn dempm(directory: &Path) -> Command {
-    let mut command = Command::new(cargo_bin("dempm"));
-    command.current_dir(directory).env("DEMPM_CACHE_DIR", directory.join("cache"));
-    command
+    program("dempm", directory)
 }
 
 /// Every number of every frame, as bits.

@@ -13,7 +13,7 @@ use surrogate::simulator::Simulator;
 use tempfile::TempDir;
 
 use crate::helpers::{
-    column, config, data, fails, scene, simulate, succeeds, surrogate, train, warns,
+    LAW, column, config, data, fails, scene, simulate, succeeds, surrogate, train, warns,
 };
 
 /// From files that geoelements/gns reads.
@@ -91,7 +91,7 @@ fn trajectories_become_a_model_that_continues_them() {
     assert!(here.join("run/loss.svg").exists());
 
     // A rollout from the scene: the same format, finished, and the column comes down.
-    std::fs::write(here.join("scene.toml"), scene(0.125, 1.0, "")).unwrap();
+    std::fs::write(here.join("scene.toml"), scene(0.125, 1.0, LAW)).unwrap();
     let rollout = ["rollout", "run/best.safetensors", "--scene", "scene.toml", "-o", "out.h5"];
     let said = warns(surrogate(here).args(rollout));
     assert!(!said.contains("outside the training data"), "{said}");
@@ -138,8 +138,7 @@ fn trajectories_become_a_model_that_continues_them() {
         ["eval", "run/best.safetensors", "--data", "data/valid", "-o", "image", "--mirror"];
     succeeds(surrogate(here).args(mirrored));
     let image = column(&here.join("image/summary.csv"), "mse_mean")[0];
-    // Mirror images are another prediction of a network of 600 steps, of the same quality.
-    assert!(image != means[0] && image < 5.0 * means[0], "{image} {means:?}");
+    assert!(image != means[0] && image < 2.0 * means[0], "{image} {means:?}");
     assert!(here.join("eval/errors.svg").exists());
 
     // What is recorded is the error at the end as part of the motion.

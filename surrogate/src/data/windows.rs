@@ -106,6 +106,8 @@ impl Example {
 pub struct DataSet {
     recordings: Vec<Recording>,
     shape: WindowShape,
+    /// Windows of each file.
+    windows: Vec<usize>,
     /// Static features of the points of each file.
     statics: Vec<Vec<f32>>,
     /// Boxes of each file, in its first frame.
@@ -146,7 +148,8 @@ impl DataSet {
         }
         let statics = vec![Vec::new(); recordings.len()];
         let obstacles = vec![Vec::new(); recordings.len()];
-        Ok(Self { recordings, shape, statics, obstacles })
+        let windows = recordings.iter().map(|recording| windows(recording, shape)).collect();
+        Ok(Self { recordings, shape, windows, statics, obstacles })
     }
 
     /// Reads the static features.
@@ -176,13 +179,13 @@ impl DataSet {
 
     /// The number of windows.
     pub fn len(&self) -> usize {
-        self.recordings.iter().map(|recording| self.windows(recording)).sum()
+        self.windows.iter().sum()
     }
 
     /// Points of each window.
     pub fn points(&self) -> Vec<usize> {
-        let windows = |file: &Recording| std::iter::repeat_n(file.points(), self.windows(file));
-        self.recordings.iter().flat_map(windows).collect()
+        let files = self.recordings.iter().zip(&self.windows);
+        files.flat_map(|(file, &windows)| std::iter::repeat_n(file.points(), windows)).collect()
     }
 
     /// Whether there is no window; never with at least one file.
@@ -224,14 +227,15 @@ impl DataSet {
     /// If the file cannot be read.
     pub fn example(&self, window: usize) -> Result<Example, DataError> {
         let mut first = window;
-        let mut files = self.recordings.iter().zip(&self.statics).zip(&self.obstacles);
-        let ((recording, statics), obstacles) = loop {
-            let file = files.next().expect("the window is one of the data set");
-            match first.checked_sub(self.windows(file.0.0)) {
+        let mut files = self.windows.iter().enumerate();
+        let file = loop {
+            let (file, windows) = files.next().expect("the window is one of the data set");
+            match first.checked_sub(*windows) {
                 Some(rest) => first = rest,
                 None => break file,
             }
         };
+        let recording = &self.recordings[file];
         let mut positions = Vec::new();
         for frame in 0..self.shape.frames {
             let place = first + frame * self.shape.stride;
@@ -252,16 +256,16 @@ impl DataSet {
             positions,
             next,
             gravity,
-            statics: statics.clone(),
-            obstacles: obstacles.iter().map(at_newest).collect(),
+            statics: self.statics[file].clone(),
+            obstacles: self.obstacles[file].iter().map(at_newest).collect(),
         })
     }
+}
 
-    /// Windows of a file. Frames that repeat a state at rest add one.
-    fn windows(&self, recording: &Recording) -> usize {
-        let frames = recording.frames().min(recording.frames_until_rest() + self.shape.span());
-        frames + self.shape.ahead() - self.shape.span()
-    }
+/// Windows of a file. Frames that repeat a state at rest add one.
+fn windows(recording: &Recording, shape: WindowShape) -> usize {
+    let frames = recording.frames().min(recording.frames_until_rest() + shape.span());
+    frames + shape.ahead() - shape.span()
 }
 
 fn check_alike(first: &Recording, other: &Recording) -> Result<(), DataError> {
