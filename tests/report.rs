@@ -343,6 +343,24 @@ fn a_part_is_computed_anew_and_the_rest_stays() {
 }
 
 #[test]
+fn sections_stay_without_their_work_directory() {
+    let directory = TempDir::new().unwrap();
+    let out = report_on_fixture(directory.path());
+    let section = |page: &str| {
+        let start = page.find("<section id=\"fig-22").unwrap();
+        let length = page[start..].find("</section>").unwrap();
+        page[start..start + length].to_owned()
+    };
+    let before = section(&read(&out.join("index.html")));
+    std::fs::remove_dir_all(directory.path().join("out-work")).unwrap();
+    std::fs::remove_dir_all(directory.path().join("data")).unwrap();
+    let output =
+        report(directory.path(), &["--models", "models", "--only", "table 6", "-o", "out"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(section(&read(&out.join("index.html"))), before);
+}
+
+#[test]
 fn until_it_is_computed_anew_the_page_has_what_it_had() {
     let directory = TempDir::new().unwrap();
     let out = report_on_fixture(directory.path());

@@ -32,6 +32,9 @@ pub struct Training {
     pub before_start: usize,
     /// Training steps made.
     pub steps: u64,
+    /// Kind of material of the scenes it learnt from, as in scenes; none if they differ, and in older files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
     /// Range of the training data; older files do not state it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<TrainingRange>,
@@ -51,6 +54,7 @@ impl Training {
             without_gravity,
             before_start: 0,
             steps: 0,
+            material: None,
             range: None,
             accuracy: None,
             error: None,

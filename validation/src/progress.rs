@@ -1,13 +1,15 @@
-//! The progress bar.
+//! The progress bar, or a line now and then where there is no terminal.
 
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use files::note;
+use files::{Heartbeat, Pace, note};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Progress in estimated seconds of computing.
 pub struct Progress {
     bar: ProgressBar,
+    lines: Mutex<Heartbeat>,
     began: Instant,
     /// Estimated time of everything, s.
     total: f64,
@@ -25,13 +27,17 @@ impl Progress {
             .expect("the template is valid");
         bar.set_style(style);
         bar.enable_steady_tick(Duration::from_millis(500));
-        Self { bar, began: Instant::now(), total, done: 0.0, now: 0.0 }
+        Self::with(bar, total)
     }
 
     /// No bar, for as long as nothing is planned.
     pub fn hidden() -> Self {
-        let bar = ProgressBar::hidden();
-        Self { bar, began: Instant::now(), total: 0.0, done: 0.0, now: 0.0 }
+        Self::with(ProgressBar::hidden(), 0.0)
+    }
+
+    fn with(bar: ProgressBar, total: f64) -> Self {
+        let lines = Mutex::new(Heartbeat::new("second", 0));
+        Self { bar, lines, began: Instant::now(), total, done: 0.0, now: 0.0 }
     }
 
     /// Begins a task of `seconds` estimated seconds.
@@ -66,6 +72,12 @@ impl Progress {
     fn show(&self, part: f64) {
         let done = self.done + part;
         self.bar.set_position((done * 10.0) as u64);
+        let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(Pace { percent, left, .. }) =
+            lines.pace((done * 10.0) as u64, (self.total * 10.0) as u64)
+        {
+            note!("{percent:.0} %, {left}: {}", self.bar.message());
+        }
         // The remaining time at the pace so far; at first, the estimate.
         let pace = if done > 5.0 { self.began.elapsed().as_secs_f64() / done } else { 1.0 };
         let left = (self.total - done).max(0.0) * pace;

@@ -88,6 +88,7 @@ fn add_range(data: &DataSet, path: &Path) -> miette::Result<()> {
         );
     }
     simulator.training.range = range;
+    simulator.training.material = data.material().map(str::to_owned);
     simulator.save(path)?;
     out!("{}: the range of these data is recorded", path.display())?;
     Ok(())

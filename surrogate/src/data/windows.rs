@@ -177,6 +177,13 @@ impl DataSet {
         Ok(self)
     }
 
+    /// The kind of material of all scenes; `None` if they differ.
+    pub fn material(&self) -> Option<&str> {
+        let mut kinds = self.recordings.iter().map(|file| file.header().material.as_str());
+        let first = kinds.next()?;
+        kinds.all(|kind| kind == first).then_some(first)
+    }
+
     /// The number of windows.
     pub fn len(&self) -> usize {
         self.windows.iter().sum()

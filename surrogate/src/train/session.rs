@@ -84,6 +84,8 @@ pub struct Session {
     pub(super) best: Option<f64>,
     /// Time between frames, s.
     frame_interval: f64,
+    /// Kind of material of the training data; none if there are several.
+    material: Option<String>,
     /// Range of the training data, those of the pretrained model included.
     range: Option<TrainingRange>,
     /// Steps of the pretrained model.
@@ -171,6 +173,7 @@ impl Session {
         let inputs: Vec<&PathBuf> = files.chain([&options.config_file]).chain(start).collect();
         refuse_inputs(&options.folder, &inputs)?;
         let frame_interval = data.set.frame_interval();
+        let material = data.set.material().map(str::to_owned);
 
         let pretrained = Pretrained::load(&config)?;
         let hash = pretrained.as_ref().map(|pretrained| pretrained.hash);
@@ -228,6 +231,7 @@ impl Session {
             log: beginning.log,
             best: beginning.best,
             frame_interval,
+            material,
             range: lineage.range,
             steps_before: lineage.steps,
             summary,
@@ -285,6 +289,7 @@ impl Session {
         let training = Training {
             before_start: self.config.data.before_start,
             steps: self.steps_before + self.backend.step_number(),
+            material: self.material.clone(),
             range: self.range,
             ..Training::untrained(self.frame_interval, self.config.data.subtract_gravity)
         };

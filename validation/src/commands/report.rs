@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ use crate::render::block::Block;
 use crate::render::files::{write_file, write_section_files};
 use crate::render::html;
 use crate::render::report::{NOTE, ReportChapter, ReportSection};
-use crate::render::results::{facts, results};
+use crate::render::results::{facts, read_report, results};
 use crate::render::section::{Chapter, Section};
 use crate::render::sections;
 use crate::run_cache::{Interrupted, RunCache};
@@ -77,6 +77,7 @@ pub fn report(args: &ReportArgs) -> miette::Result<ExitCode> {
     let chapters = sections::all();
     check_only(&args.only, &chapters)?;
     let context = context(args, interrupt)?;
+    adopt(&args.output, &context)?;
     let mut report = Report { args, context, chapters: Vec::new(), absent: Vec::new() };
     let planned = report.plan(&chapters);
     let total = planned.iter().map(|(section, _)| section.estimate(&report.context)).sum();
@@ -119,6 +120,27 @@ fn check_only(only: &[String], chapters: &[Chapter]) -> miette::Result<()> {
 /// Whether a part of `--only` names a section.
 fn is_named(title: &str, part: &str) -> bool {
     title.to_lowercase().contains(&part.to_lowercase())
+}
+
+/// Keeps the sections of an earlier report in the output folder that the work directory lacks: part of a
+/// report can be computed again where its runs are not.
+fn adopt(output: &Path, context: &Context) -> miette::Result<()> {
+    if !output.join("results.json").is_file() {
+        return Ok(());
+    }
+    let (facts, chapters) = read_report(output, sections::chapter_about, sections::section_lead)?;
+    let suite = format!("{:?}", context.suite).to_lowercase();
+    if !facts.iter().any(|(name, value)| name == "suite" && *value == suite) {
+        return Ok(());
+    }
+    for section in chapters.into_iter().flat_map(|chapter| chapter.sections) {
+        if let Some(computed) = section.computed
+            && Computed::kept(context, &section.slug).is_none()
+        {
+            computed.keep(context, &section.slug)?;
+        }
+    }
+    Ok(())
 }
 
 impl Report<'_> {

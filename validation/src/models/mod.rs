@@ -7,5 +7,6 @@ mod networks;
 pub use cost::ModelCost;
 pub use model::{Model, models_in};
 pub use networks::{
-    ablation, baseline, baseline_and_others, belongs, is_of_paper, is_on_finest_data, trained_on,
+    ablation, baseline, baseline_and_others, belongs, is_of_paper, is_on_finest_data, of_packings,
+    trained_on,
 };

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use surrogate::network::Precision;
+use surrogate::simulator::Simulator;
 
 use crate::folder::{files_in, stem};
 
@@ -14,6 +15,8 @@ pub struct Model {
     pub name: String,
     /// File of the weights.
     pub path: PathBuf,
+    /// Whether it learnt from discs; else from packings.
+    pub of_discs: bool,
     /// Precision of matrix products.
     pub precision: Precision,
     /// Whether predictions are averaged with those of the mirrored window.
@@ -23,9 +26,11 @@ pub struct Model {
 }
 
 impl Model {
-    /// A file of weights with the default prediction settings.
+    /// A file of weights with the default prediction settings. What cannot be read fails when it predicts.
     pub fn new(name: String, path: PathBuf) -> Self {
-        Self { name, path, precision: Precision::F32, mirror: false, frames: None }
+        let material = Simulator::load(&path).ok().and_then(|network| network.training.material);
+        let of_discs = material.as_deref() == Some("discs");
+        Self { name, path, of_discs, precision: Precision::F32, mirror: false, frames: None }
     }
 
     /// The same model in bf16, which needs a GPU.

@@ -27,6 +27,11 @@ pub fn baseline_and_others(models: &[Model]) -> Vec<Model> {
     baseline(models).into_iter().chain(others).collect()
 }
 
+/// Of [`baseline_and_others`] those that learnt from packings, as the paper's.
+pub fn of_packings(models: &[Model]) -> Vec<Model> {
+    baseline_and_others(models).into_iter().filter(|model| !model.of_discs).collect()
+}
+
 /// All trainings of the paper's networks but the [`baseline`].
 pub fn ablation(models: &[Model]) -> Vec<Model> {
     let first = baseline(models).map(|model| model.name);

@@ -4,7 +4,7 @@ use dempm::trajectory::Trajectory;
 
 use crate::context::Context;
 use crate::literature::paper::{GIVEN_FRAMES, STATED_ERRORS, StatedError, When};
-use crate::models::{Model, baseline_and_others};
+use crate::models::{Model, of_packings};
 use crate::studies::rollouts::{Rollout, roll_out};
 
 /// A stated error and what a network of ours reaches.
@@ -37,7 +37,7 @@ pub struct Nearest<'r> {
 /// # Errors
 /// If a file cannot be read, a rollout cannot be made or the user interrupts.
 pub fn measure(context: &mut Context) -> miette::Result<Vec<Reached>> {
-    let models = baseline_and_others(&context.models);
+    let models = of_packings(&context.models);
     let mirrored = models.first().map(Model::mirrored);
     let models: Vec<Model> = models.into_iter().chain(mirrored).collect();
     let mut all = Vec::new();

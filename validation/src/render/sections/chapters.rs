@@ -21,7 +21,7 @@ pub fn all() -> Vec<Chapter> {
                     spread between them. Models: packings, a material point method (MPM) whose points carry \
                     the material through a grid, with the stress of a packing of discs in each point; the \
                     mu(I) law, a formula for flowing grains in place of the packings; discs 2 and 4 times as \
-                    large; networks that learnt from the packings.",
+                    large; networks that learnt from packings or from discs.",
             sections: against_truth::all(),
         },
         Chapter {
@@ -67,9 +67,9 @@ pub fn all() -> Vec<Chapter> {
             ],
         },
         Chapter {
-            title: "Learned models against their solver",
-            about: "What networks learnt from, and reproduce, is the run of the packings, not that of the \
-                    discs. These sections measure them against that solver.",
+            title: "Learned models against what they learnt from",
+            about: "A network reproduces the model that it learnt from, packings or discs, with its errors. These \
+                    sections measure networks against that model.",
             sections: vec![Box::new(ColumnRollouts)],
         },
         Chapter {

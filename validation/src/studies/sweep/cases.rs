@@ -16,8 +16,16 @@ pub struct Case {
     pub(super) truth: Vec<String>,
     /// Models and settings.
     pub(super) settings: Vec<Setting>,
-    /// Scene whose first frames networks start from. Its packings are among those of the settings.
-    pub(super) start_of_networks: String,
+    /// Scenes whose first frames networks start from.
+    pub(super) starts: Starts,
+}
+
+/// The scene as networks learnt it, whose point spacing they know.
+pub(super) struct Starts {
+    /// Of networks that learnt from packings: the settings of the paper.
+    pub packings: String,
+    /// Of networks that learnt from discs: another seed than those of the truth.
+    pub discs: String,
 }
 
 /// A model with its settings.
@@ -35,6 +43,8 @@ const DEFAULT: (&str, &str) = ("packings", "");
 /// The continuum law with the scene's cells and with larger ones.
 const MU_I: &str = "mu(I)";
 const MU_I_COARSE: &str = "mu(I), twice the cell";
+/// A scene of the paper, for its settings.
+const PAPER: &str = include_str!("../../../../scenes/paper/test/col2x2.toml");
 /// Grains of twice and four times the size. The thickness goes with it, and points become large enough
 /// to average over.
 const COARSER: [(&str, &str); 2] = [
@@ -61,7 +71,7 @@ const QUICK: [(&str, &str); 4] = [
 ];
 
 /// The same of the full suite: every default changed by itself, and what is cheaper.
-const FULL: [(&str, &str); 15] = [
+const FULL: [(&str, &str); 16] = [
     ("16 packings", "material.packings = 16"),
     ("1 packing", "material.packings = 1"),
     ("100 discs", "rve.discs = 100"),
@@ -77,13 +87,19 @@ const FULL: [(&str, &str); 15] = [
     ("relaxation 500 1/s", "numerics.relaxation = 500"),
     ("FLIP", "numerics.transfer = \"flip\""),
     ("walls on points", "numerics.wall_contact = \"points\""),
+    ("packings sleep", "rve.sleep_stress = 0.1"),
 ];
 
 /// Scenes of the speed-accuracy charts; of the last, the largest, only a few settings.
 const SPEED: [&str; 4] = ["Small column", "Column a = 1", "Col2x2", "Col3x3"];
 /// Settings for it.
-const ON_THE_LARGEST: [&str; 4] =
-    ["16 packings", "cells of 62.5 mm", "cells of 62.5 mm, 100 discs", "cells of 125 mm"];
+const ON_THE_LARGEST: [&str; 5] = [
+    "16 packings",
+    "cells of 62.5 mm",
+    "cells of 62.5 mm, 100 discs",
+    "cells of 125 mm",
+    "packings sleep",
+];
 
 impl Case {
     /// All scenes of a suite, with every model in its defaults.
@@ -127,8 +143,8 @@ impl Case {
     /// A scene with every model in its defaults.
     pub fn new(scene: &'static TruthScene, suite: Suite) -> Self {
         let truth = seeds(&merged(scene.text, COMMON), suite.pick(4, 8));
-        let start_of_networks = start_of_networks(scene);
-        let mut case = Self { scene, truth, settings: Vec::new(), start_of_networks };
+        let starts = Starts::of(scene, truth.len());
+        let mut case = Self { scene, truth, settings: Vec::new(), starts };
         case.add(Family::Packings, &DEFAULT);
         if let Some(published) = scene.published {
             let name = "packings, settings of the paper".to_owned();
@@ -160,7 +176,7 @@ impl Case {
                 setting(Family::Packings, DEFAULT.0, text.clone()),
                 setting(Family::Continuum, MU_I, with("material.kind = \"mu-i\"")),
             ],
-            start_of_networks: start_of_networks(scene),
+            starts: Starts::of(scene, SEEDS_OF_GRAINS as usize),
         }
     }
 
@@ -177,9 +193,17 @@ fn seeds(text: &str, count: u64) -> Vec<String> {
         .collect()
 }
 
-/// The scene as the networks that ship learnt it.
-fn start_of_networks(scene: &TruthScene) -> String {
-    merged(scene.published.unwrap_or(scene.text), "output.fields = []")
+impl Starts {
+    /// Of a scene with so many seeds of the truth.
+    fn of(scene: &TruthScene, seeds: usize) -> Self {
+        let published = scene.published.map_or_else(|| merged(PAPER, scene.text), str::to_owned);
+        let packings = merged(&published, "output.fields = []");
+        let keys = format!(
+            "seed = {}\nframe_interval = 0.01\nmaterial.kind = \"discs\"\ndomain.cell = 0.125\noutput.fields = []",
+            seeds + 1
+        );
+        Self { packings, discs: merged(scene.text, &keys) }
+    }
 }
 
 /// The cell of the scene's grid, m.
@@ -206,7 +230,8 @@ mod tests {
         for suite in [Suite::Quick, Suite::Full] {
             for case in Case::against_truth(suite).into_iter().chain(Case::of_speed(suite)) {
                 let texts = case.settings.iter().map(|setting| &setting.text);
-                for text in texts.chain(&case.truth).chain([&case.start_of_networks]) {
+                let starts = [&case.starts.packings, &case.starts.discs];
+                for text in texts.chain(&case.truth).chain(starts) {
                     let scene = Scene::parse(text, case.scene.name);
                     let scene = scene.unwrap_or_else(|e| panic!("{}: {e:?}", case.scene.name));
                     assert_eq!(scene.columns[0].place.size, case.scene.size);

@@ -202,7 +202,8 @@ impl<'c> Measurement<'c> {
     }
 
     fn network(&mut self, family: Family, model: Model) -> miette::Result<Measured> {
-        let text = &self.case.start_of_networks;
+        let starts = &self.case.starts;
+        let text = if model.of_discs { &starts.discs } else { &starts.packings };
         let start = Start::Scene(text);
         let hash = self.context.hash(&model.path)?;
         let key = format!("{}\n{text}\n{}\n{hash}", self.context.scene_key(text), model.name);

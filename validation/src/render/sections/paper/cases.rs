@@ -2,7 +2,7 @@
 
 use super::absent::absent;
 use crate::context::Context;
-use crate::models::{Model, baseline, baseline_and_others};
+use crate::models::{Model, baseline, of_packings};
 use crate::render::block::Block;
 use crate::render::rollouts::{animation, chart, failures, snapshots, table};
 use crate::render::section::Section;
@@ -34,7 +34,7 @@ impl Section for Cases {
     fn run(&self, context: &mut Context) -> miette::Result<Vec<Block>> {
         let mut cases = context.cases(self.set);
         cases.retain(|(name, _)| (self.only)(name));
-        let models = baseline_and_others(&context.models);
+        let models = of_packings(&context.models);
         let mut blocks = absent(&cases, &models, self.set);
         if !blocks.is_empty() {
             return Ok(blocks);
