@@ -2,8 +2,9 @@
 """Checks that the reference names every option of the commands and every key of training files.
 
 Options are the fields with `#[arg(long ...)]` of dempm, surrogate and validation: docs/commands.md has a
-row for each in the table of its command. Keys are the fields of the structs that training files are
-read into: docs/training.md has a row for each. Keys of scenes are checked by a test of `dempm`.
+row for each in the table of its command, or in that of shared options. Keys are the fields of the structs
+that training files are read into: docs/training.md has a row for each. Keys of scenes are checked by a test
+of `dempm`.
 """
 
 import re
@@ -62,13 +63,12 @@ def main():
     programs = ("dempm", "surrogate", "validation")
     found = [(f"{crate} {command}".strip(), long) for crate in programs for command, long in options(crate)]
     for name, long in found:
-        for program in programs if name == SHARED else (name,):
-            row = rf"^\| `{program}` \| default.*?(?=\n\n|\Z)"
-            table = re.search(row, commands, re.MULTILINE | re.DOTALL)
-            for option in long:
-                counted += 1
-                if not table or f"`--{option}`" not in table.group():
-                    problems.append(f"docs/commands.md: no row for --{option} of `{program}`")
+        heading = "option" if name == SHARED else f"`{name}`"
+        table = re.search(rf"^\| {heading} \| default.*?(?=\n\n|\Z)", commands, re.MULTILINE | re.DOTALL)
+        for option in long:
+            counted += 1
+            if not table or f"`--{option}`" not in table.group():
+                problems.append(f"docs/commands.md: no row for --{option} of `{name}`")
     training = TRAINING.read_text()
     found = {name: fields(body) for name, body in structs("surrogate") if name in TABLES}
     for name, heading in TABLES.items():
