@@ -16,12 +16,12 @@ from ._scene import FilePath, Values
 
 
 class Calibration:
-    """What a calibration has found, from the [files in its folder](calibration.md#results).
+    """The [results](calibration.md#results) of a calibration.
 
     `dempm.run({**scene, "grains": found.grains})` runs a scene of the calibrated grains.
     """
 
-    #: The folder.
+    #: Folder of the files.
     folder: Path
     #: The table `[grains]` of a scene, with the posterior mean.
     grains: dict[str, Any]
@@ -62,11 +62,9 @@ def calibrate(
 ) -> Calibration:
     """Finds grains whose packings behave like a measured material: [calibration](calibration.md).
 
-    `targets` is a file or a dictionary with its keys, in which tables are files relative to the current folder.
-    `output` is the folder of the results. `law="mu-i"` also fits this law. `device` is `auto` (a GPU if there is one),
-    `cpu`, `cuda` or `cuda:N`. After Ctrl-C the same call with `resume=True`
-    continues from the last whole round with the same bits. Raises `dempm.Error` if a key or a table is wrong, or the
-    grains cannot be simulated.
+    Tables named in a dictionary are files relative to the current folder. `output` is the folder of the results.
+    `law="mu-i"` also fits this law. After Ctrl-C the same call with `resume=True` continues from the last whole round
+    with the same bits. Raises `dempm.Error` if a key or a table is wrong, or the grains cannot be simulated.
     """
     values = _absolute(targets) if isinstance(targets, Mapping) else targets
     options = [f"--output={os.fspath(output)}", f"--device={device}", *([f"--law={law}"] if law is not None else [])]

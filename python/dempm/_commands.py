@@ -36,13 +36,10 @@ def run(
 ) -> Run:
     """Simulates a scene.
 
-    `scene` is a file or a dictionary with the [keys of one](scenes.md). Without `output` the trajectory lies in a
-    temporary file that is gone with the `Run`; `Run.save` keeps it. `device` is `auto` (a GPU if there is one), `cpu`,
-    `cuda` or `cuda:N`.
+    `scene` is a file or a dictionary with the [keys of one](scenes.md).
 
-    With `within`, metres or a text such as `5%` of the run-out, the model is not that of the scene but the cheapest
-    that stays so near to the grains computed one by one: `choose` tells which. `run.scene["choice"]` states it. A
-    network is among them if `learned` names its file; its predictions are made again rather than continued.
+    `within` and `learned` replace the scene's model by the one that `choose` takes, which `run.scene["choice"]` states.
+    Predictions of a network are made again rather than continued.
 
     Ctrl-C, or *Interrupt* in a notebook, saves a checkpoint beside `output` and raises `KeyboardInterrupt`; the same
     call with `resume=True` continues with the same bits. Other Python threads run meanwhile.
@@ -68,12 +65,12 @@ def run(
 
 
 class Check(Mapping[str, Any]):
-    """What a scene costs, as a dictionary that prints as the report of `dempm check`.
+    """The cost of a scene: a dictionary that prints as `dempm check` does.
 
     | key | meaning |
     |---|---|
-    | `points`, `frames`, `steps` | material points, frames after the first, macro steps |
-    | `step`, `step_limit` | macro step, and the largest stable one, s |
+    | `points`, `frames`, `steps` | material points, frames after the first, MPM steps |
+    | `step`, `step_limit` | MPM step, and the largest stable one, s |
     | `discs` | in all packings, or in the scene; `None` under a continuum law |
     | `seconds` | estimated wall time on this machine's CPU, s |
     | `memory`, `output` | bytes in memory, and in the trajectory before compression |
@@ -98,22 +95,22 @@ class Check(Mapping[str, Any]):
 
 
 def check(scene: Values) -> Check:
-    """Validates a scene, a file or a dictionary, and estimates its cost. Raises `dempm.Error` if it is invalid."""
+    """Validates a scene and estimates its cost. Raises `dempm.Error` if it is invalid."""
     numbers, text = _dempm.check(*_scene.text_and_name(scene))
     return Check(json.loads(numbers), text)
 
 
 class Choice(Mapping[str, Any]):
-    """The model to take for a scene, as a dictionary that prints as the report of `dempm choose`.
+    """The model to take for a scene: a dictionary that prints as `dempm choose` does.
 
     | key | meaning |
     |---|---|
-    | `within` | the distance that is allowed, m |
-    | `candidates` | a list: `name`, `family`, `prediction` (`largest` and `end`, each with `median` and `bound`, m; `beyond`), `seconds`, `memory` (bytes), `out` (why it is not near enough, or `None`) |
+    | `within` | allowed distance, m |
+    | `candidates` | a list: `name`, `family`, `prediction` (`largest` and `end`, each with `median` and `bound`, m; `beyond`), `seconds`, `memory` (bytes), `out` (why it is excluded, or `None`) |
     | `taken` | index of the one to take |
     | `met` | whether its bound is within the distance |
-    | `beyond` | ways in which the scene lies outside of what was measured |
-    | `measured`, `runout` | what the errors rest on, and the expected way of the front, m |
+    | `beyond` | how the scene lies outside of the measured range |
+    | `measured`, `runout` | basis of the errors; expected run-out, m |
     """
 
     def __init__(self, values: dict[str, Any], text: str, scene_text: str):
@@ -138,9 +135,9 @@ class Choice(Mapping[str, Any]):
 def choose(
     scene: Values, within: float | str, *, learned: FilePath | None = None, device: str = "auto"
 ) -> Choice:
-    """Finds the cheapest model of a scene, a file or a dictionary, that stays `within` a distance of its grains computed
-    one by one: metres (root mean square), or a text such as `5%` of the run-out. A network is a candidate too if `learned`
-    names its file. Raises `dempm.Error` if the scene is invalid or has no candidates.
+    """Finds the [cheapest model](choose.md) whose error is `within` a distance from the scene as discs: a number (RMS, m),
+    or a text such as `5%`, of the run-out. `learned` is the weights file of a network that is a candidate too. Raises
+    `dempm.Error` if the scene is invalid or has no candidates.
     """
     model = None if learned is None else os.fspath(learned)
     values, text, chosen = _dempm.choose(*_scene.text_and_name(scene), str(within), device, model)
@@ -150,9 +147,8 @@ def choose(
 def element(test: Values, grains: Mapping[str, Any] | None = None) -> dict[str, np.ndarray]:
     """Drives a packing along a path, as an [element test](element-tests.md).
 
-    `test` is a file or a dictionary; `grains` replaces keys of its table `[grains]`, such as `{"friction": 0.3}`.
-    Returns the columns of the path, each (rows): `t` (s), the strains `exx` ..., the stresses `sxx` ... (Pa, tension
-    positive), `solid_fraction`, `coordination`, `inertial_number`. Raises `dempm.Error` if the test is wrong or a stage fails.
+    `grains` replaces keys of the table `[grains]` of `test`, such as `{"friction": 0.3}`. Returns the
+    [columns of the path](element-tests.md#csv), each (rows). Raises `dempm.Error` if the test is wrong or a stage fails.
     """
     values = _scene.values(test)
     values["grains"] = {**values.get("grains", {}), **(grains or {})}
@@ -173,11 +169,11 @@ def dataset(
     jobs: int | None = None,
     overwrite: bool = False,
 ) -> list[Run]:
-    """Simulates many scenes into the folder `output`: `paper`, or a [list](datasets.md), a file or a dictionary.
+    """Simulates many scenes into the folder `output`: `paper`, or a [list](datasets.md).
 
-    In a dictionary, base scenes are files relative to the current folder or dictionaries themselves. What is there
-    stays, what was interrupted continues. `only` picks splits or scenes, such as `test/col2x2`. Returns the runs, in the
-    order of their files. Raises `dempm.Error` if the list is wrong or scenes failed.
+    Base scenes of a dictionary are files relative to the current folder, or dictionaries. Finished runs stay,
+    interrupted ones continue. `only` picks splits or scenes, such as `test/col2x2`. Returns the runs in the order of their
+    files. Raises `dempm.Error` if the list is wrong or scenes failed.
     """
     options: list[str] = [f"--device={device}", *(f"--only={name}" for name in only)]
     if jobs is not None:
@@ -216,7 +212,7 @@ def _nested(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Picture(NamedTuple):
-    """A picture, which a notebook shows; `save` writes it to a file."""
+    """A picture, which a notebook shows."""
 
     #: The bytes of a PNG file.
     png: bytes
@@ -233,7 +229,7 @@ class Picture(NamedTuple):
 
 
 def plot(run: Run | FilePath, other: Run | FilePath | None = None, **options: Any) -> Picture:
-    """Draws frames of a run; with `other` those of both, side by side, overlaid or subtracted (`compare`).
+    """Draws frames of a run, or of two: side by side, overlaid or subtracted (`compare`).
 
     Options are those of [`dempm plot`](commands.md#dempm) with `_` for `-`: `plot(run, field="pressure",
     times=[0.5, 1.0], width=1200)`. Raises `dempm.Error` if a frame or field is missing.

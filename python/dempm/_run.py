@@ -69,14 +69,10 @@ _DERIVED: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
 
 
 class Run:
-    """A trajectory: a simulated or predicted run, or one that still goes on.
+    """A trajectory of a simulated or predicted run, which may still go on. F frames, P points.
 
-    Arrays over frames are read from the file when they are indexed, and only as far as the index asks: `run.position`
-    is a dataset of h5py, `run.position[-1]` the numpy array of the last frame, `run.position[:]` all of them. In
-    shapes, F are frames and P points.
-
-    `run["budget/front"]` is any dataset of the file, and `run["position"]` the same as `run.position`. `run.scene`
-    is the scene as a dictionary, with defaults: `run.scene["grains"]["friction"]`.
+    Fields are h5py datasets, read when indexed: `run.position[-1]` is the numpy array of the last frame,
+    `run.position[:]` that of all frames. `run["budget/front"]` is any dataset of the file.
     """
 
     def __init__(self, path: FilePath):
@@ -118,7 +114,7 @@ class Run:
         self.close()
 
     def close(self) -> None:
-        """Closes the file; a run that was not given a name is then gone."""
+        """Closes the file; removes it if it is temporary."""
         self._file.close()
         if self._removal:
             self._removal()
@@ -128,7 +124,7 @@ class Run:
         self._removal = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
     def keys(self) -> list[str]:
-        """Names of all datasets, with those computed from them."""
+        """Names of all datasets, stored and derived."""
         names: list[str] = []
         shown = [name for name in self._file if name != "VTKHDF"]
         for name in shown:
@@ -151,7 +147,7 @@ class Run:
 
     @property
     def time(self) -> np.ndarray:
-        """Times of the frames (F), s."""
+        """Times (F), s."""
         return self._file["time"][()]
 
     @property
@@ -176,7 +172,7 @@ class Run:
 
     @property
     def pressure(self) -> Derived:
-        """Pressure in the plane (F, P): -(xx + yy) / 2, Pa."""
+        """In-plane pressure (F, P): -(xx + yy) / 2, Pa."""
         return self["pressure"]
 
     @property
@@ -201,7 +197,7 @@ class Run:
 
     @property
     def column(self) -> np.ndarray:
-        """Number of the column that a point belongs to (P)."""
+        """Column of each point (P)."""
         return self._file["points/column"][()]
 
     @property
@@ -218,12 +214,12 @@ class Run:
 
     @property
     def budget(self) -> dict[str, np.ndarray]:
-        """Scalars of the whole scene over time, each (F): `front`, `kinetic_energy` and others."""
+        """[Scalars of the scene](formats.md#budget), each (F): `front`, `kinetic_energy` and others."""
         return {name: values[()] for name, values in self._file["budget"].items()}
 
     @property
     def scene(self) -> dict[str, Any]:
-        """The scene as a dictionary: the keys of its file, with the defaults of what it leaves out."""
+        """The scene as a dictionary, with defaults: `run.scene["grains"]["friction"]`."""
         if self._scene is None:
             self._scene = _scene.complete(self.scene_text, f"{self.path}, scene")
         return self._scene
@@ -245,7 +241,7 @@ class Run:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings of the run about itself."""
+        """Warnings of the run."""
         return self._text("warnings").splitlines()
 
     @property
@@ -280,7 +276,7 @@ class Run:
         return plot(self, other, **options)
 
     def to_xarray(self, fields: Sequence[str] | None = None) -> xarray.Dataset:
-        """Fields (all of them by default) and the budget as a dataset of xarray, with units. It holds them in memory."""
+        """Fields (by default all) and budget as an xarray dataset in memory, with units."""
         import xarray
 
         names = fields if fields is not None else [name for name in _FIELDS if name in self]
@@ -314,7 +310,7 @@ def _plain(value: Any) -> Any:
 
 
 def open(path: FilePath) -> Run:
-    """Opens a trajectory file (HDF5) of `dempm run`, `dempm.run` or a rollout. Raises `dempm.Error` if it is none."""
+    """Opens a trajectory file (HDF5). Raises `dempm.Error` if it is none."""
     return Run(path)
 
 

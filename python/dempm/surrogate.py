@@ -1,4 +1,4 @@
-"""The learned simulator: predictions of a trained network."""
+"""The learned simulator, by its programs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ __all__ = ["rollout", "train"]
 def train(
     config: Values, data: FilePath, output: FilePath, *, device: str = "auto", resume: bool = False, overwrite: bool = False
 ) -> Path:
-    """Trains a network on the trajectories in `data/train`, validates it on those in `data/valid`, and returns the best.
+    """Trains a network on the trajectories in `data/train`, validates it on those in `data/valid`, and returns the
+    path of the best.
 
     `config` is a [training file](training.md) or a dictionary with its keys. `output` is the folder of models, log and
     checkpoint. Ctrl-C saves the checkpoint, from which `resume=True` continues. Raises `dempm.Error` if a key is wrong
@@ -43,11 +44,9 @@ def rollout(
 ) -> Run:
     """Predicts a trajectory with a [weights file](weights.md).
 
-    `scene` is a scene, a file or a dictionary, whose first frames are simulated; or a `Run`, whose frames from
-    `start` on are taken. `frames` counts those of the result. `mirror` averages with the prediction of the mirror
-    image. Without `output` the trajectory lies in a temporary file that is gone with the `Run`.
-
-    Raises `dempm.Error` if the network does not fit or the prediction fails.
+    The first frames of `scene` are simulated; those of a `Run` are taken from `start` on. `frames` counts those of the
+    result. `mirror` averages with the prediction of the mirror image. Raises `dempm.Error` if the network does not fit or
+    the prediction fails.
     """
     options = [f"--device={device}"]
     if frames is not None:

@@ -48,7 +48,7 @@ class Config:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Config:
-        """A configuration as weights and training files have it."""
+        """From the keys of weights and training files."""
         known = {field.name for field in dataclasses.fields(cls)}
         for key in values:
             if key not in known:
@@ -56,7 +56,7 @@ class Config:
         return cls(**{**values, "node_features": tuple(values.get("node_features", ()))})
 
     def to_dict(self) -> dict[str, Any]:
-        """The configuration as weights files have it."""
+        """The keys of weights files."""
         return {**dataclasses.asdict(self), "node_features": list(self.node_features)}
 
     @property

@@ -191,7 +191,7 @@ def _overburden(now: Tensor, radius: float) -> Tensor:
 
 
 def _surfaces(now: Tensor, boxes: Boxes, back: int, radius: float) -> Tensor:
-    """The nearest surface of a fixed box and of a moving one (points, 10), as docs/weights.md describes."""
+    """The nearest surface of a fixed box and of a moving one (points, 10), as docs/training.md describes."""
     columns = []
     for kind in (True, False):
         some = boxes.of_kind(fixed=kind)

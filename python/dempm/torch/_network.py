@@ -84,7 +84,7 @@ class TGNNS(nn.Module):
     """The temporal graph network simulator: one message-passing layer for each frame of the window on that frame's
     graph, further layers on the last graph, and a decoder. There are no residual connections.
 
-    A new network has random weights; `normalisation` is that of its `Windows`."""
+    A new network has random weights; `normalisation` and `training` are those of its `Windows`."""
 
     def __init__(self, config: Config, normalisation: Normalisation | None = None, training: Training | None = None):
         super().__init__()
@@ -110,7 +110,7 @@ class TGNNS(nn.Module):
 
     @classmethod
     def from_safetensors(cls, path: FilePath) -> TGNNS:
-        """A network from a [weights file](weights.md). Raises `dempm.Error` if it is none, or of another kind."""
+        """Reads a [weights file](weights.md). Raises `dempm.Error` if it is none, or of another kind."""
         try:
             with safetensors.safe_open(os.fspath(path), framework="pt") as file:
                 about = json.loads(file.metadata()["surrogate"])
@@ -128,7 +128,7 @@ class TGNNS(nn.Module):
         return network
 
     def save(self, path: FilePath, training: Training) -> None:
-        """Writes a weights file, which `surrogate rollout` and `dempm.surrogate.rollout` take."""
+        """Writes a [weights file](weights.md)."""
         config = self.config.to_dict()
         about = {"format": self.config.format, "config": config, "extra": {"training": training.to_json()}}
         parameters = {name: value.detach().cpu().contiguous() for name, value in self.state_dict().items()}
@@ -167,8 +167,8 @@ class TGNNS(nn.Module):
     ) -> Tensor:
         """Accelerations (points, 2) in float64, m/frame², after a window of positions (`config.window`, points, 2), m.
 
-        `domain` is its width and height, m; `boxes` are those of the newest frame; `statics` (points, columns)
-        static node features. A network `without_gravity` leaves free fall to the caller.
+        `domain` is (width, height), m; `boxes` are those of the newest frame; `statics` (points, columns) static node
+        features. A network `without_gravity` leaves free fall to the caller.
         """
         boxes = Boxes(positions.new_empty(0, 11, dtype=torch.float64)) if boxes is None else boxes
         statics = positions.new_empty(positions.shape[1], 0) if statics is None else statics

@@ -15,13 +15,12 @@ from ._windows import static_features
 
 @torch.no_grad()
 def rollout(model: TGNNS, run: Run, *, start: int = 0, frames: int | None = None) -> np.ndarray:
-    """Predicts positions (frames, points, 2), m, from the first frames of `run` after `start`, which they begin with.
+    """Positions (frames, points, 2), m: the first frames of `run` from `start` on, then predicted ones, as many as the
+    run has unless `frames` says otherwise.
 
-    `frames` is by default the number of frames that the run has from there. Positions are double, the network computes
-    where its parameters are. Walls, boxes and plate confine the points as in `surrogate rollout`, and both agree to
-    rounding.
-
-    Raises `dempm.Error` if the network is not trained, the frames do not fit it, or a position is not finite.
+    Positions are in double precision; the network computes on the device of its parameters. Walls, boxes and plate
+    confine the points as in `surrogate rollout`, and both agree to rounding. Raises `dempm.Error` if the network has no
+    `training`, the frames do not fit it, or a position is not finite.
     """
     training = model.training_data
     if training is None:

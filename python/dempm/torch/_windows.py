@@ -70,11 +70,11 @@ def collate(windows: Sequence[Window]) -> Batch:
 class Windows(Dataset[Window]):
     """All windows of the trajectories below a folder, as graphs with targets: a `torch.utils.data.Dataset`.
 
-    `frames` is the length of a window. `config` states the network's features where they are not the paper's; its
-    `frames` then count. `stride` uses every n-th frame of the files. `noise` (m/frame) is the standard deviation of the
-    random walk on the last velocity, which the target undoes; `mirror` mirrors half of the examples left to
-    right; both draw from PyTorch's random numbers. `without_gravity` makes targets relative to free fall.
-    `normalisation` is measured unless it is given: give the training set's to the validation set.
+    `frames` is the length of a window; a `config` has its own, and the network's features where they are not the
+    paper's. `stride` uses every n-th frame of the files. `noise` (m/frame) is the standard deviation of the random walk
+    on the last velocity, which the target undoes; `mirror` mirrors half of the examples left to right; both draw from
+    PyTorch's random numbers. `without_gravity` makes targets relative to free fall. `normalisation` is measured unless
+    given: pass that of the training set to the validation set.
 
     Raises `dempm.Error` if there are no trajectories, one is too short, or they differ in domain or frame interval.
     """
@@ -145,8 +145,8 @@ class Windows(Dataset[Window]):
         return {**self.__dict__, "_runs": [None] * len(self.files)}
 
     def measure(self) -> Normalisation:
-        """Means and standard deviations of velocities and accelerations over all frames of all files, with the noise, and
-        of the further node features over every tenth frame."""
+        """Means and standard deviations of velocities and accelerations over all frames, with the noise, and of further
+        node features over every tenth frame."""
         velocity, acceleration = _Spread(2), _Spread(2)
         features = _Spread(self.config.further_columns)
         reach = self.config.window - self.config.frames
