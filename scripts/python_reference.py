@@ -14,13 +14,13 @@ PAGE = ROOT / "docs/python.md"
 MARK = "<!-- From here on written by scripts/python_reference.py. -->\n"
 # Modules and what of them is public, in the order of the page.
 MODULES = {
-    "dempm": ["run", "open", "Run", "plot", "Picture", "check", "Check", "choose", "Choice", "element", "dataset",
+    "dempm": ["run", "open", "Run", "plot", "check", "Check", "choose", "Choice", "element", "dataset",
               "calibrate", "Calibration"],
     "dempm.surrogate": ["rollout", "train"],
     "dempm.torch": ["Windows", "collate", "TGNNS", "rollout", "Config"],
 }
 # Classes whose objects one only gets.
-MADE = {"Run", "Check", "Choice", "Picture", "Calibration"}
+MADE = {"Run", "Check", "Choice", "Calibration"}
 
 
 def definitions(module):

@@ -229,7 +229,8 @@ class Picture(NamedTuple):
 
 
 def plot(run: Run | FilePath, other: Run | FilePath | None = None, **options: Any) -> Picture:
-    """Draws frames of a run, or of two: side by side, overlaid or subtracted (`compare`).
+    """Draws frames of a run, or of two: side by side, overlaid or subtracted (`compare`). A notebook shows the picture;
+    its `save(path)` writes it (PNG), `png` are its bytes.
 
     Options are those of [`dempm plot`](commands.md#dempm) with `_` for `-`: `plot(run, field="pressure",
     times=[0.5, 1.0], width=1200)`. Raises `dempm.Error` if a frame or field is missing.
