@@ -14,7 +14,7 @@ const CELL_OF_DISCS: f64 = 0.125;
 pub(super) const PACKINGS: u64 = 64;
 /// Discs in a packing: fewer than a packing needs that stands alone, as cells average over several.
 const DISCS: usize = 64;
-/// DEM step of packings over `sqrt(m_min / kn)`: 4 substeps of 2.5e-5 s for the default grains. Twice that of whole
+/// DEM step of packings over `sqrt(m_min / kn)`: 2.5e-5 s for the default grains. Twice that of whole
 /// scenes, whose energy it would let drift by more than 1 %.
 const STEP_FACTOR: f64 = 0.401;
 /// Largest overlap (radii) of discs in packings.
@@ -22,6 +22,13 @@ const OVERLAP_LIMIT: f64 = 2.0;
 /// Solid fraction above which packings are not compressed further: splashes press those of single points together,
 /// which meet others on the grid before they touch them.
 const MAX_SOLID_FRACTION: f64 = 1.0;
+/// MPM step (s) of laws; with discs, the time between two positions of a plate.
+const STEP: f64 = 1.0e-4;
+/// Part of a cell that a wave crosses in a step of packings, of 0.5 that are allowed.
+const CROSSED: f64 = 0.45;
+/// Longest step (s) of packings by default, however large the cells.
+const LONGEST: f64 = 2.0e-4;
+
 /// Parameters of packings and their grains.
 pub(super) fn packings() -> RveParameters {
     let grains =
@@ -44,6 +51,16 @@ pub(super) fn cell(material: &Material) -> f64 {
         Material::Discs(_) => CELL_OF_DISCS,
         Material::Rve(_) | Material::MuI(_) | Material::Elastic(_) => CELL,
     }
+}
+
+/// MPM step (s): of packings a whole part of a frame with whole substeps, in which a wave crosses [`CROSSED`] of a cell and
+/// which is no longer than [`LONGEST`]. Packings take as many substeps in all, and less of what each step costs besides.
+pub(super) fn step(material: &Material, cell: f64, frame_interval: f64) -> f64 {
+    let Material::Rve(rve) = material else { return STEP };
+    let longest = LONGEST.min(CROSSED * cell / material.wave_speed());
+    let substep = rve.parameters.grains.step();
+    let step = if substep < longest { substep * (longest / substep).floor() } else { longest };
+    frame_interval / (frame_interval / step).ceil()
 }
 
 /// Grains of whole scenes.

@@ -44,6 +44,8 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
     let (material, initial_stress) = material(log, &root);
     let (fields, grains_every, grid) = output(&root, &material);
     let numerics = numerics(&root, &material);
+    let domain = domain(&root, &material);
+    let frame_interval = root.number("frame_interval", Some(0.01), positive(TIME, "s"));
     let scene = Scene {
         name: name.to_owned(),
         text: text.to_owned(),
@@ -53,12 +55,12 @@ pub(super) fn read(log: &Log, document: &DeTable<'_>, name: &str, text: &str) ->
         duration: root.number("duration", None, positive(TIME, "s").with_example(3.0)),
         step: root.number(
             "step",
-            Some(1.0e-4),
+            Some(defaults::step(&material, domain.cell, frame_interval)),
             positive(1.0, "s").with_hint("seconds: 0.1 ms is 1.0e-4"),
         ),
-        frame_interval: root.number("frame_interval", Some(0.01), positive(TIME, "s")),
+        frame_interval,
         stop_at_rest: root.boolean("stop_at_rest", true),
-        domain: domain(&root, &material),
+        domain,
         columns: columns(&root),
         obstacles: root.tables("obstacle", |table| {
             let obstacle = Obstacle {

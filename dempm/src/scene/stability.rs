@@ -63,11 +63,12 @@ fn step(scene: &Scene, log: &Log) -> bool {
     let stable = scene.step <= limit;
     if !stable {
         let mut help = format!(
-            "seconds; at most {COURANT} of the time that a wave needs through a cell: {limit:.1e} s"
+            "seconds; at most {COURANT} of the time that a wave needs through a cell: {:.2e} s",
+            rounded_down(limit)
         );
         if let Material::Rve(rve) = &scene.material {
             help += &format!(
-                ". The DEM takes steps of {:.1e} s within each macro step; 1.0e-4 s is usual",
+                ". The DEM takes steps of {:.1e} s within each macro step",
                 rve.parameters.grains.step()
             );
         }
@@ -102,6 +103,12 @@ fn step(scene: &Scene, log: &Log) -> bool {
     stable
 }
 
+/// A number with three digits that is no larger, so that it is allowed where a limit is.
+fn rounded_down(limit: f64) -> f64 {
+    let unit = 10_f64.powf(limit.log10().floor() - 2.0);
+    (limit / unit).floor() * unit
+}
+
 fn transfer(scene: &Scene, log: &Log) {
     if let Transfer::FlipApic { rate } | Transfer::Flip { rate } = scene.numerics.transfer
         && rate * scene.step > 1.0
@@ -110,7 +117,7 @@ fn transfer(scene: &Scene, log: &Log) {
             Problem::error(format!("relaxation = {rate} is faster than one step"))
                 .at(log.place("numerics.relaxation"), "1/s")
                 .help(format!(
-                    "a rate per second, at most 1 / step = {}; transfer = \"apic\" or \"pic\" is \
+                    "a rate per second, at most 1 / step = {:.0}; transfer = \"apic\" or \"pic\" is \
                      the limit",
                     1.0 / scene.step
                 )),

@@ -93,8 +93,10 @@ fn errors(text: &str) -> String {
 #[test]
 fn the_shortest_scene_has_the_documented_defaults() {
     let scene = parse(SHORT);
-    assert_eq!((scene.title.as_str(), scene.seed, scene.step), ("test", 1, 1.0e-4));
-    assert_eq!((scene.steps(), scene.steps_per_frame(), scene.frames()), (30_000, 100, 300));
+    assert_eq!((scene.title.as_str(), scene.seed), ("test", 1));
+    // 7 substeps of 25 us are the most in which a wave of 80 m/s crosses less than 0.45 of a cell: 58 steps a frame.
+    assert_eq!((scene.steps(), scene.steps_per_frame(), scene.frames()), (17_400, 58, 300));
+    assert!((scene.step - 0.01 / 58.0).abs() < 1e-15);
     assert_eq!((scene.domain.cell, scene.point_count()), (0.03125, 36_864));
     assert_eq!(scene.text, SHORT);
     assert_eq!(scene.domain.walls.bottom, Friction::Coulomb(0.5));
@@ -217,7 +219,7 @@ fn points_fill_the_columns() {
 #[case::unit("step = 0.1", &["step = 0.1 s is unstable", "80 m/s", "at most 0.5", "2.5e-5 s"])]
 #[case::huge_step("step = 100", &["must be above 0 and at most 1 s", "0.1 ms is 1.0e-4"])]
 #[case::not_finite("gravity = [nan, inf]", &["`gravity` = NaN", "`gravity` = inf"])]
-#[case::half_frame("frame_interval = 0.01005", &["100.5", "nearest: frame_interval = 0.0101"])]
+#[case::half_frame("step = 1e-4\nframe_interval = 0.01005", &["100.5", "nearest: frame_interval = 0.0101"])]
 #[case::frames("frame_interval = 0.07", &["nearest: duration = 3.01"])]
 #[case::moved("rve.friction = 0.5", &["`friction` is now in [grains]", "no longer here"])]
 #[case::moved_deep("rve.preparation.friction = 0.5", &["is now `preparation_friction` in [grains]"])]
@@ -226,7 +228,7 @@ fn points_fill_the_columns() {
 #[case::few_discs("rve.discs = 8", &["8 discs are too few", "at least"])]
 #[case::unstable_dem("grains.step_factor = 0.6", &["must be from 0.005 to 0.5", "near 0.55"])]
 #[case::tiny_discs("grains.radius_min = 1e-9", &["DEM steps in a macro step are too many"])]
-#[case::relaxation("numerics.relaxation = 2e4", &["faster than one step", "1 / step = 10000"])]
+#[case::relaxation("step = 1e-4\nnumerics.relaxation = 2e4", &["faster than one step", "1 / step = 10000"])]
 #[case::word("numerics.basis = \"quadratc\"", &["did you mean \"quadratic\"?", "\"gimp\""])]
 #[case::field("output.fields = [\"stresss\"]", &["did you mean \"stress\"?"])]
 #[case::face("domain.walls.left = \"slick\"", &["cannot be \"slick\"", "valid: \"slip\", \"stick\""])]
@@ -271,7 +273,7 @@ fn a_wrong_line_is_explained(#[case] line: &str, #[case] expected: &[&str]) {
     &["points are too many", "cells are too many"]
 )]
 #[case::fast(
-    "duration = 1\n[domain]\nsize=[4,4]\n[[column]]\nsize=[2,2]\nvelocity=[300,0]",
+    "duration = 1\nstep = 1e-4\n[domain]\nsize=[4,4]\n[[column]]\nsize=[2,2]\nvelocity=[300,0]",
     &["300.0000 m/s is too fast", "62.5000 m/s"]
 )]
 #[case::coarse(
@@ -327,6 +329,7 @@ fn one_missing_bracket_is_one_error() {
 fn an_impact_faster_than_waves_is_warned_about() {
     let fast =
         SHORT.replace("[[column]]\n", "[[column]]\nvelocity = [0.0, -60.0]\ncorner = [0, 1]\n");
+    let fast = format!("step = 1e-4\n{fast}");
     let shown = render(&parse(&fast).warning_report().unwrap());
     assert!(shown.contains("column 1 hits a wall or the floor at up to 60.2 m/s"), "{shown}");
 }

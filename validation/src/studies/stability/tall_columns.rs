@@ -1,6 +1,7 @@
 //! Tall columns: energy of their collapse, overlaps under their weight.
 
 use dempm::run::Monitor;
+use dempm::scene::Scene;
 use dempm::simulation::{Simulation, SimulationError};
 use rayon::prelude::*;
 
@@ -22,8 +23,25 @@ struct Fall {
     picture: Picture,
 }
 
+impl Fall {
+    /// Of a scene that is refused with these words.
+    fn refused(why: Option<String>) -> Self {
+        Self {
+            said: Vec::new(),
+            error: why,
+            energy: f64::NAN,
+            overlap: f64::NAN,
+            picture: Picture::default(),
+        }
+    }
+}
+
 fn run(name: &str, text: &str) -> Result<Fall, StudyError> {
-    let scene = scene_messages::parse(name, text)?;
+    let scene = match Scene::parse(text, name) {
+        Ok(scene) => scene,
+        // Its weight would crush its base: refused, which is an outcome.
+        Err(_) => return Ok(Fall::refused(scene_messages::said(text))),
+    };
     let failed = |e: SimulationError| StudyError::Scene { name: name.into(), reason: chain(&e) };
     let mut simulation = Simulation::new(scene).map_err(failed)?;
     let mut monitor = Monitor::new(&simulation);
@@ -243,7 +261,8 @@ fn shafts(suite: Suite, study: &mut Study) -> Result<(), StudyError> {
         outcomes,
         caption: "Numbers: largest overlap over the radius.".into(),
     });
-    let worst = rows.into_iter().next_back().and_then(|row| row.into_iter().next_back());
+    let ran = |fall: &Fall| !fall.picture.position.is_empty();
+    let worst = rows.into_iter().next_back().and_then(|row| row.into_iter().rev().find(ran));
     study.pictures.extend(worst.map(|fall| fall.picture));
     Ok(())
 }
