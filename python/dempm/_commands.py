@@ -101,16 +101,8 @@ def check(scene: Values) -> Check:
 
 
 class Choice(Mapping[str, Any]):
-    """The model to take for a scene: a dictionary that prints as `dempm choose` does.
-
-    | key | meaning |
-    |---|---|
-    | `within` | allowed distance, m |
-    | `candidates` | a list: `name`, `family`, `prediction` (`largest` and `end`, each with `median` and `bound`, m; `beyond`), `seconds`, `memory` (bytes), `out` (why it is excluded, or `None`) |
-    | `taken` | index of the one to take |
-    | `met` | whether its bound is within the distance |
-    | `beyond` | how the scene lies outside of the measured range |
-    | `measured`, `runout` | basis of the errors; expected run-out, m |
+    """The model to take for a scene: a dictionary with the keys of [`dempm choose --json`](commands.md#json), which prints
+    as `dempm choose` does. `scene_text` is the scene with that model.
     """
 
     def __init__(self, values: dict[str, Any], text: str, scene_text: str):
