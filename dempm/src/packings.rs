@@ -1,5 +1,8 @@
 //! Prepared packings, made once and kept on disk.
 
+mod key;
+mod shipped;
+
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -16,8 +19,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Changes whenever packings made by an older version must not be used any more.
-const VERSION: u32 = 5;
+use key::{Key, key};
 
 /// A consolidated packing and one packing per overburden.
 #[derive(Clone, Debug)]
@@ -39,8 +41,7 @@ pub fn ladders(
     depths: &[f64],
     g: f64,
 ) -> Result<Vec<Ladder>, dem::Error> {
-    // Runs that differ in sleep share their packings.
-    let p = &RveParameters { sleep_stress: 0.0, ..p.clone() };
+    let p = &without_sleep(p);
     let count = seeds.len();
     let consolidated = vec![OnceLock::new(); count];
     // Some packings take five times as long to consolidate as others. Threads take these tasks in order: no ladder
@@ -49,9 +50,7 @@ pub fn ladders(
         .par_bridge()
         .filter_map(|task| {
             let (k, seed) = (task % count, seeds[task % count]);
-            let isotropic = consolidated[k].get_or_init(|| {
-                cached(cache_file(&("isotropic", p, seed)), || dem::consolidate(p, seed))
-            });
+            let isotropic = consolidated[k].get_or_init(|| consolidated_packing(p, seed));
             let isotropic = match isotropic {
                 Ok(isotropic) => isotropic,
                 Err(error) => return Some(Err(error.clone())),
@@ -60,6 +59,30 @@ pub fn ladders(
         })
         .collect();
     Ok(ladders?.into_values().collect())
+}
+
+/// Whether the consolidated packings of these seeds come with the program, so that only their ladders are left to make.
+pub fn ship(p: &RveParameters, mut seeds: impl Iterator<Item = u64>) -> bool {
+    let p = without_sleep(p);
+    seeds.all(|seed| consolidated_key(&p, seed).is_some_and(|key| shipped::has(&key)))
+}
+
+/// Runs that differ in sleep share their packings.
+fn without_sleep(p: &RveParameters) -> RveParameters {
+    RveParameters { sleep_stress: 0.0, ..p.clone() }
+}
+
+/// A packing under isotropic pressure.
+fn consolidated_packing(p: &RveParameters, seed: u64) -> Result<Packing<f64>, dem::Error> {
+    let key = consolidated_key(p, seed);
+    match key.and_then(|key| shipped::packing(&key, &p.grains)) {
+        Some(packing) => Ok(packing),
+        None => cached(key.and_then(cache_file), || dem::consolidate(p, seed)),
+    }
+}
+
+fn consolidated_key(p: &RveParameters, seed: u64) -> Option<Key> {
+    key(&("isotropic", p, seed))
 }
 
 /// A consolidated packing at the vertical stress of every depth.
@@ -73,7 +96,7 @@ fn ladder(
     let density = bulk_density(p, isotropic);
     let targets: Vec<f64> =
         depths.iter().map(|depth| (density * g * depth).max(LEAST_STRESS)).collect();
-    let file = cache_file(&("ladder", p, seed, &targets));
+    let file = key(&("ladder", p, seed, &targets)).and_then(cache_file);
     let rungs = cached(file, || dem::ladder(p, seed, isotropic, &targets))?;
     Ok(Ladder { isotropic: isotropic.clone(), rungs })
 }
@@ -102,7 +125,7 @@ pub fn column<R: CudaReal>(
     // Of the boundary, only what lies below the column matters.
     let floor = (boundary.size[0], boundary.walls.bottom, boundary.floor, boundary.seed);
     let ColumnBox { corner, size, loaded } = *place;
-    let file = cache_file(&(
+    let key = key(&(
         "column",
         <R as Real>::NAME,
         device.is_some(),
@@ -114,7 +137,7 @@ pub fn column<R: CudaReal>(
         loaded,
         seed,
     ));
-    cached(file, || {
+    cached(key.and_then(cache_file), || {
         let mut start = |assembly| match device {
             None => on_cpu(assembly),
             Some(device) => on_gpu(device, assembly).map_err(preparation_error),
@@ -201,10 +224,9 @@ fn keep(file: &Path, value: &impl Serialize) -> io::Result<()> {
 }
 
 /// Cache file of a key; `None` without a home directory.
-fn cache_file(key: &impl Serialize) -> Option<PathBuf> {
-    let key = postcard::to_stdvec(&(VERSION, key)).ok()?;
-    let name = blake3::hash(&key).to_hex();
-    Some(gpu::cache_directory()?.join("packings").join(&name.as_str()[..32]))
+fn cache_file(key: Key) -> Option<PathBuf> {
+    let name: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+    Some(gpu::cache_directory()?.join("packings").join(name))
 }
 
 #[cfg(test)]

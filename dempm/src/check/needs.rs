@@ -7,6 +7,7 @@ use super::accuracy::Accuracy;
 use super::rates::Rates;
 use super::units::{bytes, quantity};
 use crate::memory;
+use crate::packings;
 use crate::run::monitor;
 use crate::scene::{CROSSING, Material, Precision, Scene};
 use crate::trajectory::Field;
@@ -114,6 +115,8 @@ const BYTES_PER_GRAIN: f64 = 20.0;
 const BYTES_PER_NODE: f64 = 28.0;
 /// Steps in which a disc of a packing is prepared.
 const PACKING_PREPARATION: f64 = 9.0e4;
+/// Those of its ladder, which are left where packings come with the program.
+const LADDER: f64 = 2.0e4;
 /// Motion of a column while it is prepared, in times of a free fall from its top.
 const COLUMN_PREPARATION: f64 = 1.0;
 /// Standard gravity, under which columns are prepared (m/s²).
@@ -301,7 +304,9 @@ fn preparation(scene: &Scene, discs: f64, rates: &Rates) -> f64 {
         }
         Material::Rve(rve) => {
             let discs = rve.packings * rve.parameters.discs;
-            PACKING_PREPARATION * discs as f64 / rates.packing_preparation
+            let ship = packings::ship(&rve.parameters, rve.seeds(scene.seed));
+            let steps = if ship { LADDER } else { PACKING_PREPARATION };
+            steps * discs as f64 / rates.packing_preparation
         }
         Material::MuI(_) | Material::Elastic(_) => 0.0,
     }

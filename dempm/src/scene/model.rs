@@ -226,6 +226,13 @@ pub struct Rve {
     pub neighbours: Room,
 }
 
+impl Rve {
+    /// The seeds of its packings in a scene with this seed.
+    pub fn seeds(&self, scene: u64) -> impl Iterator<Item = u64> {
+        (0..self.packings as u64).map(move |k| (scene << 16) + k)
+    }
+}
+
 /// Floating-point precision of the DEM.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {

@@ -72,7 +72,7 @@ fn rve_material(
         // All points start isotropic and need no rungs.
         depths.clear();
     }
-    let seeds: Vec<u64> = (0..rve.packings as u64).map(|k| (scene.seed << 16) + k).collect();
+    let seeds: Vec<u64> = rve.seeds(scene.seed).collect();
     let g = scene.gravity[1].abs();
     let ladders = packings::ladders(&rve.parameters, &seeds, &depths, g)?;
 
