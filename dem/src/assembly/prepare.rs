@@ -192,9 +192,11 @@ fn rain(grains: &Grains, place: &ColumnBox, seed: u64) -> Packed {
     let area = OVERFILL * width * (height + 2.0 * b);
     let count = (DENSEST * area / (std::f64::consts::PI * mean_square)).ceil() as usize;
     let mut fallen: Vec<Grain> = Vec::with_capacity(count);
-    // Indices of the grains in vertical strips that are as wide as two grains reach.
-    let strip = |x: f64| (x / (2.0 * CLEARANCE * b)) as usize + 1;
-    let mut strips: Vec<Vec<usize>> = vec![Vec::new(); strip(width) + 2];
+    // Grains in vertical strips that are as wide as two grains reach, each with the greatest height in its strip so far:
+    // no grain before it reaches higher than that and the longest reach.
+    let longest = CLEARANCE * (b + b);
+    let strip = |x: f64| (x / longest) as usize + 1;
+    let mut strips: Vec<Vec<(usize, f64)>> = vec![Vec::new(); strip(width) + 2];
     let mut end = 0.0;
     for index in 0..count {
         let r = rng.random_range(a..=b);
@@ -203,19 +205,26 @@ fn rain(grains: &Grains, place: &ColumnBox, seed: u64) -> Packed {
         let x = r + if fits { end + gap } else { 0.0 };
         end = x + r;
         let mut y = r;
-        for &other in strips[strip(x) - 1..=strip(x) + 1].iter().flatten() {
-            let other = &fallen[other];
-            let reach = CLEARANCE * (r + other.r);
-            let dx = x - (other.x[0] - place.corner[0]);
-            if dx.abs() < reach {
-                let above = (reach * reach - dx * dx).sqrt();
-                y = y.max(other.x[1] - place.corner[1] + above);
+        for below in &strips[strip(x) - 1..=strip(x) + 1] {
+            for &(other, highest) in below.iter().rev() {
+                if highest + longest <= y {
+                    break;
+                }
+                let other = &fallen[other];
+                let reach = CLEARANCE * (r + other.r);
+                let dx = x - (other.x[0] - place.corner[0]);
+                if dx.abs() < reach {
+                    let above = (reach * reach - dx * dx).sqrt();
+                    y = y.max(other.x[1] - place.corner[1] + above);
+                }
             }
         }
-        strips[strip(x)].push(index);
+        let own = &mut strips[strip(x)];
+        let [left, bottom] = place.corner;
+        let height = bottom + y - bottom;
+        own.push((index, own.last().map_or(height, |&(_, highest)| height.max(highest))));
         let kick = rng.random_range(-0.01..0.01);
-        let x = [place.corner[0] + x, place.corner[1] + y];
-        fallen.push(Grain { x, v: [kick, 0.0], w: 0.0, r });
+        fallen.push(Grain { x: [left + x, bottom + y], v: [kick, 0.0], w: 0.0, r });
     }
     Packed { grains: fallen, contacts: Vec::new() }
 }
@@ -233,5 +242,30 @@ fn silo(grains: &Grains, boundary: &Boundary, place: &ColumnBox, rain: &Packed) 
         floor: if stands { boundary.floor } else { Floor::Flat },
         boxes: Vec::new(),
         seed: boundary.seed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each as low as all grains before it let it lie, but for the rounding of its place far from the origin.
+    #[test]
+    fn grains_of_the_rain_lie_on_those_below() {
+        let grains = Grains::default();
+        let place = ColumnBox { corner: [7.3, 2.1], size: [0.3, 0.4], loaded: true };
+        let fallen = rain(&grains, &place, 1).grains;
+        let lowest = |k: usize| {
+            let Grain { x, r, .. } = fallen[k];
+            fallen[..k].iter().fold(r, |y, other| {
+                let (reach, dx) = (CLEARANCE * (r + other.r), x[0] - other.x[0]);
+                let above = (reach * reach - dx * dx).sqrt();
+                if dx.abs() < reach { y.max(other.x[1] - place.corner[1] + above) } else { y }
+            })
+        };
+        for (k, grain) in fallen.iter().enumerate() {
+            let height = grain.x[1] - place.corner[1];
+            assert!((height - lowest(k)).abs() < 1.0e-9, "grain {k}: {height} and {}", lowest(k));
+        }
     }
 }

@@ -17,7 +17,8 @@ mod shape;
 
 pub use abi::{State, Tensor};
 pub use assembly::{
-    CudaAssembly, CudaAssemblyError, defines as assembly_defines, source as assembly_source,
+    CudaAssembly, CudaAssemblyError, defines as assembly_defines, kernels_of as assembly_kernels,
+    source as assembly_source,
 };
 pub use batch::{CudaRveBatch, KernelResources};
 pub use elements::{ElementTest, consolidate_all, run_stages};

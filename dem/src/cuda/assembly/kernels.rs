@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use gpu::{Device, Function, checks, definitions, files};
+use gpu::{Device, Function, Source, checks, definitions, files};
 
 use super::abi::{
     Arrays, Binned, Body, Control, Disc, Failure, History, Loss, Motion, Output, Parameters, Place,
     PlacedBody, Position, RareLoss, Rest, STEPS,
 };
+use super::error::CudaAssemblyError;
+use super::grid::rows;
 use super::losses::SumLosses;
 use super::output::WriteOutput;
 use super::search::{Begin, Bins, Finish, List};
@@ -15,6 +17,7 @@ use super::sleep::{LookAtRest, Quiet};
 use super::sort::{Columns, Count, Places, Reorder, Scan, Starts};
 use super::step::Step;
 use crate::cuda::real::CudaReal;
+use crate::grains::Grains;
 
 /// Threads of a block of a step.
 pub(super) const THREADS: u32 = 256;
@@ -87,6 +90,19 @@ pub fn defines<R: CudaReal>(rows: usize, rolling: bool, sleep: bool) -> Vec<Stri
     .to_vec()
 }
 
+/// What an assembly of these grains compiles on a GPU if its discs may `sleep`, or may not, as while they are prepared.
+///
+/// # Errors
+/// Radii too unequal for the lists.
+pub fn kernels_of<R: CudaReal>(grains: &Grains, sleep: bool) -> Result<Source, CudaAssemblyError> {
+    Ok(kernels::<R>(rows(grains)?, grains.resist_rolling(), sleep))
+}
+
+fn kernels<R: CudaReal>(rows: usize, rolling: bool, sleep: bool) -> Source {
+    let (text, defines) = (source::<R>(), defines::<R>(rows, rolling, sleep));
+    Source { name: "assembly.cu", text, defines }
+}
+
 /// The kernels, loaded.
 #[derive(Debug)]
 pub(super) struct Kernels<R: CudaReal> {
@@ -115,8 +131,8 @@ impl<R: CudaReal> Kernels<R> {
         rolling: bool,
         sleep: bool,
     ) -> Result<Self, gpu::Error> {
-        let defines = defines::<R>(rows, rolling, sleep);
-        let module = device.module("assembly.cu", &source::<R>(), &defines)?;
+        let Source { name, text, defines } = kernels::<R>(rows, rolling, sleep);
+        let module = device.module(name, &text, &defines)?;
         Ok(Self {
             step: Function::load(device, &module)?,
             begin: Function::load(device, &module)?,

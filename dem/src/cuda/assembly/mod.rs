@@ -24,5 +24,5 @@ mod step;
 mod transfer;
 
 pub use error::CudaAssemblyError;
-pub use kernels::{defines, source};
+pub use kernels::{defines, kernels_of, source};
 pub use state::CudaAssembly;

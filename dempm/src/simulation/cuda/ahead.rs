@@ -1,14 +1,14 @@
-//! The kernels of a scene, compiled while its packings are prepared.
+//! The kernels of a scene, compiled while its packings or discs are prepared.
 
-use dem::cuda::{CudaReal, Room, Shape};
+use dem::cuda::{CudaReal, Room, Shape, assembly_kernels};
 use gpu::{Device, Source};
 use mpm::Numerics;
 
 use super::rve_material;
 use crate::scene::{Material, Precision, Rve, Scene};
 
-/// Starts to compile the kernels that [`CudaSimulation`](super::CudaSimulation) loads for a scene, and returns at once.
-/// Those of discs depend on discs that are yet to be prepared.
+/// Starts to compile the kernels that the preparation of a scene and [`CudaSimulation`](super::CudaSimulation) load, and
+/// returns at once.
 pub(crate) fn compile_ahead(device: &Device, scene: &Scene) {
     let solver = || mpm_source(&scene.numerics);
     match &scene.material {
@@ -28,7 +28,14 @@ pub(crate) fn compile_ahead(device: &Device, scene: &Scene) {
         Material::MuI(_) | Material::Elastic(_) => {
             device.compile_ahead([solver(), mpm_source(&Numerics::default())]);
         }
-        Material::Discs(_) => {}
+        Material::Discs(discs) => {
+            // Columns settle awake.
+            let kernels = [false, discs.sleep].map(|sleep| match discs.precision {
+                Precision::F32 => assembly_kernels::<f32>(&discs.grains, sleep),
+                Precision::F64 => assembly_kernels::<f64>(&discs.grains, sleep),
+            });
+            device.compile_ahead(kernels.into_iter().flatten());
+        }
     }
 }
 
