@@ -157,6 +157,9 @@ fn errors_name_file_and_key() {
     fails(&TEST.replace("shear_rate = 1.0", "shear_rate = 0.0"), ["test.toml", "shear_rate"]);
     fails(&TEST.replace("constant-volume-shear", "torsion"), ["test.toml", "torsion"]);
     fails(&TEST.replace("sampling = 1e-3", "sampling = -1.0"), ["test.toml", "sampling"]);
+    let (keys, _) = TEST.split_once("[[stage]]").unwrap();
+    fails(&format!("stage = []\n{keys}"), ["test.toml", "stage is empty"]);
+    fails(keys, ["test.toml", "missing field `stage`"]);
     fails(&format!("packing = \"none.csv\"\n{TEST}"), ["none.csv", "cannot read"]);
     fs::write(folder.path().join("bad.csv"), "H,0.1,0,0,0.1\n0.05,0.05\n").unwrap();
     fails(&format!("packing = \"bad.csv\"\n{TEST}"), ["bad.csv", "line 2"]);

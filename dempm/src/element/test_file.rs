@@ -33,7 +33,7 @@ pub struct ElementTest {
     macro_step: Spanned<f64>,
     /// Time between rows of the path (s).
     sampling: Spanned<f64>,
-    stage: Vec<Spanned<Stage>>,
+    stage: Spanned<Vec<Spanned<Stage>>>,
 }
 
 fn first_seed() -> u64 {
@@ -105,7 +105,11 @@ impl ElementTest {
             let message = format!("sampling must be at least macro_step, {} s", test.macro_step());
             return Err(at(test.sampling.span(), "sampling", message));
         }
-        for (k, stage) in test.stage.iter().enumerate() {
+        if test.stage.get_ref().is_empty() {
+            let message = "stage is empty: a test needs at least one [[stage]]".to_owned();
+            return Err(at(test.stage.span(), "stage", message));
+        }
+        for (k, stage) in test.stage.get_ref().iter().enumerate() {
             if let Err((key, reason)) = stage.get_ref().check() {
                 return Err(at(stage.span(), key, format!("stage {}: {key} {reason}", k + 1)));
             }
@@ -125,7 +129,7 @@ impl ElementTest {
 
     /// The stages of the path.
     pub fn stages(&self) -> impl Iterator<Item = &Stage> {
-        self.stage.iter().map(Spanned::get_ref)
+        self.stage.get_ref().iter().map(Spanned::get_ref)
     }
 
     /// The packing file to start from, if there is one; `folder` is that of the test file.

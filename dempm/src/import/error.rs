@@ -132,7 +132,7 @@ pub enum ImportError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Scene(#[from] SceneError),
-    /// A trajectory cannot be written.
+    /// A trajectory cannot be written, or an HDF5 file not be opened.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Trajectory(#[from] TrajectoryError),

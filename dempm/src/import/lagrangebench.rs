@@ -3,12 +3,11 @@
 
 use std::path::Path;
 
-use hdf5::File;
 use ndarray::ArrayD;
 
 use super::error::ImportError;
 use super::foreign::Foreign;
-use crate::trajectory::unlocked;
+use crate::trajectory::open_hdf5;
 
 /// `SOLID_WALL` and `MOVING_WALL` among `NodeType` of `lagrangebench/utils.py`.
 const KINEMATIC: [f64; 2] = [1.0, 2.0];
@@ -18,12 +17,7 @@ pub(super) fn each(
     path: &Path,
     act: &mut dyn FnMut(Foreign) -> Result<(), ImportError>,
 ) -> Result<(), ImportError> {
-    // A file that is not there is a plainer error than HDF5's.
-    std::fs::metadata(path).map_err(ImportError::read(path))?;
-    let file = File::with_options()
-        .with_fapl(unlocked)
-        .open(path)
-        .map_err(ImportError::hdf5(path, "the file"))?;
+    let (file, _) = open_hdf5(path)?;
     let mut names = file.member_names().map_err(ImportError::hdf5(path, "the groups"))?;
     names.sort();
     for name in names {

@@ -36,6 +36,18 @@ pub enum TrajectoryError {
         /// The library's reason.
         source: hdf5::Error,
     },
+    /// A file of another kind.
+    #[error("{}: this is not an HDF5 file", path.display())]
+    NotHdf5 {
+        /// The file.
+        path: PathBuf,
+    },
+    /// An HDF5 file whose end is missing.
+    #[error("{}: the end of this HDF5 file is missing", path.display())]
+    CutShort {
+        /// The file.
+        path: PathBuf,
+    },
     /// An HDF5 file of another kind.
     #[error("{}: this is not a DEMPM trajectory (its attribute `format` is missing or different)", path.display())]
     NotATrajectory {

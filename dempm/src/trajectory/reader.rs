@@ -18,9 +18,10 @@ use super::grid_datasets::GridDatasets;
 use super::header::Header;
 use super::header_limits::implausible;
 use super::layout::{
-    BOXES, BUDGET, COLUMN, Field, MASS, REST_TIME, TIME, WALL_TIME, WALLS, WARNINGS, unlocked,
+    BOXES, BUDGET, COLUMN, Field, MASS, REST_TIME, TIME, WALL_TIME, WALLS, WARNINGS,
 };
 use super::links;
+use super::opening::open_hdf5;
 use super::storage::frame_selection;
 use super::texts::read_text;
 
@@ -50,17 +51,7 @@ impl Trajectory {
     /// # Errors
     /// If it is not a trajectory, comes from a later format, is damaged or inconsistent.
     pub fn open(path: &Path) -> Result<Self> {
-        let size = std::fs::metadata(path)
-            .map_err(|source| TrajectoryError::Io {
-                path: path.to_owned(),
-                action: "open it",
-                source,
-            })?
-            .len();
-        let file = File::with_options()
-            .with_fapl(unlocked)
-            .open(path)
-            .map_err(TrajectoryError::at(path, "the file"))?;
+        let (file, size) = open_hdf5(path)?;
         check_format(path, &file)?;
         let located =
             |(item, source)| TrajectoryError::Hdf5 { path: path.to_owned(), item, source };

@@ -43,7 +43,7 @@ fn outcome(bytes: &[u8]) -> Result<String, TrajectoryError> {
 fn other_files_are_named_in_the_error() {
     for bytes in [&b""[..], b"title = \"a scene, not a trajectory\"", &[0; 4096]] {
         let error = outcome(bytes).unwrap_err().to_string();
-        assert!(error.contains("damaged.h5"), "{error}");
+        assert!(error.ends_with("damaged.h5: this is not an HDF5 file"), "{error}");
     }
     let missing = Trajectory::open(Path::new("no/such/file.h5")).unwrap_err();
     assert!(missing.to_string().contains("no/such/file.h5"), "{missing}");
@@ -95,8 +95,11 @@ fn contradictions_name_file_and_dataset() {
 #[test]
 fn a_file_cut_short_is_refused() {
     let bytes = intact();
-    for length in (0..bytes.len()).step_by(97) {
-        assert!(outcome(&bytes[..length]).is_err(), "accepted at {length} bytes");
+    // The signature has 8 bytes.
+    for length in (8..bytes.len()).step_by(97) {
+        let error = outcome(&bytes[..length]).expect_err("accepted").to_string();
+        let named = error.ends_with("damaged.h5: the end of this HDF5 file is missing");
+        assert!(named, "at {length} of {} bytes: {error}", bytes.len());
     }
 }
 
