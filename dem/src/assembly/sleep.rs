@@ -37,7 +37,8 @@ pub struct Sleep {
 const DISTANCE: f64 = 0.02;
 const TIME: f64 = 2.0;
 const SPEED: f64 = 0.1;
-const FORCE: f64 = 0.3;
+/// Less than what one of four or five equal contacts carries: a grain that loses a support wakes.
+const FORCE: f64 = 0.1;
 /// Part of the grains that is audited, and edge of their places over the diameter.
 const AUDIT: f64 = 0.01;
 const PATCH: f64 = 4.0;
