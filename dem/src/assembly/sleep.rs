@@ -201,3 +201,20 @@ fn hash(seed: u32, x: u32, y: u32) -> u32 {
     h = (h ^ h >> 15).wrapping_mul(0x846c_a68b);
     h ^ h >> 16
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Five contacts of 1 N around a grain without weight: without one of them 1 N is left over.
+    #[test]
+    fn a_grain_that_loses_one_of_five_equal_contacts_wakes() {
+        let mut rest = Rest::<f64> { state: State::Asleep, allowed: -1.0, ..Rest::default() };
+        rest.feel([0.0; 3], 5.0, FORCE);
+        assert!(!rest.disturbed);
+        rest.feel([0.2, 0.0, 0.0], 5.0, FORCE);
+        assert!(!rest.disturbed, "a fifth of a contact is noise");
+        rest.feel([1.0, 0.0, 0.0], 4.0, FORCE);
+        assert!(rest.disturbed);
+    }
+}

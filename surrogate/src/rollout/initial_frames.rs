@@ -111,7 +111,7 @@ impl InitialFrames {
         let frames = (scene.duration / interval * (1.0 + ROUNDING)) as usize + 1;
         // A simulation on a GPU stops at frames only.
         scene.frame_interval = interval;
-        let mut simulation = Simulation::new(scene.clone())?;
+        let mut simulation = Simulation::prepare(scene.clone(), simulator.gpu.as_ref(), None)?;
         if let Some(device) = &simulator.gpu {
             simulation.move_to(device, None)?;
         }
