@@ -7,7 +7,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let text = "duration = 3.0\n[domain]\nsize = [10.0, 10.0]\n[[column]]\nsize = [3.0, 3.0]\n";
 //! let scene = dempm::scene::Scene::parse(text, "column.toml")?;
-//! assert_eq!((scene.point_count(), scene.steps()), (36_864, 30_000));
+//! assert_eq!((scene.point_count(), scene.steps()), (36_864, 17_400));
 //! # Ok(())
 //! # }
 //! ```
