@@ -111,6 +111,12 @@ fn row(csv: &str, start: &str) -> Vec<String> {
     line.split(',').map(str::to_owned).collect()
 }
 
+/// The section of a page whose name begins so.
+fn section<'p>(page: &'p str, name: &str) -> &'p str {
+    let from = &page[page.find(&format!("<section id=\"{name}")).unwrap()..];
+    &from[..from.find("</section>").unwrap()]
+}
+
 /// The sections of the chapter about the paper.
 fn paper_sections(results: &Value) -> &Value {
     let mut chapters = results["chapters"].as_array().unwrap().iter();
@@ -326,13 +332,8 @@ fn a_part_is_computed_anew_and_the_rest_stays() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let networks = read(&out.join("tables/table-6-networks--networks-of-the-paper.csv"));
     assert_eq!(row(&networks, "baseline,")[5], "40");
-    let part = |page: &str| {
-        let start = page.find("<section id=\"table-7").unwrap();
-        let length = page[start..].find("</section>").unwrap();
-        page[start..start + length].to_owned()
-    };
     let anew = read(&out.join("index.html"));
-    assert_eq!(part(&anew), part(&page));
+    assert_eq!(section(&anew, "table-7"), section(&page, "table-7"));
     let first = &anew[..anew.find("<nav>").unwrap()];
     assert!(first.contains("Of <code>one</code> model."));
     assert_ne!(anew, page);
@@ -346,18 +347,13 @@ fn a_part_is_computed_anew_and_the_rest_stays() {
 fn sections_stay_without_their_work_directory() {
     let directory = TempDir::new().unwrap();
     let out = report_on_fixture(directory.path());
-    let section = |page: &str| {
-        let start = page.find("<section id=\"fig-22").unwrap();
-        let length = page[start..].find("</section>").unwrap();
-        page[start..start + length].to_owned()
-    };
-    let before = section(&read(&out.join("index.html")));
+    let before = section(&read(&out.join("index.html")), "fig-22").to_owned();
     std::fs::remove_dir_all(directory.path().join("out-work")).unwrap();
     std::fs::remove_dir_all(directory.path().join("data")).unwrap();
     let output =
         report(directory.path(), &["--models", "models", "--only", "table 6", "-o", "out"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert_eq!(section(&read(&out.join("index.html"))), before);
+    assert_eq!(section(&read(&out.join("index.html")), "fig-22"), before);
 }
 
 #[test]

@@ -67,6 +67,6 @@ impl Computed {
 }
 
 fn file(context: &Context, slug: &str) -> PathBuf {
-    let suite = format!("{:?}", context.suite).to_lowercase();
+    let suite = context.suite.name();
     context.cache.root().join("sections").join(format!("{suite}--{slug}.json"))
 }

@@ -14,6 +14,11 @@ pub enum Suite {
 }
 
 impl Suite {
+    /// Its name, as on the command line.
+    pub fn name(self) -> &'static str {
+        self.pick("quick", "full")
+    }
+
     /// One of two values, for this suite.
     pub fn pick<T>(self, quick: T, full: T) -> T {
         match self {

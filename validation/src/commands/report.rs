@@ -129,8 +129,7 @@ fn adopt(output: &Path, context: &Context) -> miette::Result<()> {
         return Ok(());
     }
     let (facts, chapters) = read_report(output, sections::chapter_about, sections::section_lead)?;
-    let suite = format!("{:?}", context.suite).to_lowercase();
-    if !facts.iter().any(|(name, value)| name == "suite" && *value == suite) {
+    if !facts.iter().any(|(name, value)| name == "suite" && value == context.suite.name()) {
         return Ok(());
     }
     for section in chapters.into_iter().flat_map(|chapter| chapter.sections) {

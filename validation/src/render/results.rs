@@ -51,7 +51,7 @@ pub fn facts(context: &Context, chapters: &[ReportChapter], absent: &[&str]) -> 
     let values = [
         utc_now(),
         distinct(|made| &made.command),
-        format!("{:?}", context.suite).to_lowercase(),
+        context.suite.name().to_owned(),
         distinct(|made| &made.version),
         distinct(|made| &made.device),
         runs.len().to_string(),

@@ -63,7 +63,7 @@ fn of_intermediate_weights(
         let frames = (HORIZON / simulator.training.frame_interval).round() as usize + 1;
         let frames = Some(frames.max(simulator.first_frames() + 1));
         let name = format!("{}, step {steps}", model.name);
-        stages.push((steps, Model { frames, ..Model::new(name, path) }));
+        stages.push((steps, Model { name, path, frames, ..model.clone() }));
     }
     stages.sort_by_key(|(steps, _)| *steps);
     stages.dedup_by_key(|(steps, _)| *steps);

@@ -40,16 +40,16 @@ impl Section for ColumnRollouts {
         let (of_discs, of_packings): (Vec<Model>, _) =
             baseline_and_others(&context.models).into_iter().partition(|model| model.of_discs);
         let (mut blocks, mut all) = (Vec::new(), Vec::new());
-        for (models, teacher) in [(of_packings, Teacher::Packings), (of_discs, Teacher::Discs)] {
+        for (models, teacher) in [(of_packings, OF_PACKINGS), (of_discs, OF_DISCS)] {
             if models.is_empty() {
                 continue;
             }
-            let [truth, other] = measure(context, teacher.column())?;
+            let [truth, other] = measure(context, teacher.column)?;
             let floor = kept_difference(&other, &truth.output, &truth.id)?;
-            let cases = [(teacher.case().to_owned(), truth.output)];
+            let cases = [(teacher.case.to_owned(), truth.output)];
             let rollouts = roll_out(context, &models, &cases)?;
-            blocks.push(Block::text(teacher.text()));
-            let title = format!("Error over time, {}", teacher.case());
+            blocks.push(Block::text(teacher.text));
+            let title = format!("Error over time, {}", teacher.case);
             blocks.push(chart(&title, &rollouts.iter().collect::<Vec<_>>(), Some(&floor))?);
             all.extend(rollouts);
         }
@@ -67,43 +67,28 @@ impl Section for ColumnRollouts {
     }
 }
 
-/// The model that networks learnt from.
-#[derive(Clone, Copy)]
-enum Teacher {
-    Packings,
-    Discs,
-}
-
-impl Teacher {
-    /// The scene of its column.
-    fn column(self) -> &'static str {
-        match self {
-            Self::Packings => PACKINGS,
-            Self::Discs => DISCS,
-        }
-    }
-
-    /// Its name.
-    fn case(self) -> &'static str {
-        match self {
-            Self::Packings => "column of packings",
-            Self::Discs => "column of discs",
-        }
-    }
-
+/// A model that networks learnt from, on the column.
+struct Teacher {
+    /// The scene.
+    column: &'static str,
+    /// The name of the case.
+    case: &'static str,
     /// How its networks are measured.
-    fn text(self) -> &'static str {
-        match self {
-            Self::Packings => {
-                "Networks that learnt from packings start from the first frames of a column of packings \
-                 (`scenes/column-paper.toml`, 200 discs in a packing) and predict the rest. Errors are against \
-                 that column, not against the discs. No deterministic network can be better than half of the \
-                 difference between two seeds."
-            }
-            Self::Discs => {
-                "Networks that learnt from discs start from the first frames of a column of discs \
-                 (`scenes/discs.toml`). Errors are against that run."
-            }
-        }
-    }
+    text: &'static str,
 }
+
+const OF_PACKINGS: Teacher = Teacher {
+    column: PACKINGS,
+    case: "column of packings",
+    text: "Networks that learnt from packings start from the first frames of a column of packings \
+           (`scenes/column-paper.toml`, 200 discs in a packing) and predict the rest. Errors are against that \
+           column, not against the discs. No deterministic network can be better than half of the difference \
+           between two seeds.",
+};
+
+const OF_DISCS: Teacher = Teacher {
+    column: DISCS,
+    case: "column of discs",
+    text: "Networks that learnt from discs start from the first frames of a column of discs (`scenes/discs.toml`). \
+           Errors are against that run.",
+};
