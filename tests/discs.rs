@@ -311,6 +311,33 @@ fn several_ranks_on_the_cpu_are_refused() {
     assert!(!output.status.success() && said.contains("rank 1 of 2"), "{said}");
 }
 
+/// `check` says that there is nothing to warn about where neither the scene, on standard error, nor its cost, on standard
+/// output, has a warning.
+#[test]
+fn check_says_that_nothing_is_to_warn_about_where_nothing_is() {
+    let directory = TempDir::new().unwrap();
+    let at_rest = "duration = 2.0\ndomain = { size = [4.0, 1.0], cell = 0.125 }\n\
+                   material.kind = \"mu-i\"\n[[column]]\nsize = [0.5, 0.5]\n";
+    let lossless = format!("{at_rest}[numerics]\nrelaxation = 0\n");
+    let short = at_rest.replace("duration = 2.0", "duration = 0.1");
+    for (text, of_scene, of_cost) in [
+        (at_rest, false, false),
+        (&lossless, true, false),
+        (&short, false, true),
+        (&lossless.replace("duration = 2.0", "duration = 0.1"), true, true),
+    ] {
+        scene(directory.path(), text);
+        let output = dempm(directory.path()).args(["check", "scene.toml"]).output().unwrap();
+        let [table, said] =
+            [&output.stdout, &output.stderr].map(|stream| String::from_utf8_lossy(stream));
+        assert_eq!(said.contains("warning"), of_scene, "{said}");
+        assert_eq!(table.contains("Warnings"), of_cost, "{table}");
+        let nothing = table.contains("Nothing to warn about.");
+        assert_eq!(nothing, !of_scene && !of_cost, "{table}");
+        assert!(table.ends_with('\n') && !table.ends_with("\n\n"), "{table:?}");
+    }
+}
+
 /// `check` tells the number of discs and what they cost.
 #[test]
 fn check_counts_discs() {

@@ -101,25 +101,6 @@ pub fn exp(a: &Matrix2<f64>) -> Matrix2<f64> {
     (Matrix2::identity() * c + b * s) * half_trace.exp()
 }
 
-/// The matrix $\mathbf A$ of least norm with $\exp \mathbf A = \mathbf F$, for $\det \mathbf F > 0$ and rotations below
-/// $\pi / 2$: the inverse of [`exp`].
-///
-/// The traceless part $\mathbf S$ of $\mathbf F / \sqrt{\det \mathbf F}$ is $(\sinh\sqrt d / \sqrt d) \mathbf B$, so
-/// $-\det\mathbf S = \sinh^2\sqrt d$.
-pub fn log(f: &Matrix2<f64>) -> Matrix2<f64> {
-    let det = f.determinant();
-    let s = (f - Matrix2::identity() * (0.5 * f.trace())) / det.sqrt();
-    let y = -s.determinant();
-    let ratio = if y.abs() < 1e-8 {
-        1.0 - y / 6.0
-    } else if y > 0.0 {
-        y.sqrt().asinh() / y.sqrt()
-    } else {
-        (-y).sqrt().asin() / (-y).sqrt()
-    };
-    s * ratio + Matrix2::identity() * (0.5 * det.ln())
-}
-
 /// Smallest singular value of a 2 x 2 matrix: the most a length can shrink under it.
 pub fn min_stretch(f: &Matrix2<f64>) -> f64 {
     let frobenius = f.norm_squared();
@@ -181,25 +162,6 @@ mod tests {
         fn shortest_stretch(f in matrix(2.0), angle in 0.0..std::f64::consts::PI) {
             let v = Vector2::new(angle.cos(), angle.sin());
             prop_assert!((f * v).norm() >= min_stretch(&f) - 1e-7);
-        }
-    }
-
-    /// `exp(log F) = F` for rotations below a right angle, and `log F` is about `F - I` where that is small.
-    #[test]
-    fn logarithm_inverts_the_exponential() {
-        for scale in [1e-9, 1e-6, 1e-3, 0.1, 0.5] {
-            for (xx, xy, yx, yy) in
-                [(1.0, 0.3, -0.7, 0.2), (-0.5, 1.0, 1.0, 0.5), (0.1, -1.0, 1.0, 0.1)]
-            {
-                let a = Matrix2::new(xx, xy, yx, yy) * scale;
-                assert_relative_eq!(log(&exp(&a)), a, epsilon = 1e-15, max_relative = 1e-6);
-                assert_relative_eq!(
-                    exp(&log(&exp(&a))),
-                    exp(&a),
-                    epsilon = 1e-15,
-                    max_relative = 1e-14
-                );
-            }
         }
     }
 

@@ -41,7 +41,6 @@ mod parameters;
 mod prepare;
 mod real;
 mod rve;
-mod sleep;
 mod state;
 
 pub use batch::RveBatch;
@@ -57,5 +56,4 @@ pub use parameters::{Preparation, RveParameters};
 pub use prepare::{Prepared, Rung, consolidate, ladder, prepare};
 pub use real::Real;
 pub use rve::{Rve, Substepping};
-pub use sleep::Sleep;
 pub use state::RveState;

@@ -25,8 +25,6 @@ pub struct RveParameters {
     /// Above this solid fraction a cell is not compressed further: it keeps the pressure it has. Grains overlap
     /// by more than a tenth of their radii there; only points alone in a splash come so far. The default is no limit.
     pub max_solid_fraction: f64,
-    /// A packing sleeps while its elastic answer changes its stress by at most this share; 0: never.
-    pub sleep_stress: f64,
     /// How the initial packing is made, with the grains' friction of preparation.
     pub preparation: Preparation,
 }
@@ -58,7 +56,6 @@ impl Default for RveParameters {
             free_solid_fraction: 0.70,
             thin_width: 3.0,
             max_solid_fraction: 100.0,
-            sleep_stress: 0.0,
             preparation: Preparation::default(),
         }
     }

@@ -101,7 +101,7 @@ pub fn ladder(
     Ok(rungs.into_iter().flatten().collect())
 }
 
-/// An element with the damping of preparation, which is never stress-free and never asleep. It takes the default step, not
+/// An element with the damping of preparation, which is never stress-free. It takes the default step, not
 /// that of flow: packings would differ with the step, by more than flows do.
 fn start(p: &RveParameters, packing: Packing<f64>) -> Result<Element<f64>, StageError> {
     let (p, macro_step) = preparation(p);
@@ -118,7 +118,6 @@ pub(crate) fn preparation(p: &RveParameters) -> (RveParameters, f64) {
             ..p.grains
         },
         free_solid_fraction: 0.0,
-        sleep_stress: 0.0,
         ..p.clone()
     };
     let macro_step = CONTROL_STEPS * p.grains.step();

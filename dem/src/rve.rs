@@ -12,7 +12,6 @@ use crate::integrate::integrate;
 use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::real::Real;
-use crate::sleep::Sleep;
 use crate::state::RveState;
 
 /// How a macro step is divided; the same for all RVEs of a batch.
@@ -59,8 +58,6 @@ pub struct Rve<R: Real> {
     /// Area (m²) while the RVE is too loose to carry stress. Its packing is then meaningless; a fresh one
     /// replaces it once the RVE is dense again.
     pub free_area: Option<f64>,
-    /// What it needs to answer without a DEM step.
-    pub sleep: Sleep,
 }
 
 /// What acts on the cell of a loaded RVE.
@@ -77,13 +74,12 @@ struct Drive {
 impl<R: Real> Rve<R> {
     /// An RVE that carries stress.
     pub fn new(packing: Packing<R>) -> Self {
-        Self { packing, free_area: None, sleep: Sleep::default() }
+        Self { packing, free_area: None }
     }
 
     /// Cell area (m²).
     pub fn area(&self) -> f64 {
-        let strained = self.sleep.pending().map_or(1.0, |f| f.determinant());
-        self.free_area.unwrap_or_else(|| self.packing.cell.area() * strained)
+        self.free_area.unwrap_or_else(|| self.packing.cell.area())
     }
 
     /// Advances by one macro step under a constant velocity gradient `L` (1/s, `L_ij = dv_i/dx_j`).
@@ -112,13 +108,7 @@ impl<R: Real> Rve<R> {
             return Ok(self.advance_free(area * (velocity_gradient.trace() * dt).exp(), p, fresh));
         }
 
-        let l = velocity_gradient;
-        let asleep = p.sleep_stress > 0.0 && self.sleep.follow(&(l * dt), p);
-        if asleep && !self.sleep.audited {
-            return Ok(self.state_asleep(l, p));
-        }
-        let l = self.sleep.gradient(l, dt);
-        let Drive { gradient: drive, thin, dense } = self.drive(&l, p, dt);
+        let Drive { gradient: drive, thin, dense } = self.drive(velocity_gradient, p, dt);
         self.packing.set_spin(&drive);
         self.packing.remove_drift();
         let increment = cell::exp(&(drive * sub.dt));
@@ -137,24 +127,7 @@ impl<R: Real> Rve<R> {
         state.area = self.packing.cell.area();
         state.solid_fraction = self.packing.solid_fraction();
         state.min_width = self.packing.cell.min_width();
-        if p.sleep_stress > 0.0 {
-            state.audit = self.sleep.compare(asleep, &drive, p, &state);
-        }
         Ok(state)
-    }
-
-    /// The state without a DEM step. The packing stays as it is and follows when it wakes.
-    fn state_asleep(&self, l: &Matrix2<f64>, p: &RveParameters) -> RveState {
-        let cell = cell::Cell { h: self.sleep.deformation * self.packing.cell.h };
-        RveState {
-            stress: self.sleep.stress(l, p),
-            area: cell.area(),
-            solid_fraction: self.packing.solid_fraction() * self.packing.cell.area() / cell.area(),
-            coordination: self.sleep.coordination,
-            min_width: cell.min_width(),
-            asleep: true,
-            ..RveState::default()
-        }
     }
 
     /// One DEM step: forces at the present positions, then motion.
@@ -235,7 +208,6 @@ impl<R: Real> Rve<R> {
             self.packing.clone_from(fresh);
             self.packing.cell.h *= (area / fresh.cell.area()).sqrt();
             self.free_area = None;
-            self.sleep.wake();
         }
         RveState {
             area,

@@ -26,8 +26,4 @@ pub struct RveState {
     pub thin: bool,
     /// Whether it was too dense to be compressed.
     pub dense: bool,
-    /// Whether it slept: no DEM step was made.
-    pub asleep: bool,
-    /// Of an audited RVE that would have slept, how far off the stress would have been (Pa, Frobenius norm); else 0.
-    pub audit: f64,
 }

@@ -114,8 +114,7 @@ fn assert_states_close(gpu: &RveState, cpu: &RveState, tolerance: f64) {
     }
     let overlap_tolerance = tolerance * cpu.relative_overlap.max(0.01);
     assert_close("overlap", gpu.relative_overlap, cpu.relative_overlap, overlap_tolerance);
-    assert_close("audit", gpu.audit, cpu.audit, tolerance * scale);
-    let flags = |s: &RveState| [s.free, s.thin, s.dense, s.asleep];
+    let flags = |s: &RveState| [s.free, s.thin, s.dense];
     assert_eq!(flags(gpu), flags(cpu));
 }
 
@@ -311,45 +310,6 @@ fn free_and_fresh_again() {
     assert!(!states[21].free && states[21].stress.trace() > 0.0);
 }
 
-/// At rest, in slow motion that wakes at times, in flow, and at rest again: both twins sleep in the same steps.
-#[test]
-fn sleep_and_wake() {
-    let (p, packing) = dense::<f64>();
-    let p = RveParameters { sleep_stress: 0.2, ..p };
-    let path = |step: usize| match step {
-        0..10 => Matrix2::zeros(),
-        10..80 => Matrix2::new(0.05, 0.1, -0.1, -0.1),
-        80..90 => Matrix2::new(0.0, 20.0, 0.0, 0.0),
-        _ => Matrix2::zeros(),
-    };
-    let Some(states) = compare_path(&p, &packing, path, 150, |_| 1.0e-7) else { return };
-    let asleep = |steps: std::ops::Range<usize>| states[steps].iter().filter(|s| s.asleep).count();
-    assert!(asleep(0..10) > 5 && asleep(80..90) == 0, "{} {}", asleep(0..10), asleep(80..90));
-    assert!((10..70).contains(&asleep(10..80)), "{}", asleep(10..80));
-}
-
-/// An audited RVE is computed in every step, and both twins find the same error of sleep.
-#[test]
-fn audits_agree() {
-    let Some(device) = gpu::for_tests() else { return };
-    let (p, packing) = dense::<f64>();
-    let p = RveParameters { sleep_stress: 0.2, ..p };
-    let mut cpu = batch(&p, &[packing]);
-    cpu.rves[0].sleep.audited = true;
-    let mut twin = CudaRveBatch::upload(&device, &cpu).unwrap();
-    let mut states = [vec![RveState::default()], vec![RveState::default()]];
-    let l = [Matrix2::new(0.02, 0.0, 0.0, -0.05)];
-    let mut audits = 0;
-    for _ in 0..50 {
-        cpu.advance(DT, &l, &mut states[0]).unwrap();
-        twin.advance(DT, &l, &mut states[1]).unwrap();
-        assert_states_close(&states[1][0], &states[0][0], 1.0e-7);
-        audits += usize::from(states[1][0].audit > 0.0);
-        assert!(!states[1][0].asleep);
-    }
-    assert!(audits > 10, "{audits}");
-}
-
 /// A stress-free cell expands to a hundred times the area of its discs and no further.
 #[test]
 fn free_cells_do_not_expand_without_bound() {
@@ -438,9 +398,6 @@ fn restart_is_bitwise() {
     let p = RveParameters { discs: 24, thin_width: 0.0, free_solid_fraction: 0.0, ..p };
     restart(&p, &thin_packing::<f32>(&p, 8.0e-3), l);
     restart(&p, &thin_packing::<f64>(&p, 8.0e-3), l);
-    let (p, packing) = dense::<f32>();
-    let slow = Matrix2::new(0.05, 0.1, -0.1, -0.1);
-    restart(&RveParameters { sleep_stress: 0.2, ..p }, &packing, slow);
 }
 
 /// A batch that ran on the GPU goes on equally on the CPU.
@@ -519,7 +476,6 @@ fn kernels_compile() {
     let p = RveParameters::default();
     let mut rolling = p.clone();
     rolling.grains.rolling_friction = 0.1;
-    let sleeping = RveParameters { sleep_stress: 0.1, ..rolling.clone() };
     for (architecture, limits) in [("sm_80", Limits::SM_80), ("sm_90a", Limits::SM_90)] {
         for discs in [1, 100, 400, 832] {
             let mut shapes = vec![
@@ -528,7 +484,6 @@ fn kernels_compile() {
                 (Shape::new::<f32>(&p, discs, limits, Room::Ample), source::<f32>()),
                 (Shape::new::<f32>(&rolling, discs, limits, Room::Usual), source::<f32>()),
                 (Shape::new::<f64>(&rolling, discs, limits, Room::Usual), source::<f64>()),
-                (Shape::new::<f64>(&sleeping, discs, limits, Room::Usual), source::<f64>()),
             ];
             if discs == 100 {
                 shapes.push((Shape::unequal::<f32>(&p, discs, limits), source::<f32>()));

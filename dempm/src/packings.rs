@@ -41,7 +41,6 @@ pub fn ladders(
     depths: &[f64],
     g: f64,
 ) -> Result<Vec<Ladder>, dem::Error> {
-    let p = &without_sleep(p);
     let count = seeds.len();
     let consolidated = vec![OnceLock::new(); count];
     // Some packings take five times as long to consolidate as others. Threads take these tasks in order: no ladder
@@ -63,13 +62,32 @@ pub fn ladders(
 
 /// Whether the consolidated packings of these seeds come with the program, so that only their ladders are left to make.
 pub fn ship(p: &RveParameters, mut seeds: impl Iterator<Item = u64>) -> bool {
-    let p = without_sleep(p);
-    seeds.all(|seed| consolidated_key(&p, seed).is_some_and(|key| shipped::has(&key)))
+    seeds.all(|seed| consolidated_key(p, seed).is_some_and(|key| shipped::has(&key)))
 }
 
-/// Runs that differ in sleep share their packings.
-fn without_sleep(p: &RveParameters) -> RveParameters {
-    RveParameters { sleep_stress: 0.0, ..p.clone() }
+/// Parameters as they enter keys. The zero is in the place of a parameter that is gone: packings keep their keys.
+fn in_keys(p: &RveParameters) -> impl Serialize {
+    let RveParameters {
+        grains,
+        discs,
+        stress_window,
+        kinetic_stress,
+        free_solid_fraction,
+        thin_width,
+        max_solid_fraction,
+        preparation,
+    } = p;
+    (
+        grains,
+        discs,
+        stress_window,
+        kinetic_stress,
+        free_solid_fraction,
+        thin_width,
+        max_solid_fraction,
+        0.0,
+        preparation,
+    )
 }
 
 /// A packing under isotropic pressure.
@@ -82,7 +100,7 @@ fn consolidated_packing(p: &RveParameters, seed: u64) -> Result<Packing<f64>, de
 }
 
 fn consolidated_key(p: &RveParameters, seed: u64) -> Option<Key> {
-    key(&("isotropic", p, seed))
+    key(&("isotropic", in_keys(p), seed))
 }
 
 /// A consolidated packing at the vertical stress of every depth.
@@ -96,7 +114,7 @@ fn ladder(
     let density = bulk_density(p, isotropic);
     let targets: Vec<f64> =
         depths.iter().map(|depth| (density * g * depth).max(LEAST_STRESS)).collect();
-    let file = key(&("ladder", p, seed, &targets)).and_then(cache_file);
+    let file = key(&("ladder", in_keys(p), seed, &targets)).and_then(cache_file);
     let rungs = cached(file, || dem::ladder(p, seed, isotropic, &targets))?;
     Ok(Ladder { isotropic: isotropic.clone(), rungs })
 }

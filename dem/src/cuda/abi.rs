@@ -6,7 +6,6 @@ use nalgebra::Matrix2;
 use super::real::CudaReal;
 use crate::parameters::RveParameters;
 use crate::rve::{LEAST_SOLID_FRACTION, Substepping};
-use crate::sleep::{self, LARGEST_CLOSING, LARGEST_OPENING, LARGEST_TURN, Moduli, RIGHT};
 use crate::state::RveState;
 
 /// Narrowest Verlet skin, that of an RVE nearly at rest, as a fraction of the widest.
@@ -128,25 +127,6 @@ cuda_struct! {
         pub incoming_end: u16,
     }
 
-    /// [`sleep::Sleep`] in device memory.
-    pub(super) struct Sleep {
-        /// Elastic stress in the last DEM step (Pa).
-        pub base: Tensor,
-        /// Deformation gradient since then.
-        pub deformation: Tensor,
-        /// Coordination number then.
-        pub coordination: f64,
-        /// Stiffness of the packing over that of its contacts then (1/m).
-        pub fabric: f64,
-        /// Whether the RVE is computed in every step.
-        pub audited: u32,
-        /// Whether the elastic answer was right in the last DEM step.
-        pub settled: u32,
-        /// Whether the RVE has slept since.
-        pub slept: u32,
-        pub unused: u32,
-    }
-
     /// [`RveState`] in device memory.
     #[derive(Default)]
     pub struct State {
@@ -160,9 +140,6 @@ cuda_struct! {
         pub(super) free: u32,
         pub(super) thin: u32,
         pub(super) dense: u32,
-        pub(super) asleep: u32,
-        pub(super) unused: u32,
-        pub(super) audit: f64,
         /// Mean resultant force on a disc over the mean normal force, in batches of unequal parameters.
         pub(super) unbalanced: f64,
     }
@@ -205,26 +182,6 @@ cuda_struct! {
         pub max_solid_fraction: f64,
         /// As of [`RveParameters`].
         pub overlap_limit: f64,
-        /// As of [`RveParameters`]; not used unless positive.
-        pub sleep_stress: f64,
-        /// Largest error of the elastic answer before sleep, over the norm of stress.
-        pub right_stress: f64,
-        /// Largest rotation asleep (rad).
-        pub largest_turn: f64,
-        /// Largest compressive strain of a packing without contacts asleep.
-        pub largest_closing: f64,
-        /// Largest tensile strain of a packing without contacts asleep.
-        pub largest_opening: f64,
-        /// Bulk and shear stiffness of the contacts of a packing asleep (N/m).
-        pub bulk_stiffness: f64,
-        /// As `bulk_stiffness`.
-        pub shear_stiffness: f64,
-        /// The same of their dashpots (N s/m).
-        pub bulk_dashpot: f64,
-        /// As `bulk_dashpot`.
-        pub shear_dashpot: f64,
-        /// Its fabric over coordination number and solid fraction (1/m).
-        pub fabric_per_contact: f64,
         /// Substep (s).
         pub step: R,
         /// kn (N/m).
@@ -257,7 +214,6 @@ cuda_struct! {
     pub(super) struct Batch<R: CudaReal> {
         pub header: Pointer<Header>,
         pub state: Pointer<State>,
-        pub sleep: Pointer<Sleep>,
         /// By seat, as `motion`, `reference` and `seated`.
         pub position: Pointer<Position<R>>,
         pub motion: Pointer<Motion<R>>,
@@ -291,8 +247,6 @@ impl<R: CudaReal> Parameters<R> {
     pub fn new(p: &RveParameters, dt: f64, rves: usize) -> Self {
         let sub = Substepping::<R>::new(p, dt);
         let skin = p.grains.skin * p.grains.radius_max;
-        let Moduli { bulk: bulk_stiffness, shear: shear_stiffness } = sleep::springs(p);
-        let Moduli { bulk: bulk_dashpot, shear: shear_dashpot } = sleep::dashpots(p);
         Self {
             dt: sub.dt,
             stress_weight: 1.0 / (p.grains.thickness * sub.samples as f64),
@@ -303,16 +257,6 @@ impl<R: CudaReal> Parameters<R> {
             thin_width: p.thin_width * p.grains.mean_diameter(),
             max_solid_fraction: p.max_solid_fraction,
             overlap_limit: p.grains.overlap_limit,
-            sleep_stress: p.sleep_stress,
-            right_stress: RIGHT * p.sleep_stress,
-            largest_turn: LARGEST_TURN,
-            largest_closing: LARGEST_CLOSING,
-            largest_opening: LARGEST_OPENING,
-            bulk_stiffness,
-            shear_stiffness,
-            bulk_dashpot,
-            shear_dashpot,
-            fabric_per_contact: sleep::fabric(p, 1.0, 1.0),
             step: sub.law.dt,
             normal_stiffness: sub.law.normal_stiffness,
             spring: sub.law.tangential_stiffness * sub.law.dt,
@@ -342,35 +286,6 @@ impl From<Tensor> for Matrix2<f64> {
     }
 }
 
-impl From<&sleep::Sleep> for Sleep {
-    fn from(s: &sleep::Sleep) -> Self {
-        Self {
-            base: (&s.base).into(),
-            deformation: (&s.deformation).into(),
-            coordination: s.coordination,
-            fabric: s.fabric,
-            audited: u32::from(s.audited),
-            settled: u32::from(s.settled),
-            slept: u32::from(s.slept),
-            unused: 0,
-        }
-    }
-}
-
-impl From<&Sleep> for sleep::Sleep {
-    fn from(s: &Sleep) -> Self {
-        Self {
-            base: s.base.into(),
-            deformation: s.deformation.into(),
-            coordination: s.coordination,
-            fabric: s.fabric,
-            audited: s.audited != 0,
-            settled: s.settled != 0,
-            slept: s.slept != 0,
-        }
-    }
-}
-
 impl From<State> for RveState {
     fn from(s: State) -> Self {
         Self {
@@ -384,8 +299,6 @@ impl From<State> for RveState {
             free: s.free != 0,
             thin: s.thin != 0,
             dense: s.dense != 0,
-            asleep: s.asleep != 0,
-            audit: s.audit,
         }
     }
 }

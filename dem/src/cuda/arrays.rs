@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::abi::{self, Header, Motion, Position, Rows, Sleep, State, Status, Vector};
+use super::abi::{self, Header, Motion, Position, Rows, State, Status, Vector};
 use super::error::{CudaError, RveFailure};
 use super::list::SlotList;
 use super::real::CudaReal;
@@ -21,7 +21,6 @@ use crate::rve::Rve;
 /// Arrays of [`Batch`](abi::Batch): over RVEs and, last, the fresh packing.
 pub(super) struct Arrays<R: CudaReal> {
     pub header: Vec<Header>,
-    pub sleep: Vec<Sleep>,
     pub position: Vec<Position<R>>,
     pub motion: Vec<Motion<R>>,
     pub reference: Vec<Position<R>>,
@@ -41,7 +40,7 @@ impl<R: CudaReal> Arrays<R> {
         let real = size_of::<R>();
         let slot = size_of::<u32>() + (2 + shape.springs()) * real + 2 * size_of::<u16>();
         let thread = 8 * real + 5 * size_of::<u16>();
-        let rve = size_of::<Header>() + size_of::<Sleep>() + size_of::<State>();
+        let rve = size_of::<Header>() + size_of::<State>();
         (rves + 1) * (shape.slots * slot + shape.threads * thread + rve)
     }
 
@@ -59,7 +58,6 @@ impl<R: CudaReal> Arrays<R> {
         let slots = rves.len() * shape.slots;
         let mut state = Self {
             header: vec![Header::default(); rves.len()],
-            sleep: rves.iter().map(|rve| (&rve.sleep).into()).collect(),
             position: vec![Position::default(); threads],
             motion: vec![Motion::default(); threads],
             reference: vec![Position::default(); threads],
@@ -98,7 +96,7 @@ impl<R: CudaReal> Arrays<R> {
         let (threads, slots) = (shape.threads, shape.slots);
         (
             (
-                self.header.par_iter_mut().zip(&mut self.sleep),
+                &mut self.header,
                 self.position.par_chunks_mut(threads),
                 self.motion.par_chunks_mut(threads),
                 self.reference.par_chunks_mut(threads),
@@ -113,12 +111,12 @@ impl<R: CudaReal> Arrays<R> {
             ),
         )
             .into_par_iter()
-            .map(move |(((header, sleep), position, motion, reference), list)| {
+            .map(move |((header, position, motion, reference), list)| {
                 let (seated, rows, neighbour, pair, spring, incoming) = list;
                 let (tangential, rolling) = spring.split_at_mut(slots);
                 let list =
                     SlotList { seated, rows, neighbour, pair, tangential, rolling, incoming };
-                Chunk { header, sleep, position, motion, reference, list }
+                Chunk { header, position, motion, reference, list }
             })
     }
 }
@@ -126,7 +124,6 @@ impl<R: CudaReal> Arrays<R> {
 /// One RVE's part of the arrays.
 struct Chunk<'a, R: CudaReal> {
     header: &'a mut Header,
-    sleep: &'a mut Sleep,
     position: &'a mut [Position<R>],
     motion: &'a mut [Motion<R>],
     reference: &'a mut [Position<R>],
@@ -207,8 +204,7 @@ impl<R: CudaReal> Chunk<'_, R> {
         neighbours.travel = neighbours.displacement(&discs);
         let cell = Cell { h: header.cell.into() };
         let packing = Packing { cell, discs, neighbours, spin: header.spin };
-        let free_area = (header.free_area >= 0.0).then_some(header.free_area);
-        Rve { packing, free_area, sleep: (&*self.sleep).into() }
+        Rve { packing, free_area: (header.free_area >= 0.0).then_some(header.free_area) }
     }
 }
 

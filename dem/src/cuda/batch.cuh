@@ -10,7 +10,6 @@
 //   SHARED_BYTES  what shape.rs reserves for `Shared`
 //   ROLLING       1 where contacts resist rolling, else 0
 //   UNEQUAL       1 where each RVE has parameters of its own, else 0
-//   SLEEP         1 where packings may sleep, else 0
 
 constexpr int LANES = 32;
 constexpr int WARPS = THREADS / LANES;

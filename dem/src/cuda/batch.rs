@@ -7,8 +7,8 @@ use gpu::{ConstPointer, Device, Function, Launch, Pointer};
 use nalgebra::Matrix2;
 
 use super::abi::{
-    Batch, Disc, Header, Motion, Parameters, Position, Queue, Rows, Sleep, State, Status, Tensor,
-    Turn, Vector,
+    Batch, Disc, Header, Motion, Parameters, Position, Queue, Rows, State, Status, Tensor, Turn,
+    Vector,
 };
 use super::arrays::Arrays;
 use super::error::{CudaError, RveFailure};
@@ -34,7 +34,6 @@ pub struct CudaRveBatch<R: CudaReal> {
     rves: usize,
     header: CudaSlice<Header>,
     state: CudaSlice<State>,
-    sleep: CudaSlice<Sleep>,
     position: CudaSlice<Position<R>>,
     motion: CudaSlice<Motion<R>>,
     reference: CudaSlice<Position<R>>,
@@ -118,7 +117,6 @@ impl<R: CudaReal> CudaRveBatch<R> {
             rves,
             state: device.upload(&vec![State::default(); rves])?,
             header: device.upload(&host.header)?,
-            sleep: device.upload(&host.sleep)?,
             position: device.upload(&host.position)?,
             motion: device.upload(&host.motion)?,
             reference: device.upload(&host.reference)?,
@@ -146,7 +144,6 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let stream = self.device.stream();
         let mut host = Arrays {
             header: stream.clone_dtoh(&self.header)?,
-            sleep: stream.clone_dtoh(&self.sleep)?,
             position: stream.clone_dtoh(&self.position)?,
             motion: stream.clone_dtoh(&self.motion)?,
             reference: stream.clone_dtoh(&self.reference)?,
@@ -211,7 +208,6 @@ impl<R: CudaReal> CudaRveBatch<R> {
         let batch = Batch {
             header: Pointer::to(&self.header, stream),
             state: Pointer::to(&self.state, stream),
-            sleep: Pointer::to(&self.sleep, stream),
             position: Pointer::to(&self.position, stream),
             motion: Pointer::to(&self.motion, stream),
             reference: Pointer::to(&self.reference, stream),

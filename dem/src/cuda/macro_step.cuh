@@ -24,33 +24,14 @@ __device__ State free_state(double area, double solid_fraction) {
     return state;
 }
 
-#if SLEEP
-// The state without a DEM step. The packing stays as it is; its cell follows when it wakes.
-__device__ State state_asleep(const Header& h, const Sleep& s, const Parameters& p, const Matrix& l) {
-    const Matrix cell = product(s.deformation, h.cell);
-    State state = {};
-    state.stress = stress_asleep(s, p, l);
-    state.area = determinant(cell);
-    state.solid_fraction = h.solid / state.area;
-    state.coordination = s.coordination;
-    state.min_width = min_width(cell);
-    state.asleep = 1;
-    return state;
-}
-#endif
-
 // What happens before discs move; one thread.
-__device__ OUTLINED Action begin(Control& c, const Batch& b, const Parameters& p, unsigned rve,
+__device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigned rve,
                         const Matrix& l) {
     c.rve = rve;
     c.header = b.header[rve];
     c.searches = 0;
     c.thin = 0;
     c.dense = 0;
-#if SLEEP
-    c.asleep = 0;
-    c.strained = 0;
-#endif
     c.status = OK;
     Header& h = c.header;
     if (h.status != OK) return DONE;
@@ -80,25 +61,10 @@ __device__ OUTLINED Action begin(Control& c, const Batch& b, const Parameters& p
         h.cell = scaled(fresh.cell, sqrt(ratio));
         h.free_area = -1.0;
         h.steps = steps;
-#if SLEEP
-        b.sleep[rve] = awake(b.sleep[rve].audited);
-#endif
         return RESTART;
     }
 
     Matrix drive = l;
-#if SLEEP
-    Sleep& s = b.sleep[rve];
-    c.asleep = follow(s, p, scaled(l, dt));
-    if (c.asleep && !s.audited) {
-        b.state[rve] = state_asleep(h, s, p, l);
-        return DONE;
-    }
-    if (s.slept && !c.asleep && !s.audited) {
-        drive = scaled(logarithm(s.deformation), 1.0 / dt);
-        c.strained = 1;
-    }
-#endif
     // area / longest < thin_width, and thinner after the step.
     const bool thin = area * area < p.thin_width * p.thin_width * longest2(h.cell);
     if (thin &&
@@ -137,11 +103,7 @@ __device__ void plan_substeps(const Parameters& p, int done, bool prepared, int 
     Shared& sh = shared();
     Control& c = sh.control;
     Substep& s = sh.substep[lane];
-    bool held = c.thin || c.dense;
-#if SLEEP
-    held = held || c.strained;
-#endif
-    if (!prepared || held) prepare_plan(p, c.gradient, lane);
+    if (!prepared || c.thin || c.dense) prepare_plan(p, c.gradient, lane);
     const Matrix h = product(s.exact, c.header.cell);
     const Matrix end = {__shfl_down_sync(ALL, h.xx, 1), __shfl_down_sync(ALL, h.xy, 1),
                         __shfl_down_sync(ALL, h.yx, 1), __shfl_down_sync(ALL, h.yy, 1)};

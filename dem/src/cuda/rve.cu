@@ -104,7 +104,7 @@ __device__ void fail(const Batch& batch, unsigned rve) {
 }
 
 // Stress and state of the RVE from the sums (homogenise.rs); one thread.
-__device__ OUTLINED void finish(const Batch& batch, const Parameters& p, unsigned rve, bool broken) {
+__device__ void finish(const Batch& batch, const Parameters& p, unsigned rve, bool broken) {
     Shared& sh = shared();
     Control& c = sh.control;
     Header& h = c.header;
@@ -125,9 +125,6 @@ __device__ OUTLINED void finish(const Batch& batch, const Parameters& p, unsigne
 #if UNEQUAL
     const double normal = double(p.normal_stiffness) * double(sh.sum[TOTAL_OVERLAP]);
     state.unbalanced = double(sh.sum[RESULTANTS]) / DISCS * double(sh.sum[CONTACTS]) / normal;
-#endif
-#if SLEEP
-    state.audit = compare(batch.sleep[rve], c.asleep, p, c.gradient, state);
 #endif
     if (c.status == OK && broken) c.status = NOT_FINITE;
     if (c.status == OK && state.relative_overlap > p.overlap_limit) c.status = OVERLAP;

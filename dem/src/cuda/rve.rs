@@ -5,8 +5,8 @@ use std::sync::Arc;
 use gpu::{ConstPointer, Device, Function, checks, definitions, files, kernel};
 
 use super::abi::{
-    Batch, Disc, Header, Motion, Parameters, Position, Queue, Rows, Sleep, State, Status, Tensor,
-    Turn, Vector,
+    Batch, Disc, Header, Motion, Parameters, Position, Queue, Rows, State, Status, Tensor, Turn,
+    Vector,
 };
 use super::error::CudaError;
 use super::real::CudaReal;
@@ -20,7 +20,6 @@ const FILES: &str = files!(
     "shared.cuh",
     "cell.cuh",
     "position.cuh",
-    "sleep.cuh",
     "macro_step.cuh",
     "neighbours.cuh",
     "list.cuh",
@@ -52,7 +51,6 @@ pub fn source<R: CudaReal>() -> String {
         Status,
         Header,
         Rows,
-        Sleep,
         State,
         Turn,
         Queue,

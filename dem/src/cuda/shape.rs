@@ -26,8 +26,6 @@ pub struct Shape {
     pub rolling: bool,
     /// Whether each RVE has parameters of its own.
     pub unequal: bool,
-    /// Whether packings may sleep.
-    pub sleep: bool,
     real_bits: usize,
 }
 
@@ -158,7 +156,6 @@ impl Shape {
                 shared_bytes,
                 rolling,
                 unequal,
-                sleep: p.sleep_stress > 0.0,
                 real_bits: R::BITS,
             })
         };
@@ -191,7 +188,6 @@ impl Shape {
             ("SHARED_BYTES", self.shared_bytes),
             ("ROLLING", usize::from(self.rolling)),
             ("UNEQUAL", usize::from(self.unequal)),
-            ("SLEEP", usize::from(self.sleep)),
         ]
         .map(|(name, value)| format!("{name}={value}"))
         .to_vec()

@@ -56,12 +56,6 @@ struct alignas(16) Control {
     unsigned searches;
     unsigned thin;
     unsigned dense;
-#if SLEEP
-    // Whether the RVE sleeps, or would if it were not audited.
-    unsigned asleep;
-    // Whether its cell makes up for the strain of steps asleep.
-    unsigned strained;
-#endif
     Action action;
     Status status;
     unsigned rve;

@@ -20,7 +20,6 @@ mod precision;
 mod restart;
 mod rolling;
 mod shear;
-mod sleep;
 mod stability;
 mod statics;
 mod thin_cell;

@@ -10,21 +10,16 @@ use crate::common::{DENSE, parameters};
 fn restart_is_bitwise(
     #[values(true, false)] single: bool,
     #[values(0.0, 0.3)] rolling_friction: f64,
-    #[values(0.0, 0.1)] sleep_stress: f64,
 ) {
-    fn check<R: Real>(rolling_friction: f64, sleep_stress: f64) {
+    fn check<R: Real>(rolling_friction: f64) {
         let mut p = parameters(20.0e3, DENSE);
         p.grains.rolling_friction = rolling_friction;
-        p.sleep_stress = sleep_stress;
-        // At rest, if they may sleep, besides five in motion.
-        let mut l = motions(6);
-        l[0] *= f64::from(u8::from(sleep_stress == 0.0));
+        let l = motions(6);
         let mut states = vec![RveState::default(); 6];
         let mut run = batch::<R>(&p, 6);
         for _ in 0..33 {
             run.advance(1e-4, &l, &mut states).unwrap();
         }
-        assert_eq!(states[0].asleep, sleep_stress > 0.0);
         // Also while some RVEs are free and some lists are about to be made anew.
         let bytes = postcard::to_stdvec(&run).unwrap();
         let mut restarted: RveBatch<R> = postcard::from_bytes(&bytes).unwrap();
@@ -38,8 +33,8 @@ fn restart_is_bitwise(
         assert_eq!(postcard::to_stdvec(&restarted).unwrap(), postcard::to_stdvec(&run).unwrap());
     }
     if single {
-        check::<f32>(rolling_friction, sleep_stress);
+        check::<f32>(rolling_friction);
     } else {
-        check::<f64>(rolling_friction, sleep_stress);
+        check::<f64>(rolling_friction);
     }
 }

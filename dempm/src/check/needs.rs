@@ -69,6 +69,9 @@ pub struct Needs {
     pub preparation: f64,
     /// Ways in which the scene leaves the validity of the method.
     pub warnings: Vec<String>,
+    /// Whether the [scene](Scene::warning_report) has warnings of its own.
+    #[serde(skip)]
+    pub(super) doubtful: bool,
 }
 
 /// Sizes of the packings of a scene.
@@ -172,6 +175,7 @@ impl Needs {
             rve,
             dem,
             warnings: Vec::new(),
+            doubtful: !scene.warnings.is_empty(),
         };
         needs.warnings = needs.warnings(scene);
         needs

@@ -165,23 +165,25 @@ fn expected(accuracy: &Accuracy) -> (String, Vec<Row>) {
 
 impl fmt::Display for Needs {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} ({}, material {})", self.title, self.name, self.material)?;
+        write!(f, "{} ({}, material {})", self.title, self.name, self.material)?;
         let sections = self.sections();
         let rows = || sections.iter().flat_map(|(_, rows)| rows);
         let width = |text: &str| text.chars().count();
         let labels = rows().map(|row| width(row.0)).max().unwrap_or(0);
         let values = rows().map(|row| width(&row.1)).max().unwrap_or(0);
         for (heading, rows) in &sections {
-            writeln!(f, "\n{heading}")?;
+            write!(f, "\n\n{heading}")?;
             for Row(label, value, note) in rows {
                 let line = format!("  {label:labels$}  {value:>values$}  {note}");
-                writeln!(f, "{}", line.trim_end())?;
+                write!(f, "\n{}", line.trim_end())?;
             }
         }
-        if self.warnings.is_empty() {
-            return write!(f, "\nNothing to warn about.");
+        if self.warnings.is_empty() && !self.doubtful {
+            return write!(f, "\n\nNothing to warn about.");
         }
-        write!(f, "\nWarnings")?;
+        if !self.warnings.is_empty() {
+            write!(f, "\n\nWarnings")?;
+        }
         for warning in &self.warnings {
             write!(f, "\n  - {warning}")?;
         }

@@ -10,7 +10,6 @@ use serde::Serialize;
 use super::start::{Layer, start_profile, table};
 use super::terminal::print_json;
 use crate::fronts::mass_front;
-use crate::simulation::{AWAKE, SLEEP_ERROR};
 use crate::trajectory::{Field, Result, Trajectory};
 
 /// Arguments of `dempm info`.
@@ -68,7 +67,6 @@ struct Info {
     /// From when on frames repeat a state at rest (s).
     rest_time: Option<f64>,
     end: Option<End>,
-    sleep: Option<Sleep>,
     /// Wall time of each phase (s).
     wall_time: BTreeMap<String, f64>,
     /// Bytes of the file, and of its fields without compression.
@@ -100,15 +98,6 @@ struct End {
     /// Of what a layer connects to the pile.
     connected_front: Option<f64>,
     height: f64,
-}
-
-/// Sleep of packings over the whole run.
-#[derive(Debug, Serialize)]
-struct Sleep {
-    /// Share of the steps of packings with stress that made a DEM step.
-    awake: f64,
-    /// Root mean square error of stress asleep in audited packings, over that of stress.
-    error: f64,
 }
 
 /// The values of a field over all frames.
@@ -159,7 +148,6 @@ impl Info {
             frames: trajectory.frames(),
             time: first.zip(last).map(|(&first, &last)| [first, last]),
             end: end(trajectory)?,
-            sleep: sleep(trajectory),
             wall_time: trajectory.wall_time().clone(),
             file_size: trajectory.file_size(),
             field_size: raw_bytes(trajectory),
@@ -224,11 +212,6 @@ impl Info {
                 text.line("front of pile", format_args!("{} m", number(front)));
             }
             text.line("final height", format_args!("{} m", number(end.height)));
-        }
-        if let Some(Sleep { awake, error }) = &self.sleep {
-            let [awake, error] = [awake, error].map(|share| number(100.0 * share));
-            text.line("DEM steps", format_args!("{awake} % of those without sleep"));
-            text.line("sleep audit", format_args!("stress {error} % off"));
         }
         text.line("wall time", wall_time(&self.wall_time));
         let [size, raw] = [self.file_size, self.field_size].map(|bytes| bytes as f64 / 1e6);
@@ -297,12 +280,6 @@ fn end(trajectory: &Trajectory) -> Result<Option<End>> {
         connected_front: connected.and_then(|front| front.get(last)).copied(),
         height: most(1),
     }))
-}
-
-/// The last of the scalars of sleep, if packings might sleep.
-fn sleep(trajectory: &Trajectory) -> Option<Sleep> {
-    let last = |name: &str| trajectory.budget().get(name)?.last().copied();
-    Some(Sleep { awake: last(AWAKE)?, error: last(SLEEP_ERROR)? })
 }
 
 /// "frame", or such as "10th frame".

@@ -44,13 +44,7 @@ pub(super) struct Summary {
 struct Packings {
     /// DEM steps times discs.
     disc_steps: f64,
-    /// What they would have been without sleep.
-    disc_steps_awake: f64,
     disc_steps_per_second: f64,
-    /// Root mean square error of stress asleep in audited packings, over that of stress.
-    sleep_error: Option<f64>,
-    /// RVE steps in which audited packings would have slept.
-    audit_steps: u64,
     /// Neighbour searches in an RVE step.
     searches: f64,
     /// Share of RVE steps without stress.
@@ -123,16 +117,11 @@ fn packings(simulation: &Simulation) -> Option<Packings> {
     let rve = simulation.packings()?;
     let (tally, p) = (&rve.tally, rve.parameters());
     let substeps = p.grains.substeps(simulation.scene.step) as f64;
-    let per_step = p.discs as f64 * substeps;
-    let disc_steps_awake = (tally.steps - tally.free_steps) as f64 * per_step;
-    let disc_steps = disc_steps_awake - tally.asleep_steps as f64 * per_step;
+    let disc_steps = (tally.steps - tally.free_steps) as f64 * p.discs as f64 * substeps;
     let share = |count: u64| count as f64 / tally.steps.max(1) as f64;
     Some(Packings {
         disc_steps,
-        disc_steps_awake,
         disc_steps_per_second: disc_steps / wall_time(simulation, &["rve"]),
-        sleep_error: tally.sleep_error(),
-        audit_steps: tally.audit_steps,
         searches: share(tally.searches),
         stress_free: share(tally.free_steps),
         thinnest_cell: tally.min_width,
@@ -196,16 +185,7 @@ impl fmt::Display for Summary {
         line("wall time", format!("{total:.1} s: {}", phases.join(", ")))?;
         if let Some(p) = &self.packings {
             let Packings { disc_steps, disc_steps_per_second: rate, thin_steps, .. } = p;
-            let awake = p.disc_steps_awake;
-            let saved = match disc_steps < &awake {
-                true => format!(" of {awake:.2e} without sleep"),
-                false => String::new(),
-            };
-            line("disc-steps", format!("{disc_steps:.2e}{saved}, {rate:.2e} per second"))?;
-            if let Some(error) = p.sleep_error {
-                let (error, steps) = (100.0 * error, p.audit_steps);
-                line("sleep audit", format!("stress {error:.1} % off in {steps} RVE steps"))?;
-            }
+            line("disc-steps", format!("{disc_steps:.2e}, {rate:.2e} per second"))?;
             let searches = format!("{:.1} in 100 RVE steps", 100.0 * p.searches);
             line("neighbour searches", searches)?;
             line("stress-free", format!("{:.1} % of RVE steps", 100.0 * p.stress_free))?;

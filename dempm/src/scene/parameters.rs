@@ -122,7 +122,6 @@ const LIMITS: &[(&str, Limits)] = &[
         "rve.max_solid_fraction",
         between(0.9, 100.0, "").with_hint("falls reach 0.92; 100 compresses without limit"),
     ),
-    ("rve.sleep_stress", from_zero(1.0, "").with_hint("a share of the stress; 0: no sleep")),
     ("rve.preparation.pressure", between(1.0, 1.0e9, "Pa").with_hint("pascal: 2 kPa is 2.0e3")),
     (
         "rve.preparation.cloud_solid_fraction",

@@ -18,9 +18,6 @@ use super::scene_material::SceneMaterial;
 use crate::packings::{self, Ladder};
 use crate::scene::{self, InitialStress, Scene};
 
-/// One point of so many is computed in every step, to measure the error of sleep.
-const AUDITED: usize = 100;
-
 /// The model of a scene and its points at time zero; discs are prepared on the GPU, if one is given,
 /// by several ranks together.
 pub(super) fn initial_model(
@@ -94,12 +91,7 @@ fn rve_material(
     }
     let fresh = &ladders[0].isotropic;
     let volume = &points.volume;
-    let mut material = RveMaterial::new(&rve.parameters, rve.precision, &chosen, fresh, volume);
-    if rve.parameters.sleep_stress > 0.0 {
-        let audited = depth.len().div_ceil(AUDITED);
-        material.audit(rand::seq::index::sample(&mut rng, depth.len(), audited));
-    }
-    Ok(material)
+    Ok(RveMaterial::new(&rve.parameters, rve.precision, &chosen, fresh, volume))
 }
 
 /// The distinct values, ascending, and for each entry the index of its value.

@@ -21,7 +21,7 @@ pub use discs::{DiscModel, DiscState, PointMeans};
 pub use driver::Simulation;
 pub use error::SimulationError;
 pub use model::Model;
-pub use mpm_model::{AWAKE, MpmModel, MpmState, SLEEP_ERROR, STABLE_STEP};
+pub use mpm_model::{MpmModel, MpmState, STABLE_STEP};
 pub use rve_material::{RveMaterial, Tally};
 pub use scene_material::SceneMaterial;
 pub use state::{ModelState, State};

@@ -17,12 +17,6 @@ use crate::scene::Scene;
 /// Name of the budget scalar with the largest provably stable macro step (s).
 pub const STABLE_STEP: &str = "stable_step";
 
-/// Name of the budget scalar with the share of RVE steps so far that made a DEM step.
-pub const AWAKE: &str = "awake_steps";
-
-/// Name of the budget scalar with the root mean square error of stress asleep so far, over that of stress.
-pub const SLEEP_ERROR: &str = "sleep_error";
-
 /// Grid and material that move the points of a scene.
 pub struct MpmModel {
     /// The material with its internal variables; on a GPU, as of the last checkpoint.
@@ -155,12 +149,6 @@ impl MpmModel {
         if let Some(states) = self.rve_states() {
             let free = states.iter().filter(|state| state.free).count();
             scalars.insert("stress_free_points".to_owned(), free as f64);
-        }
-        if let SceneMaterial::Rve(rve) = &self.material
-            && rve.parameters().sleep_stress > 0.0
-        {
-            scalars.insert(AWAKE.to_owned(), rve.tally.awake().unwrap_or(1.0));
-            scalars.insert(SLEEP_ERROR.to_owned(), rve.tally.sleep_error().unwrap_or(0.0));
         }
         scalars
     }

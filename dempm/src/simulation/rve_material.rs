@@ -60,14 +60,6 @@ pub struct Tally {
     pub thin_steps: u64,
     /// RVE steps in which a cell was too dense to be compressed further.
     pub dense_steps: u64,
-    /// RVE steps asleep, without a DEM step.
-    pub asleep_steps: u64,
-    /// RVE steps of audited packings that would have slept.
-    pub audit_steps: u64,
-    /// Sum over these of the squared error that sleep would have made in the stress (Pa²).
-    pub audit_error2: f64,
-    /// Sum over these of the squared stress (Pa²).
-    pub audit_stress2: f64,
     /// RVE steps with an overlap above the warning threshold.
     pub overlap_steps: u64,
     /// Neighbour searches.
@@ -85,10 +77,6 @@ impl Default for Tally {
             free_steps: 0,
             thin_steps: 0,
             dense_steps: 0,
-            asleep_steps: 0,
-            audit_steps: 0,
-            audit_error2: 0.0,
-            audit_stress2: 0.0,
             overlap_steps: 0,
             searches: 0,
             max_overlap: 0.0,
@@ -126,18 +114,6 @@ impl RveMaterial {
             }),
             tally: Tally::default(),
             time: Duration::ZERO,
-        }
-    }
-
-    /// Computes packings in every step that would otherwise sleep at times, to measure the error of sleep.
-    pub fn audit(&mut self, packings: impl IntoIterator<Item = usize>) {
-        match Arc::make_mut(&mut self.batch) {
-            Batch::F32(batch) => {
-                packings.into_iter().for_each(|k| batch.rves[k].sleep.audited = true)
-            }
-            Batch::F64(batch) => {
-                packings.into_iter().for_each(|k| batch.rves[k].sleep.audited = true)
-            }
         }
     }
 
@@ -221,29 +197,12 @@ impl Material for RveMaterial {
 }
 
 impl Tally {
-    /// Share of the RVE steps with stress that made a DEM step, if there are any.
-    pub fn awake(&self) -> Option<f64> {
-        let loaded = self.steps - self.free_steps;
-        (loaded > 0).then(|| 1.0 - self.asleep_steps as f64 / loaded as f64)
-    }
-
-    /// Root mean square error of stress asleep in audited packings, over the root mean square of stress, if any slept.
-    pub fn sleep_error(&self) -> Option<f64> {
-        (self.audit_steps > 0).then(|| (self.audit_error2 / self.audit_stress2).sqrt())
-    }
-
     fn add(&mut self, state: &RveState, overlap_warning: f64) {
         self.steps += 1;
         self.searches += u64::from(state.searches);
         if state.free {
             self.free_steps += 1;
             return;
-        }
-        self.asleep_steps += u64::from(state.asleep);
-        if state.audit > 0.0 {
-            self.audit_steps += 1;
-            self.audit_error2 += state.audit * state.audit;
-            self.audit_stress2 += state.stress.norm_squared();
         }
         self.thin_steps += u64::from(state.thin);
         self.dense_steps += u64::from(state.dense);

@@ -84,12 +84,6 @@ pub(super) fn of_budget(name: &str) -> Meaning {
             "root mean square distance from the truth to expect of a prediction, median",
         ),
         "error_bound" => meaning("m", "the same, above it in one of ten scenes"),
-        "awake_steps" => {
-            meaning("1", "share of the steps of packings with stress that made a DEM step, so far")
-        }
-        "sleep_error" => {
-            meaning("1", "RMS error of stress asleep in audited packings, over RMS stress, so far")
-        }
         "stress_free_points" => meaning("1", "number of points too loose for stress"),
         _ => meaning("unknown", "scalar of the whole scene"),
     }

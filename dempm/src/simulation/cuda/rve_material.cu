@@ -6,13 +6,6 @@ __device__ inline void count(DeviceTally& tally, const State& state, double over
         tally.free_steps += 1;
         return;
     }
-    tally.asleep_steps += state.asleep != 0;
-    if (state.audit > 0.0) {
-        const Tensor s = state.stress;
-        tally.audit_steps += 1;
-        tally.audit_error2 += state.audit * state.audit;
-        tally.audit_stress2 += s.xx * s.xx + s.xy * s.xy + s.yx * s.yx + s.yy * s.yy;
-    }
     tally.thin_steps += state.thin != 0;
     tally.dense_steps += state.dense != 0;
     tally.overlap_steps += state.relative_overlap > overlap_warning;

@@ -24,12 +24,6 @@ cuda_struct! {
         free_steps: u64,
         thin_steps: u64,
         dense_steps: u64,
-        asleep_steps: u64,
-        audit_steps: u64,
-        /// Sum of squared errors of stress (Pa²).
-        audit_error2: f64,
-        /// Sum of squared stresses (Pa²).
-        audit_stress2: f64,
         overlap_steps: u64,
         searches: u64,
         /// Largest overlap over the smaller radius.
@@ -126,10 +120,6 @@ impl CudaRveMaterial {
             free_steps: 0,
             thin_steps: 0,
             dense_steps: 0,
-            asleep_steps: 0,
-            audit_steps: 0,
-            audit_error2: 0.0,
-            audit_stress2: 0.0,
             overlap_steps: 0,
             searches: 0,
             max_overlap: 0.0,
@@ -169,10 +159,6 @@ impl CudaRveMaterial {
             total.free_steps += tally.free_steps;
             total.thin_steps += tally.thin_steps;
             total.dense_steps += tally.dense_steps;
-            total.asleep_steps += tally.asleep_steps;
-            total.audit_steps += tally.audit_steps;
-            total.audit_error2 += tally.audit_error2;
-            total.audit_stress2 += tally.audit_stress2;
             total.overlap_steps += tally.overlap_steps;
             total.searches += tally.searches;
             total.max_overlap = total.max_overlap.max(tally.max_overlap);

@@ -71,7 +71,7 @@ const QUICK: [(&str, &str); 4] = [
 ];
 
 /// The same of the full suite: every default changed by itself, and what is cheaper.
-const FULL: [(&str, &str); 16] = [
+const FULL: [(&str, &str); 15] = [
     ("16 packings", "material.packings = 16"),
     ("1 packing", "material.packings = 1"),
     ("100 discs", "rve.discs = 100"),
@@ -87,19 +87,17 @@ const FULL: [(&str, &str); 16] = [
     ("relaxation 500 1/s", "numerics.relaxation = 500"),
     ("FLIP", "numerics.transfer = \"flip\""),
     ("walls on points", "numerics.wall_contact = \"points\""),
-    ("packings sleep", "rve.sleep_stress = 0.1"),
 ];
 
 /// Scenes of the speed-accuracy charts; of the last, the largest, only a few settings.
 const SPEED: [&str; 4] = ["Small column", "Column a = 1", "Col2x2", "Col3x3"];
 /// Settings for it.
-const ON_THE_LARGEST: [&str; 6] = [
+const ON_THE_LARGEST: [&str; 5] = [
     "16 packings",
     "steps of 0.1 ms",
     "cells of 62.5 mm",
     "cells of 62.5 mm, 100 discs",
     "cells of 125 mm",
-    "packings sleep",
 ];
 
 impl Case {
