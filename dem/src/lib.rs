@@ -53,7 +53,7 @@ pub use homogenise::{inertial_number, stress};
 pub use neighbours::Pair;
 pub use packing::{Contact, Packing};
 pub use parameters::{Preparation, RveParameters};
-pub use prepare::{Prepared, Rung, consolidate, ladder, prepare};
+pub use prepare::{Rung, consolidate, ladder};
 pub use real::Real;
 pub use rve::{Rve, Substepping};
 pub use state::RveState;

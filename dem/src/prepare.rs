@@ -13,15 +13,6 @@ use crate::grains::Grains;
 use crate::packing::Packing;
 use crate::parameters::RveParameters;
 
-/// A consolidated packing and its states under oedometric loading.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Prepared {
-    /// The packing in equilibrium under the isotropic preparation pressure, with the friction of flow.
-    pub isotropic: Packing<f64>,
-    /// One rung per requested vertical stress, in the order of the request.
-    pub ladder: Vec<Rung>,
-}
-
 /// A state on the oedometric path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rung {
@@ -33,16 +24,6 @@ pub struct Rung {
 
 /// DEM steps between two servo decisions.
 const CONTROL_STEPS: f64 = 10.0;
-
-/// [`consolidate`] and then [`ladder`].
-///
-/// # Errors
-/// A stage does not reach its target.
-pub fn prepare(p: &RveParameters, seed: u64, targets: &[f64]) -> Result<Prepared, Error> {
-    let isotropic = consolidate(p, seed)?;
-    let ladder = ladder(p, seed, &isotropic, targets)?;
-    Ok(Prepared { isotropic, ladder })
-}
 
 /// Makes a packing from `seed`: a cloud of non-touching discs is compressed by an isotropic servo
 /// with the preparation's friction, and then relaxes with the friction of flow, until stresses and
@@ -170,7 +151,8 @@ mod tests {
                 discs: 30,
                 ..RveParameters::default()
             };
-            prepare(&p, 1, &[5.0e3]).unwrap()
+            let isotropic = consolidate(&p, 1).unwrap();
+            (ladder(&p, 1, &isotropic, &[5.0e3]).unwrap(), isotropic)
         };
         assert_eq!(made(0.1), made(0.4));
     }
