@@ -6,7 +6,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use cudarc::nvrtc::{result, sys};
 use files::{WriteError, read_sealed, seal, write_atomically};
 
-use crate::ahead;
+use crate::ahead::{self, Threads};
 use crate::cache_directory;
 use crate::error::Error;
 use crate::source::Source;
@@ -111,9 +111,10 @@ pub(crate) fn compile_cached(
     ahead::take(key, || find_or_compile(name, source, architecture, defines, key))
 }
 
-/// Starts to compile sources side by side in threads; what is in the cache is read. [`compile_cached`] waits for them
+/// Starts to compile sources side by side in `threads`; what is in the cache is read. [`compile_cached`] waits for them
 /// and reports errors.
 pub(crate) fn compile_ahead(
+    threads: &Threads,
     sources: impl IntoIterator<Item = Source>,
     architecture: &str,
     driver: (i32, i32),
@@ -121,7 +122,9 @@ pub(crate) fn compile_ahead(
     for Source { name, text, defines } in sources {
         if let Ok(key) = key(&text, architecture, &defines, driver) {
             let architecture = architecture.to_owned();
-            ahead::start(key, move || find_or_compile(name, &text, &architecture, &defines, key));
+            ahead::start(threads, key, move || {
+                find_or_compile(name, &text, &architecture, &defines, key)
+            });
         }
     }
 }

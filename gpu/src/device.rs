@@ -11,6 +11,7 @@ use cudarc::driver::{
 use cudarc::nvrtc::Ptx;
 use files::note;
 
+use crate::ahead::Threads;
 use crate::compiler::{compile_ahead, compile_cached, nvrtc_is_present, nvrtc_version};
 use crate::error::Error;
 use crate::source::Source;
@@ -43,6 +44,7 @@ pub struct Device {
     driver: (i32, i32),
     overlaps_kernels: bool,
     urgent_priority: i32,
+    ahead: Arc<Threads>,
 }
 
 impl Device {
@@ -93,6 +95,7 @@ impl Device {
             urgent_priority: get_priority_range()?.1,
             context,
             stream,
+            ahead: Arc::default(),
         }))
     }
 
@@ -183,9 +186,9 @@ impl Device {
     }
 
     /// Starts to compile sources for this GPU side by side, in threads, and returns at once. [`module`](Self::module)
-    /// waits for the one that it loads. A source that does not compile, or is not loaded after all, does no harm.
+    /// waits for the one that it loads. A source that does not compile, or is not loaded after all, does no harm; the last owner of the device waits for it.
     pub fn compile_ahead(&self, sources: impl IntoIterator<Item = Source>) {
-        compile_ahead(sources, &self.architecture, self.driver);
+        compile_ahead(&self.ahead, sources, &self.architecture, self.driver);
     }
 
     /// Checks that `needed` bytes are free.
@@ -313,7 +316,8 @@ mod tests {
         };
         let wrong = Source { text: "not CUDA".to_owned(), ..source(0) };
         let driver = (12, 4);
-        compile_ahead((1..4).map(source).chain([wrong.clone()]), "sm_80", driver);
+        let threads = Threads::default();
+        compile_ahead(&threads, (1..4).map(source).chain([wrong.clone()]), "sm_80", driver);
         let load = |Source { name, text, defines }: Source| {
             compile_cached(name, &text, "sm_80", &defines, driver)
         };

@@ -3,6 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::emphasis::appearances;
 use super::{DataError, DataSet, Example, Examples, Sampler, Unrolling};
 use crate::features::{Normalisation, Obstacle};
 
@@ -41,6 +42,8 @@ pub struct Recipe {
     pub shard: Shard,
     /// Whether the windows of a step have similar numbers of points.
     pub alike: bool,
+    /// Most appearances of a window in a pass.
+    pub emphasis: usize,
     /// Frames of a window. Examples of the data set have `unroll` more.
     pub frames: usize,
     /// Largest number of steps that the network unrolls by itself before it learns (pushforward).
@@ -59,12 +62,21 @@ pub struct Recipe {
 
 impl Recipe {
     /// The order in which all windows are visited.
-    pub fn sampler(&self, data: &DataSet) -> Sampler {
-        let sampler = Sampler::new(self.seed, data.len());
-        match self.alike {
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn sampler(&self, data: &DataSet) -> Result<Sampler, DataError> {
+        let sampler = match self.emphasis {
+            1 => Sampler::new(self.seed, data.len()),
+            most => {
+                let deviation = [0, 1].map(|k| self.normalisation.acceleration_std[k]);
+                Sampler::repeated(self.seed, &appearances(data, self.frames, deviation, most)?)
+            }
+        };
+        Ok(match self.alike {
             true => sampler.bucketed(data.points(), self.shard.ranks * self.batch),
             false => sampler,
-        }
+        })
     }
 
     /// The windows of a step, drawn with [`sampler`](Self::sampler). The windows of all ranks
@@ -195,6 +207,7 @@ mod tests {
                 batch: 2,
                 shard: Shard { rank: 0, ranks: 1 },
                 alike: false,
+                emphasis: 1,
                 frames: 3,
                 unroll: 0,
                 unroll_from: 0,

@@ -7,6 +7,7 @@
 //! without any state of the data.
 
 mod batch;
+mod emphasis;
 mod error;
 mod files;
 mod mirror;

@@ -16,14 +16,17 @@ pub struct Prefetch<T> {
 
 impl<T: Send + 'static> Prefetch<T> {
     /// Starts with the examples of `step`, which `prepare` turns into batches; several at a time.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
     pub fn start(
         data: DataSet,
         recipe: Recipe,
         step: u64,
         prepare: impl Fn(Examples) -> T + Send + Sync + 'static,
-    ) -> Self {
+    ) -> Result<Self, DataError> {
         let (send, batches) = sync_channel(rayon::current_num_threads().max(AHEAD));
-        let mut sampler = recipe.sampler(&data);
+        let mut sampler = recipe.sampler(&data)?;
         let maker = Arc::new((data, recipe, prepare));
         thread::spawn(move || {
             for step in step.. {
@@ -41,7 +44,7 @@ impl<T: Send + 'static> Prefetch<T> {
                 }
             }
         });
-        Self { batches }
+        Ok(Self { batches })
     }
 
     /// Waits for the next batch; `None` if a thread panicked.

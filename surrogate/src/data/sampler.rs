@@ -7,7 +7,8 @@ use rand_chacha::ChaCha8Rng;
 /// Steps whose windows are sorted by size together.
 const BUCKET_STEPS: usize = 16;
 
-/// Random order of all windows, a new one for every pass (epoch), fixed by the seed.
+/// Random order of all windows, a new one for every pass (epoch), fixed by the seed. A window can appear several
+/// times in a pass.
 pub struct Sampler {
     seed: u64,
     pass: u64,
@@ -27,9 +28,16 @@ struct Buckets {
 }
 
 impl Sampler {
-    /// Samples `windows` windows, at least one.
+    /// Samples `windows` windows, at least one, each once in a pass.
     pub fn new(seed: u64, windows: usize) -> Self {
-        let mut sampler = Self { seed, pass: 0, windows: (0..windows).collect(), buckets: None };
+        Self::repeated(seed, &vec![1; windows])
+    }
+
+    /// Samples windows, each as many times in a pass as `appearances` states.
+    pub fn repeated(seed: u64, appearances: &[usize]) -> Self {
+        let windows = appearances.iter().enumerate();
+        let windows = windows.flat_map(|(window, &times)| std::iter::repeat_n(window, times));
+        let mut sampler = Self { seed, pass: 0, windows: windows.collect(), buckets: None };
         sampler.shuffle(0);
         sampler
     }

@@ -26,7 +26,7 @@ impl WindowShape {
     }
 
     /// Frames of the file by which the first window begins early.
-    fn ahead(self) -> usize {
+    pub(super) fn ahead(self) -> usize {
         self.before * self.stride
     }
 }
@@ -187,6 +187,11 @@ impl DataSet {
     /// The number of windows.
     pub fn len(&self) -> usize {
         self.windows.iter().sum()
+    }
+
+    /// The number of windows of each file.
+    pub(super) fn windows_of_files(&self) -> impl Iterator<Item = usize> {
+        self.windows.iter().copied()
     }
 
     /// Points of each window.

@@ -259,6 +259,7 @@ mod tests {
             batch: 2,
             shard: Shard { rank: 0, ranks: 1 },
             alike: false,
+            emphasis: 1,
             frames: 3,
             unroll: 5,
             unroll_from: 0,

@@ -57,6 +57,9 @@ pub struct Data {
     /// Give the windows of a step similar numbers of points, so that processes do not wait for the
     /// one with the largest window.
     pub alike: bool,
+    /// Most appearances of a window in a pass: as many as its accelerations scatter over the points, in standard
+    /// deviations of the data.
+    pub emphasis: usize,
     /// Learn accelerations relative to free fall.
     pub subtract_gravity: bool,
     /// Largest number of frames of a window before the first frame of a run; rollouts then start
@@ -127,6 +130,7 @@ impl Default for Data {
             noise: 3e-4,
             mirror: false,
             alike: false,
+            emphasis: 1,
             subtract_gravity: false,
             before_start: 0,
             memory: 1024,

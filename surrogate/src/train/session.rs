@@ -19,7 +19,7 @@ use super::pretrained::{Lineage, Pretrained};
 use super::ranks;
 use super::state::State;
 use crate::cuda::{CudaError, compile_ahead};
-use crate::data::{DataFolder, DataSet, Examples, Prefetch, Recipe, Shard, WindowShape};
+use crate::data::{DataError, DataFolder, DataSet, Examples, Prefetch, Recipe, Shard, WindowShape};
 use crate::diagnostics::TrainingRange;
 use crate::network::parameters::weights;
 use crate::network::{Initialisation, ModelConfig, Precision};
@@ -217,7 +217,7 @@ impl Session {
             normalisation: lineage.normalisation,
             bounds: data.set.bounds(),
         };
-        let batches = prefetch(data.set, &recipe, step, &backend, &inputs);
+        let batches = prefetch(data.set, &recipe, step, &backend, &inputs)?;
         Ok(Self {
             config,
             folder: options.folder.clone(),
@@ -312,6 +312,7 @@ fn recipe(config: &TrainConfig, model: &ModelConfig, shard: Shard, lineage: &Lin
         batch: config.batch,
         shard,
         alike: config.data.alike,
+        emphasis: config.data.emphasis,
         frames: model.window(),
         unroll: config.pushforward.steps,
         unroll_from: config.pushforward.start,
@@ -329,7 +330,7 @@ fn prefetch(
     step: u64,
     backend: &Backend,
     inputs: &InputSpec,
-) -> Prefetch<NextBatch> {
+) -> Result<Prefetch<NextBatch>, DataError> {
     let (unrolls, prepare) = (backend.unrolls(), backend.prepare(inputs));
     let batching = Arc::new(recipe.clone());
     Prefetch::start(data, recipe.clone(), step, move |examples| {
