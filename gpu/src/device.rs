@@ -186,7 +186,8 @@ impl Device {
     }
 
     /// Starts to compile sources for this GPU side by side, in threads, and returns at once. [`module`](Self::module)
-    /// waits for the one that it loads. A source that does not compile, or is not loaded after all, does no harm; the last owner of the device waits for it.
+    /// waits for the one that it loads. A source that does not compile, or is not loaded after all, does no harm; the
+    /// last owner of the device waits for it.
     pub fn compile_ahead(&self, sources: impl IntoIterator<Item = Source>) {
         compile_ahead(&self.ahead, sources, &self.architecture, self.driver);
     }
