@@ -62,9 +62,9 @@ def calibrate(
 ) -> Calibration:
     """Finds grains whose packings behave like a measured material: [calibration](calibration.md).
 
-    Tables named in a dictionary are files relative to the current folder. `output` is the folder of the results.
-    `law="mu-i"` also fits this law. After Ctrl-C the same call with `resume=True` continues from the last whole round
-    with the same bits. Raises `dempm.Error` if a key or a table is wrong, or the grains cannot be simulated.
+    Tables named in a dictionary are relative to the current folder. `output` is the folder of the results.
+    `law="mu-i"` also fits this law. After Ctrl-C, `resume=True` continues from the last whole round with the same bits.
+    Raises `dempm.Error` if a key or a table is wrong, or the grains cannot be simulated.
     """
     values = _absolute(targets) if isinstance(targets, Mapping) else targets
     options = [f"--output={os.fspath(output)}", f"--device={device}", *([f"--law={law}"] if law is not None else [])]

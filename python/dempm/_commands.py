@@ -36,16 +36,13 @@ def run(
 ) -> Run:
     """Simulates a scene.
 
-    `scene` is a file or a dictionary with the [keys of one](scenes.md).
-
-    `within` and `learned` replace the scene's model by the one that `choose` takes, which `run.scene["choice"]` states.
-    Predictions of a network are made again rather than continued.
+    `scene` is a file or a dictionary with the [keys of one](scenes.md). With `within`, and `learned` beside it, the model
+    is the one that `choose` takes; `run.scene["choice"]` states it.
 
     Ctrl-C, or *Interrupt* in a notebook, saves a checkpoint beside `output` and raises `KeyboardInterrupt`; the same
-    call with `resume=True` continues with the same bits. Other Python threads run meanwhile.
+    call with `resume=True` continues with the same bits, but repeats predictions of a network.
 
-    Raises `dempm.Error` if the scene is invalid, the output exists or a step fails. Warnings about the scene and the
-    run are Python warnings.
+    Raises `dempm.Error` if the scene is invalid, the output exists or a step fails. Warnings are Python warnings.
     """
     text, name = _scene.text_and_name(scene)
     if within is not None:
@@ -127,9 +124,9 @@ class Choice(Mapping[str, Any]):
 def choose(
     scene: Values, within: float | str, *, learned: FilePath | None = None, device: str = "auto"
 ) -> Choice:
-    """Finds the [cheapest model](choose.md) whose error is `within` a distance from the scene as discs: a number (RMS, m),
-    or a text such as `5%`, of the run-out. `learned` is the weights file of a network that is a candidate too. Raises
-    `dempm.Error` if the scene is invalid or has no candidates.
+    """Finds the [cheapest model](choose.md) `within` a distance from the scene as discs: a number (RMS, m), or a text such
+    as `5%` of the run-out. `learned` is the weights file of a further candidate. Raises `dempm.Error` if the scene is
+    invalid or has no candidates.
     """
     model = None if learned is None else os.fspath(learned)
     values, text, chosen = _dempm.choose(*_scene.text_and_name(scene), str(within), device, model)
@@ -139,7 +136,7 @@ def choose(
 def element(test: Values, grains: Mapping[str, Any] | None = None) -> dict[str, np.ndarray]:
     """Drives a packing along a path, as an [element test](element-tests.md).
 
-    `grains` replaces keys of the table `[grains]` of `test`, such as `{"friction": 0.3}`. Returns the
+    `grains` replaces keys of `[grains]`, such as `{"friction": 0.3}`. Returns the
     [columns of the path](element-tests.md#csv), each (rows). Raises `dempm.Error` if the test is wrong or a stage fails.
     """
     values = _scene.values(test)
@@ -163,8 +160,8 @@ def dataset(
 ) -> list[Run]:
     """Simulates many scenes into the folder `output`: `paper`, or a [list](datasets.md).
 
-    Base scenes of a dictionary are files relative to the current folder, or dictionaries. Finished runs stay,
-    interrupted ones continue. `only` picks splits or scenes, such as `test/col2x2`. Returns the runs in the order of their
+    Base scenes of a dictionary are dictionaries, or files relative to the current folder. Finished runs stay,
+    interrupted ones continue. `only` picks splits or scenes: `["test/col2x2"]`. Returns the runs in the order of their
     files. Raises `dempm.Error` if the list is wrong or scenes failed.
     """
     options: list[str] = [f"--device={device}", *(f"--only={name}" for name in only)]
@@ -221,8 +218,8 @@ class Picture(NamedTuple):
 
 
 def plot(run: Run | FilePath, other: Run | FilePath | None = None, **options: Any) -> Picture:
-    """Draws frames of a run, or of two: side by side, overlaid or subtracted (`compare`). A notebook shows the picture;
-    its `save(path)` writes it (PNG), `png` are its bytes.
+    """Draws frames of a run, or of two: side by side, overlaid or subtracted (`compare`). A notebook shows the picture,
+    `save(path)` writes it (PNG), `png` are its bytes.
 
     Options are those of [`dempm plot`](commands.md#dempm) with `_` for `-`: `plot(run, field="pressure",
     times=[0.5, 1.0], width=1200)`. Raises `dempm.Error` if a frame or field is missing.

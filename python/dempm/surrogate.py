@@ -20,9 +20,9 @@ def train(
     """Trains a network on the trajectories in `data/train`, validates it on those in `data/valid`, and returns the
     path of the best.
 
-    `config` is a [training file](training.md) or a dictionary with its keys. `output` is the folder of models, log and
-    checkpoint. Ctrl-C saves the checkpoint, from which `resume=True` continues. Raises `dempm.Error` if a key is wrong
-    or the data do not fit.
+    `config` is a [training file](training.md) or a dictionary. `output` is the folder of models, log and checkpoint.
+    Ctrl-C saves a checkpoint, from which `resume=True` continues. Raises `dempm.Error` if a key is wrong or the data do
+    not fit.
     """
     with _scene.as_file(config) as file:
         folders = [f"--data={os.fspath(data)}", f"--output={os.fspath(output)}"]
@@ -44,8 +44,8 @@ def rollout(
 ) -> Run:
     """Predicts a trajectory with a [weights file](weights.md).
 
-    The first frames of `scene` are simulated; those of a `Run` are taken from `start` on. `frames` counts those of the
-    result. `mirror` averages with the prediction of the mirror image. Raises `dempm.Error` if the network does not fit or
+    The first frames of `scene` are simulated; those of a `Run` are taken from `start` on. The result has `frames`
+    frames. `mirror` averages with the prediction of the mirror image. Raises `dempm.Error` if the network does not fit or
     the prediction fails.
     """
     options = [f"--device={device}"]

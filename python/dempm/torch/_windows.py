@@ -70,11 +70,10 @@ def collate(windows: Sequence[Window]) -> Batch:
 class Windows(Dataset[Window]):
     """All windows of the trajectories below a folder, as graphs with targets: a `torch.utils.data.Dataset`.
 
-    `frames` is the length of a window; a `config` has its own, and the network's features where they are not the
-    paper's. `stride` uses every n-th frame of the files. `noise` (m/frame) is the standard deviation of the random walk
-    on the last velocity, which the target undoes; `mirror` mirrors half of the examples left to right; both draw from
-    PyTorch's random numbers. `without_gravity` makes targets relative to free fall. `normalisation` is measured unless
-    given: pass that of the training set to the validation set.
+    `frames` is the length of a window, unless a `config` states it and the network's features. `stride`, `noise` and
+    `mirror` are those of [training files](training.md#data), with PyTorch's random numbers. `without_gravity` makes
+    targets relative to free fall. `normalisation` is measured unless given: the validation set takes that of the
+    training set.
 
     Raises `dempm.Error` if there are no trajectories, one is too short, or they differ in domain or frame interval.
     """
