@@ -36,8 +36,8 @@ def run(
 ) -> Run:
     """Simulates a scene.
 
-    `scene` is a file or a dictionary with the [keys of one](scenes.md). With `within`, and `learned` beside it, the model
-    is the one that `choose` takes; `run.scene["choice"]` states it.
+    `scene` is a file or a dictionary with the [keys of one](scenes.md). `within` and `learned` replace its model by the
+    one that `choose` takes; `run.scene["choice"]` states it.
 
     Ctrl-C, or *Interrupt* in a notebook, saves a checkpoint beside `output` and raises `KeyboardInterrupt`; the same
     call with `resume=True` continues with the same bits, but repeats predictions of a network.
