@@ -4,11 +4,12 @@ use hdf5::{Dataset, File};
 
 use super::attributes::{read_scalar, write_scalar};
 use super::checked_file::{CheckedFile, to_rows};
+use super::chunk::Values;
 use super::error::{Result, TrajectoryError};
 use super::grains::{GrainFrame, StaticGrains};
 use super::links::{self, new_group};
 use super::meaning;
-use super::storage::{create_growing, read_frame, set_frames, write_frames, write_whole};
+use super::storage::{create_growing, read_frame, set_frames, write_whole};
 
 pub(super) const GROUP: &str = "grains";
 const EVERY: &str = "every";
@@ -46,12 +47,13 @@ pub(super) fn set_length(file: &File, frames: usize) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Writes the grains of the frame that is number `index` among those with grains.
-pub(super) fn write(file: &File, index: usize, frame: &GrainFrame) -> hdf5::Result<()> {
-    let one = index..index + 1;
-    write_frames(&file.dataset(POSITION)?, one.clone(), frame.position.as_flattened())?;
-    write_frames(&file.dataset(VELOCITY)?, one.clone(), frame.velocity.as_flattened())?;
-    write_frames(&file.dataset(PRESSURE)?, one, &frame.pressure)
+/// The grains of the frame that is number `index` among those with grains.
+pub(super) fn values(index: usize, frame: &GrainFrame) -> [Values<'_>; 3] {
+    [
+        Values::new(POSITION, index, frame.position.as_flattened()),
+        Values::new(VELOCITY, index, frame.velocity.as_flattened()),
+        Values::new(PRESSURE, index, &frame.pressure),
+    ]
 }
 
 /// Why a frame cannot be written; `index` is its number in the trajectory.

@@ -4,11 +4,12 @@ use hdf5::{Dataset, File};
 
 use super::attributes::{read_scalar, write_scalar};
 use super::checked_file::{CheckedFile, to_rows};
+use super::chunk::Values;
 use super::error::{Result, TrajectoryError};
 use super::grid::{GridFrame, StaticGrid};
 use super::links::{self, new_group};
 use super::meaning;
-use super::storage::{create_growing, read_frame, set_frames, write_frames, write_whole};
+use super::storage::{create_growing, read_frame, set_frames, write_whole};
 
 pub(super) const GROUP: &str = "grid";
 const WIDTH: &str = "width";
@@ -41,12 +42,13 @@ pub(super) fn set_length(file: &File, frames: usize) -> hdf5::Result<()> {
     Ok(())
 }
 
-/// Writes the fields of frame number `index`.
-pub(super) fn write(file: &File, index: usize, frame: &GridFrame) -> hdf5::Result<()> {
-    let one = index..index + 1;
-    write_frames(&file.dataset(DENSITY)?, one.clone(), &frame.density)?;
-    write_frames(&file.dataset(VELOCITY)?, one.clone(), frame.velocity.as_flattened())?;
-    write_frames(&file.dataset(STRESS)?, one, frame.stress.as_flattened())
+/// The fields of frame number `index`.
+pub(super) fn values(index: usize, frame: &GridFrame) -> [Values<'_>; 3] {
+    [
+        Values::new(DENSITY, index, &frame.density),
+        Values::new(VELOCITY, index, frame.velocity.as_flattened()),
+        Values::new(STRESS, index, frame.stress.as_flattened()),
+    ]
 }
 
 /// Why a frame cannot be written to a file with a grid of so many nodes, or without one.

@@ -6,6 +6,7 @@
 
 mod attributes;
 mod checked_file;
+mod chunk;
 mod error;
 mod frame;
 mod grain_datasets;

@@ -8,6 +8,8 @@ use super::texts::write_note;
 
 /// Frames in a chunk of a scalar: a chunk of one 8-byte value would cost more than it holds.
 const SCALARS_PER_CHUNK: usize = 1024;
+/// Level of compression: higher ones save little and take long.
+pub(super) const DEFLATE_LEVEL: u8 = 4;
 
 /// Creates an empty dataset that grows along the frames: shape (0, `inner`...).
 ///
@@ -28,7 +30,7 @@ pub(super) fn create_growing<T: H5Type>(
         .new_dataset::<T>()
         .chunk(chunk)
         .shuffle()
-        .deflate(4)
+        .deflate(DEFLATE_LEVEL)
         .fletcher32()
         .obj_track_times(false)
         .shape(SimpleExtents::new(extents))
@@ -46,7 +48,8 @@ pub(super) fn set_frames(dataset: &Dataset, frames: usize) -> hdf5::Result<()> {
     dataset.resize(shape)
 }
 
-/// Writes frames of a growing dataset that is already long enough; `values` are in C order.
+/// Writes frames of a growing dataset that is already long enough; `values` are in C order. Whole frames of points,
+/// grains or nodes are packed faster as [`Values`](super::chunk::Values).
 pub(super) fn write_frames<T: H5Type>(
     dataset: &Dataset,
     frames: std::ops::Range<usize>,
@@ -93,7 +96,7 @@ pub(super) fn write_whole<T: H5Type>(
         .with_data(view)
         .chunk(shape.to_vec())
         .shuffle()
-        .deflate(4)
+        .deflate(DEFLATE_LEVEL)
         .fletcher32()
         .obj_track_times(false)
         .create(name)?;

@@ -1,14 +1,17 @@
 //! Writes a trajectory that can be interrupted at any moment.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use files::{AtomicFile, WriteError, write_atomically};
 use hdf5::file::{FileAccessBuilder, LibraryVersion};
 use hdf5::{File, H5Type};
+use rayon::prelude::*;
 
 use super::attributes::{remove, write_scalar};
+use super::chunk::{Chunk, Values};
 use super::error::{Result, TrajectoryError};
 use super::frame::{Frame, FrameShape, Points};
 use super::grain_datasets;
@@ -316,8 +319,20 @@ impl TrajectoryWriter {
                 .map_err(TrajectoryError::writing(&self.path, "the file"))?;
         }
         self.set_frames(file, self.frames())?;
-        for (index, frame) in self.pending.iter().enumerate().skip(first) {
-            self.write_points(file, self.kept + index, frame)?;
+        let frames = self.pending.iter().enumerate().skip(first);
+        let values: Vec<Values<'_>> =
+            frames.flat_map(|(index, frame)| self.values(self.kept + index, frame)).collect();
+        let chunks: Vec<Chunk> = values.par_iter().filter_map(Values::pack).collect();
+        let mut datasets = BTreeMap::new();
+        for chunk in &chunks {
+            let mut write = || {
+                let dataset = match datasets.entry(chunk.dataset) {
+                    Entry::Occupied(dataset) => dataset.into_mut(),
+                    Entry::Vacant(place) => place.insert(file.dataset(chunk.dataset)?),
+                };
+                chunk.write(dataset)
+            };
+            write().map_err(TrajectoryError::writing(&self.path, chunk.dataset))?;
         }
         Ok(())
     }
@@ -360,26 +375,27 @@ impl TrajectoryWriter {
         Ok(())
     }
 
-    fn write_points(&self, file: &File, index: usize, frame: &Frame) -> Result<()> {
-        self.put(file, Field::Position.name(), index, 1, frame.position.as_flattened())?;
-        self.put(file, Field::Velocity.name(), index, 1, frame.velocity.as_flattened())?;
+    /// The values of frame number `index` at points, of grains and on the grid.
+    fn values<'a>(&self, index: usize, frame: &'a Frame) -> Vec<Values<'a>> {
+        let mut values = vec![
+            Values::new(Field::Position.name(), index, frame.position.as_flattened()),
+            Values::new(Field::Velocity.name(), index, frame.velocity.as_flattened()),
+        ];
         if let Some(stress) = &frame.stress {
-            self.put(file, Field::Stress.name(), index, 1, stress.as_flattened())?;
+            values.push(Values::new(Field::Stress.name(), index, stress.as_flattened()));
         }
-        for field in Field::OPTIONAL {
-            if let Some(values) = frame.scalar(field) {
-                self.put(file, field.name(), index, 1, values)?;
-            }
-        }
+        let scalars = Field::OPTIONAL.into_iter();
+        values.extend(
+            scalars
+                .filter_map(|field| Some(Values::new(field.name(), index, frame.scalar(field)?))),
+        );
         if let (Some(grains), Some((every, _))) = (&frame.grains, self.grains) {
-            grain_datasets::write(file, index / every, grains)
-                .map_err(TrajectoryError::writing(&self.path, grain_datasets::GROUP))?;
+            values.extend(grain_datasets::values(index / every, grains));
         }
         if let Some(grid) = &frame.grid {
-            grid_datasets::write(file, index, grid)
-                .map_err(TrajectoryError::writing(&self.path, grid_datasets::GROUP))?;
+            values.extend(grid_datasets::values(index, grid));
         }
-        Ok(())
+        values
     }
 
     /// Writes times, boxes and scalars of all pending frames at once: many frames share a chunk, which
