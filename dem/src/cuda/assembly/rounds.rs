@@ -1,7 +1,7 @@
 //! Rounds of steps with their searches, sorts and exchanges, queued on the device.
 
-use cudarc::driver::CudaGraph;
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
+use cudarc::driver::{CudaGraph, CudaStream};
 use gpu::{ConstPointer, Launch, Pointer};
 
 use super::abi::{Control, Parameters, STEPS};
@@ -9,6 +9,7 @@ use super::error::CudaAssemblyError;
 use super::kernels::THREADS;
 use super::losses::{SUM_THREADS, SumLosses};
 use super::search::{Begin, Bins, Finish, List};
+use super::shared::{Shared, bounds};
 use super::sleep::{LookAtRest, Quiet};
 use super::sort::{CHUNK, Columns, Count, Places, Reorder, SCAN_THREADS, Scan, Starts};
 use super::state::{CudaAssembly, over};
@@ -154,7 +155,9 @@ impl<R: CudaReal> CudaAssembly<R> {
         stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
         let queued = self.queue_round();
         // Always ended: a stream in capture mode is unusable.
-        let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
+        // Exchanges keep the priority of their stream.
+        let flags = CUgraphInstantiate_flags::CUDA_GRAPH_INSTANTIATE_FLAG_USE_NODE_PRIORITY;
+        let graph = stream.end_capture(flags)?;
         queued?;
         graph.ok_or_else(|| gpu::Error::Driver("an empty graph".into()).into())
     }
@@ -162,15 +165,10 @@ impl<R: CudaReal> CudaAssembly<R> {
     fn queue_round(&self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream();
         let (a, p) = (self.arrays(), self.p);
-        let mut launch = over(p.own, THREADS).early(self.shared.is_none());
-        // One more block moves the bodies.
-        launch.grid[0] += p.bodies_move;
         for k in 0..STEPS {
-            let arguments = Step { a, p, k: k as u32 };
-            // SAFETY: arrays are as long as the numbers of discs say.
-            unsafe { self.kernels.step.launch(stream, launch, &arguments) }?;
-            if let Some(shared) = &self.shared {
-                shared.exchange(&a, k)?;
+            match &self.shared {
+                Some(shared) => self.shared_step(shared, k)?,
+                None => self.step(stream, p, k)?,
             }
         }
         if self.sleeps {
@@ -179,5 +177,37 @@ impl<R: CudaReal> CudaAssembly<R> {
             unsafe { self.kernels.look.launch(stream, launch, &LookAtRest { a, p }) }?;
         }
         self.search(0)
+    }
+
+    /// Queues step `k` of a round for the own discs of `p`.
+    fn step(
+        &self,
+        stream: &CudaStream,
+        p: Parameters<R>,
+        k: usize,
+    ) -> Result<(), CudaAssemblyError> {
+        let mut launch = over(p.own, THREADS).early(self.shared.is_none());
+        // One more block moves the bodies.
+        launch.grid[0] += p.bodies_move;
+        let arguments = Step { a: self.arrays(), p, k: k as u32 };
+        // SAFETY: arrays are as long as the numbers of discs say.
+        unsafe { self.kernels.step.launch(stream, launch, &arguments) }?;
+        Ok(())
+    }
+
+    /// Queues a step of one of several ranks: discs that others receive advance first, and are on their way while
+    /// the inner ones advance.
+    fn shared_step(&self, shared: &Shared, k: usize) -> Result<(), CudaAssemblyError> {
+        let (stream, beside) = (self.device.stream(), shared.beside());
+        let (inner, outer) = shared.parts();
+        beside.join(stream)?;
+        self.step(beside, Parameters { own: bounds(inner), ..self.p }, k)?;
+        for part in outer.into_iter().filter(|part| !part.is_empty()) {
+            self.step(stream, Parameters { own: bounds(part), bodies_move: 0, ..self.p }, k)?;
+        }
+        shared.exchange(&self.arrays(), k)?;
+        stream.join(beside)?;
+        shared.agree_on_moves(&self.arrays(), k)?;
+        Ok(())
     }
 }

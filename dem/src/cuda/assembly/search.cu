@@ -108,6 +108,7 @@ __device__ inline unsigned collect(const Arrays& a, const Parameters& p, const P
                 Near entry = near(distance2, touch, unsigned(other.disc));
 #pragma unroll
                 for (unsigned row = 0; row < ROWS; ++row) {
+                    if (row >= found) break;
                     const Near larger = max(entry, list[row]);
                     list[row] = min(entry, list[row]);
                     entry = larger;

@@ -5,9 +5,10 @@
 //! results have the same bits for any number of them.
 
 use std::mem::offset_of;
+use std::ops::Range;
 use std::sync::Arc;
 
-use cudarc::driver::CudaSlice;
+use cudarc::driver::{CudaSlice, CudaStream};
 use gpu::ranks::{Extreme, Ranks, RanksError};
 use gpu::{Device, DeviceRepr, Pointer};
 
@@ -30,6 +31,8 @@ pub(super) struct Shared {
     /// Discs before each column of tiles at the last sort, and all discs.
     columns: Vec<usize>,
     column: CudaSlice<u32>,
+    /// For the discs that no other rank receives.
+    beside: Arc<CudaStream>,
     /// Whether all ranks have the discs of rank 0.
     equal: bool,
 }
@@ -57,7 +60,8 @@ impl Shared {
         ranks: &Arc<Ranks>,
         grid: &Grid,
         discs: usize,
-    ) -> Result<Self, gpu::Error> {
+    ) -> Result<Self, CudaAssemblyError> {
+        connect(device, ranks)?;
         Ok(Self {
             ranks: ranks.clone(),
             slabs: Slabs { discs, ranks: ranks.size(), halo: discs },
@@ -65,6 +69,7 @@ impl Shared {
             margin: 1,
             columns: vec![0, discs],
             column: device.zeros(grid.tiles[0] as usize)?,
+            beside: device.context().new_stream()?,
             equal: false,
         })
     }
@@ -102,7 +107,6 @@ impl Shared {
     /// The constants of this rank.
     pub fn parameters<R: CudaReal>(&self, p: &Parameters<R>) -> Parameters<R> {
         let rank = self.ranks.rank();
-        let bounds = |range: std::ops::Range<usize>| [range.start as u32, range.end as u32];
         let bins = displacement_within(self.margin, TILE as usize) as f64;
         // No difference of two positions is more than half a period.
         let margin = (bins / f64::from(self.grid.bins)).min(0.5);
@@ -115,17 +119,27 @@ impl Shared {
         }
     }
 
-    /// Queues what follows step `k` of a round: own discs go to the windows of other ranks, theirs come to this
-    /// one, and all learn whether lists are outdated.
+    /// A stream beside that of the device.
+    pub fn beside(&self) -> &Arc<CudaStream> {
+        &self.beside
+    }
+
+    /// The own discs that no other rank receives, and those before and after them.
+    pub fn parts(&self) -> (Range<usize>, [Range<usize>; 2]) {
+        let rank = self.ranks.rank();
+        let (own, inner) = (self.slabs.own(rank), self.slabs.inner(rank));
+        let outer = [own.start..inner.start, inner.end..own.end];
+        (inner, outer)
+    }
+
+    /// Queues that own discs go to the windows of other ranks, and theirs come to this one, after step `k` of a
+    /// round.
     pub fn exchange<R: CudaReal>(&self, a: &Arrays<R>, k: usize) -> Result<(), RanksError> {
         let ranks = &self.ranks;
         let buffer: Pointer<Disc<R>> = a.disc.offset((k + 1) % 2 * self.slabs.discs);
-        let moved = offset_of!(Control<R>, moved) + (k + 1) * size_of::<R::Fraction>();
         ranks.group(|| {
-            // SAFETY: parts of the discs and of the control, which live as long as the assembly. Nobody else
-            // writes the discs received.
+            // SAFETY: parts of the discs, which live as long as the assembly. Nobody else writes those received.
             unsafe {
-                ranks.reduce(field::<R, R::Fraction>(a, moved), Extreme::Largest)?;
                 for Message { peer, sent, received } in self.slabs.messages(ranks.rank()) {
                     if !sent.is_empty() {
                         ranks.send(buffer.offset(sent.start).into(), sent.len(), peer)?;
@@ -136,6 +150,15 @@ impl Shared {
                 }
             }
             Ok(())
+        })
+    }
+
+    /// Queues that all ranks learn whether lists are outdated after step `k` of a round.
+    pub fn agree_on_moves<R: CudaReal>(&self, a: &Arrays<R>, k: usize) -> Result<(), RanksError> {
+        let moved = offset_of!(Control<R>, moved) + (k + 1) * size_of::<R::Fraction>();
+        // SAFETY: a field of the control, which lives as long as the assembly.
+        self.ranks.group(|| unsafe {
+            self.ranks.reduce(field::<R, R::Fraction>(a, moved), Extreme::Largest)
         })
     }
 
@@ -222,6 +245,28 @@ impl Shared {
             })
         })
     }
+}
+
+/// Makes the connections of the ranks, which takes NCCL part of a second at the first message between two of them.
+fn connect(device: &Device, ranks: &Ranks) -> Result<(), CudaAssemblyError> {
+    let (stream, own) = (device.stream(), device.zeros::<u8>(1)?);
+    let theirs = device.zeros::<u8>(ranks.size())?;
+    let (from, to) = (Pointer::to(&own, stream), Pointer::to(&theirs, stream));
+    ranks.group(|| {
+        (0..ranks.size()).filter(|&peer| peer != ranks.rank()).try_for_each(|peer| {
+            // SAFETY: both live until the stream is done with them.
+            unsafe {
+                ranks.send(from.into(), 1, peer)?;
+                ranks.receive(to.offset(peer), 1, peer)
+            }
+        })
+    })?;
+    Ok(stream.synchronize()?)
+}
+
+/// A range of discs as kernels take it.
+pub(super) fn bounds(range: Range<usize>) -> [u32; 2] {
+    [range.start as u32, range.end as u32]
 }
 
 /// A field of the control.

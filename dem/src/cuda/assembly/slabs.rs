@@ -54,6 +54,18 @@ impl Slabs {
         (0..self.ranks).filter(|&peer| peer != rank).map(message).collect()
     }
 
+    /// The own discs of a rank that no other one receives.
+    pub fn inner(&self, rank: usize) -> Range<usize> {
+        let own = self.own(rank);
+        let sent = self.messages(rank).into_iter().filter(|message| !message.sent.is_empty());
+        let (before, after): (Vec<_>, Vec<_>) = sent.partition(|message| message.peer < rank);
+        let start = before.iter().map(|message| message.sent.end).max().unwrap_or(own.start);
+        let end = after.iter().map(|message| message.sent.start).min().unwrap_or(own.end);
+        let start = start.next_multiple_of(ALIGNED);
+        let end = if end == own.end { end } else { end / ALIGNED * ALIGNED };
+        if start < end { start..end } else { own.end..own.end }
+    }
+
     /// The smallest halo whose windows hold all discs up to `margin` columns of tiles around those of the own
     /// discs. Column `c` has the discs from `columns[c]` to before `columns[c + 1]`.
     pub fn needed_halo(&self, columns: &[usize], margin: usize) -> usize {
@@ -135,6 +147,23 @@ mod tests {
                     prop_assert_eq!(&message.sent, &back.received);
                     prop_assert_eq!(&message.received, &back.sent);
                 }
+            }
+        }
+
+        #[test]
+        fn nobody_receives_inner_discs(
+            discs in 1_usize..3000, ranks in 1_usize..20, halo in 0_usize..4000,
+        ) {
+            let slabs = Slabs { discs, ranks, halo };
+            for rank in 0..ranks {
+                let (own, inner) = (slabs.own(rank), slabs.inner(rank));
+                prop_assert!(own.start <= inner.start && inner.end <= own.end);
+                let messages = slabs.messages(rank);
+                prop_assert!(messages.iter().all(|message| common(&inner, &message.sent).is_empty()));
+                // All but these and what fills a warp are sent.
+                let sent = |disc: usize| messages.iter().any(|message| message.sent.contains(&disc));
+                let outer = own.filter(|disc| !inner.contains(disc));
+                prop_assert!(outer.filter(|&disc| !sent(disc)).count() < 2 * ALIGNED);
             }
         }
 
