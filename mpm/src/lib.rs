@@ -33,6 +33,7 @@ mod budget;
 mod cell_average;
 mod confine;
 pub mod cuda;
+mod density;
 mod error;
 mod friction;
 mod g2p;

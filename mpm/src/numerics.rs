@@ -100,6 +100,9 @@ pub struct Numerics {
     /// Replaces `tr L` of every point by the volume-weighted mean over its cell, against
     /// volumetric locking (B-bar).
     pub cell_average_volumetric: bool,
+    /// Rate (1/s) at which the material of a point is compressed where points stand closer together than their
+    /// volumes allow; 0: not at all.
+    pub density_correction: f64,
     /// Nodes lighter than this fraction of the mean point mass are left at rest.
     pub mass_cutoff: f64,
 }
@@ -112,6 +115,7 @@ impl Default for Numerics {
             transfer: Transfer::default(),
             wall_contact: WallContact::default(),
             cell_average_volumetric: false,
+            density_correction: 0.0,
             mass_cutoff: 1.0e-10,
         }
     }
@@ -128,6 +132,12 @@ impl Numerics {
             && !(rate.is_finite() && rate >= 0.0)
         {
             return Err(Error::Numerics(format!("transfer rate {rate} 1/s is not a number >= 0")));
+        }
+        let rate = self.density_correction;
+        if !(rate.is_finite() && rate >= 0.0) {
+            return Err(Error::Numerics(format!(
+                "density_correction {rate} 1/s is not a number >= 0"
+            )));
         }
         if !(self.mass_cutoff >= 0.0 && self.mass_cutoff < 1.0) {
             return Err(Error::Numerics(format!(

@@ -7,6 +7,7 @@ use crate::boundary::{Boundary, set_approach};
 use crate::budget::{self, Budget, Ledger};
 use crate::cell_average::CellAverage;
 use crate::confine::confine;
+use crate::density::{correct_density, node_areas};
 use crate::g2p;
 use crate::grid::{Domain, Node, Shape};
 use crate::grid_update;
@@ -37,6 +38,8 @@ pub struct Solver {
     row_impulse: Vec<Vec2>,
     impulse: Vec<Vec2>,
     cell_average: CellAverage,
+    /// Where densities are corrected (m²).
+    pub(crate) node_areas: Vec<f64>,
 }
 
 impl Solver {
@@ -57,6 +60,8 @@ impl Solver {
             return Err(Error::Gravity(gravity));
         }
         obstacles.iter().enumerate().try_for_each(|(k, obstacle)| obstacle.check(k))?;
+        let corrected = numerics.density_correction > 0.0;
+        let node_areas = if corrected { node_areas(&numerics, &shape) } else { Vec::new() };
         Ok(Self {
             ledger: Ledger::new(obstacles.len()),
             nodes: vec![Node::default(); shape.columns * shape.rows],
@@ -74,6 +79,7 @@ impl Solver {
             patches: Vec::new(),
             row_impulse: Vec::new(),
             cell_average: CellAverage::default(),
+            node_areas,
         })
     }
 
@@ -207,6 +213,12 @@ impl Solver {
             velocity_gradient::<W>(&self.nodes, columns, &self.stencils, gradient));
         if self.numerics.cell_average_volumetric {
             self.cell_average.apply(&self.shape, &points.position, &points.volume, gradient);
+        }
+        let rate = self.numerics.density_correction;
+        if rate > 0.0 {
+            let material = (&points.mass[..], &points.volume[..]);
+            with_width!(self.numerics.basis, W => correct_density::<W>(
+                rate, &self.nodes, &self.node_areas, columns, &self.stencils, material, gradient));
         }
         material.update(dt, gradient, &mut points.stress, &mut points.volume)?;
         check_response(points)

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::basis::{Basis, SUPPORT};
+use crate::basis::{Basis, SUPPORT, ShapeFunctions};
 use crate::grid::Shape;
 use crate::{Numerics, PARALLEL_GRAIN, Vec2, WallContact};
 
@@ -19,17 +19,21 @@ pub(crate) struct Stencil {
     pub affine: [[f64; SUPPORT]; 2],
 }
 
+/// Basis functions at `x` (cells) along an axis of so many cells.
+pub(crate) fn functions(numerics: &Numerics, cells: usize, x: f64) -> ShapeFunctions {
+    let functions = numerics.basis.evaluate(x);
+    match (numerics.wall_contact, numerics.basis) {
+        // Hats end at walls as they are.
+        (WallContact::Nodes, _) | (_, Basis::Linear) => functions,
+        (WallContact::Points, _) => functions.ending_at(cells as i64),
+    }
+}
+
 impl Stencil {
     fn new(numerics: &Numerics, shape: &Shape, position: &Vec2) -> Self {
         let per_cell = 1.0 / shape.cell;
-        let axes = [0, 1].map(|axis| {
-            let functions = numerics.basis.evaluate(position[axis] * per_cell);
-            match (numerics.wall_contact, numerics.basis) {
-                // Hats end at walls as they are.
-                (WallContact::Nodes, _) | (_, Basis::Linear) => functions,
-                (WallContact::Points, _) => functions.ending_at(shape.cells[axis] as i64),
-            }
-        });
+        let axes =
+            [0, 1].map(|axis| functions(numerics, shape.cells[axis], position[axis] * per_cell));
         let [x, y] = axes.map(|s| s.first);
         Self {
             node: shape.index(x, y),

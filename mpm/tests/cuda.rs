@@ -189,6 +189,31 @@ fn random_points_with_mu_i(
     }
 }
 
+/// Random points overlap: the correction is at work in every step.
+#[rstest]
+fn random_points_whose_density_is_corrected(
+    #[values(Scheme::Musl, Scheme::Usf)] scheme: Scheme,
+    #[values(WallContact::Nodes, WallContact::Points)] wall_contact: WallContact,
+) {
+    for basis in BASES {
+        let density_correction = 100.0;
+        let mass_cutoff = 1.0e-3;
+        let numerics = Numerics {
+            basis,
+            scheme,
+            wall_contact,
+            density_correction,
+            mass_cutoff,
+            ..Numerics::default()
+        };
+        let law = Elastic::new(ElasticParameters::default()).unwrap();
+        let twin = |device: &Arc<Device>| -> Box<dyn CudaMaterial> {
+            Box::new(CudaElastic::new(device, &law).unwrap())
+        };
+        compare(numerics, random_points(700), &mut law.clone(), twin, 6, round_off);
+    }
+}
+
 /// Basis functions that end at walls, and walls that wait for points.
 #[rstest]
 fn random_points_that_meet_walls(#[values(Scheme::Musl, Scheme::Usl, Scheme::Usf)] scheme: Scheme) {

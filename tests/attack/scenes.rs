@@ -161,6 +161,7 @@ fn scene(rng: &mut ChaCha8Rng) -> String {
         }
     }
     some(&mut text, &[("relaxation", 500.0, 0.0, 5000.0)], rng);
+    some(&mut text, &[("density_correction", 10.0, 0.0, 1000.0)], rng);
     let fields =
         ["[]", "[\"stress\"]", "[\"coordination\", \"inertial_number\"]", "[\"solid_fraction\"]"];
     if rng.random_ratio(1, 3) {

@@ -45,6 +45,9 @@ pub(super) fn packings() -> RveParameters {
 /// dissipation.
 pub(super) const TRANSFER: Transfer = Transfer::FlipApic { rate: 10.0 };
 
+/// Rate (1/s) at which overlaps of the volumes of packings are corrected.
+pub(super) const DENSITY_CORRECTION: f64 = 10.0;
+
 /// Edge of a cell of the grid (m).
 pub(super) fn cell(material: &Material) -> f64 {
     match material {

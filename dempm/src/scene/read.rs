@@ -246,9 +246,9 @@ fn numerics(root: &Table<'_>, material: &Material) -> Numerics {
     ];
     let schemes = [("musl", Scheme::Musl), ("usl", Scheme::Usl), ("usf", Scheme::Usf)];
     // Rates are the defaults of `relaxation`.
-    let flip_apic = match material {
-        Material::Rve(_) => defaults::TRANSFER,
-        _ => Transfer::default(),
+    let (flip_apic, correction) = match material {
+        Material::Rve(_) => (defaults::TRANSFER, defaults::DENSITY_CORRECTION),
+        _ => (Transfer::default(), 0.0),
     };
     let transfers = [
         ("flip-apic", flip_apic),
@@ -273,6 +273,7 @@ fn numerics(root: &Table<'_>, material: &Material) -> Numerics {
         transfer,
         wall_contact: table.choice("wall_contact", Some(WallContact::Nodes), &wall_contacts),
         cell_average_volumetric: table.boolean("cell_average", false),
+        density_correction: table.number("density_correction", Some(correction), rate_limits),
         ..Numerics::default()
     };
     table.finish();

@@ -21,6 +21,7 @@ pub(super) fn validate(scene: &Scene, log: &Log) {
         // Problems that follow from an unstable step would only hide it.
         frames(scene, log);
         transfer(scene, log);
+        density(scene, log);
     }
 }
 
@@ -107,6 +108,17 @@ fn step(scene: &Scene, log: &Log) -> bool {
 fn rounded_down(limit: f64) -> f64 {
     let unit = 10_f64.powf(limit.log10().floor() - 2.0);
     (limit / unit).floor() * unit
+}
+
+fn density(scene: &Scene, log: &Log) {
+    let rate = scene.numerics.density_correction;
+    if rate * scene.step > 1.0 {
+        log.report(
+            Problem::error(format!("density_correction = {rate} is faster than one step"))
+                .at(log.place("numerics.density_correction"), "1/s")
+                .help(format!("a rate per second, at most 1 / step = {:.0}", 1.0 / scene.step)),
+        );
+    }
 }
 
 fn transfer(scene: &Scene, log: &Log) {

@@ -61,6 +61,7 @@ transfer = "flip"
 relaxation = 2.0
 wall_contact = "points"
 cell_average = true
+density_correction = 5.0
 [output]
 fields = ["stress", "velocity"]
 grains_every = 5
@@ -156,6 +157,7 @@ fn every_key_is_read() {
             transfer: Transfer::Flip { rate: 2.0 },
             wall_contact: WallContact::Points,
             cell_average_volumetric: true,
+            density_correction: 5.0,
             ..Numerics::default()
         }
     );
@@ -228,6 +230,7 @@ fn points_fill_the_columns() {
 #[case::few_discs("rve.discs = 8", &["8 discs are too few", "at least"])]
 #[case::unstable_dem("grains.step_factor = 0.6", &["must be from 0.005 to 0.5", "near 0.55"])]
 #[case::tiny_discs("grains.radius_min = 1e-9", &["DEM steps in a macro step are too many"])]
+#[case::density("step = 1e-4\nnumerics.density_correction = 2e4", &["faster than one step", "1 / step = 10000"])]
 #[case::relaxation("step = 1e-4\nnumerics.relaxation = 2e4", &["faster than one step", "1 / step = 10000"])]
 #[case::word("numerics.basis = \"quadratc\"", &["did you mean \"quadratic\"?", "\"gimp\""])]
 #[case::field("output.fields = [\"stresss\"]", &["did you mean \"stress\"?"])]

@@ -147,6 +147,8 @@ cuda_struct! {
         pub cutoff: f64,
         /// Share of PIC in the new point velocity.
         pub pic_share: f64,
+        /// Rate of the density correction (1/s).
+        pub density_rate: f64,
         /// Coefficients of friction of the left, right, bottom and top wall, as of [`Obstacle`].
         pub friction: [f64; 4],
         /// Steps before the upload.
@@ -196,6 +198,8 @@ cuda_struct! {
 
         /// Mass of each node (kg/m).
         pub node_mass: Pointer<f64>,
+        /// Area of each node (m²), where densities are corrected.
+        pub node_area: ConstPointer<f64>,
         /// Momentum of each node (kg/s).
         pub node_momentum: Pointer<Vector>,
         /// Velocity of each node before the step (m/s).

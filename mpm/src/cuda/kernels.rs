@@ -7,6 +7,7 @@ use gpu::{Device, Function};
 use super::bins::{EvaluateBasis, SortBins};
 use super::budget::SumLedger;
 use super::cell_average::{CellAverage, CellPush, CellSort, CellSums};
+use super::density::CorrectDensity;
 use super::error::CudaError;
 use super::g2p::G2p;
 use super::obstacle::BeginStep;
@@ -30,6 +31,7 @@ pub(super) struct Kernels {
     pub cell_sort: Function<CellSort>,
     pub cell_sums: Function<CellSums>,
     pub cell_average: Function<CellAverage>,
+    pub correct_density: Function<CorrectDensity>,
     pub sum_ledger: Function<SumLedger>,
 }
 
@@ -50,6 +52,7 @@ impl Kernels {
             cell_sort: Function::load(device, &module)?,
             cell_sums: Function::load(device, &module)?,
             cell_average: Function::load(device, &module)?,
+            correct_density: Function::load(device, &module)?,
             sum_ledger: Function::load(device, &module)?,
         })
     }

@@ -9,6 +9,7 @@ mod abi;
 mod bins;
 mod budget;
 mod cell_average;
+mod density;
 mod drucker_prager;
 mod elastic;
 mod error;

@@ -9,6 +9,7 @@ use super::abi::{Fault, Mpm, NO_FAILURE};
 use super::bins::{EvaluateBasis, SortBins};
 use super::budget::{SUM_THREADS, SumLedger};
 use super::cell_average::{CellAverage, CellPush, CellSort, CellSums};
+use super::density::CorrectDensity;
 use super::error::CudaError;
 use super::frame::FrameCopy;
 use super::g2p::G2p;
@@ -141,6 +142,9 @@ impl CudaSolver {
             self.over_points(&kernels.cell_sort, &CellSort { m })?;
             self.over_points(&kernels.cell_sums, &CellSums { m })?;
             self.over_points(&kernels.cell_average, &CellAverage { m })?;
+        }
+        if m.density_rate > 0.0 {
+            self.over_points(&kernels.correct_density, &CorrectDensity { m })?;
         }
         Ok(())
     }

@@ -6,6 +6,7 @@ use super::abi::{Bins, Clock, Fault, Matrix, Mpm, Obstacle, Phase, Placed, Stenc
 use super::bins::{EvaluateBasis, SortBins};
 use super::budget::{SUM_THREADS, SumLedger};
 use super::cell_average::{CellAverage, CellPush, CellSort, CellSums};
+use super::density::CorrectDensity;
 use super::drucker_prager::{DruckerPragerLaw, DruckerPragerUpdate};
 use super::elastic::ElasticUpdate;
 use super::g2p::G2p;
@@ -13,6 +14,7 @@ use super::obstacle::BeginStep;
 use super::p2g::{P2g, P2gInternalForce, P2gMassAndMomentum, P2gVelocity};
 use super::velocity_gradient::VelocityGradient;
 use crate::basis::{Basis, GIMP_HALF_SIZE};
+use crate::density::SLACK;
 use crate::grid::GHOSTS;
 use crate::numerics::{Numerics, WallContact};
 
@@ -27,6 +29,7 @@ const FILES: &str = files!(
     "g2p.cu",
     "velocity_gradient.cu",
     "cell_average.cu",
+    "density.cu",
     "budget.cu",
     "material.cu",
     "elastic.cu",
@@ -56,6 +59,7 @@ pub fn source() -> String {
         CellSort,
         CellSums,
         CellAverage,
+        CorrectDensity,
         SumLedger,
         ElasticUpdate,
         DruckerPragerUpdate,
@@ -83,6 +87,6 @@ pub fn defines(numerics: &Numerics) -> Vec<String> {
     ]
     .map(|(name, value)| format!("{name}={value}"))
     .into_iter()
-    .chain([format!("GIMP_HALF_SIZE={GIMP_HALF_SIZE:?}")])
+    .chain([format!("GIMP_HALF_SIZE={GIMP_HALF_SIZE:?}"), format!("DENSITY_SLACK={SLACK:?}")])
     .collect()
 }
