@@ -274,6 +274,11 @@ fn discs_that_cannot_be_are_refused_before_the_run() {
             "the column is too small for its grains",
             1,
         ),
+        (
+            format!("{SCENE}[grains]\nthickness = 1e-7\n"),
+            "positions in f32 are too coarse for these grains",
+            1,
+        ),
         (format!("{SCENE}[discs]\nfloor = \"soft\"\n"), "valid: \"rough\", \"flat\"", 1),
         (SCENE.replace("corner = [0.25, 0.0]", "corner = [0.0625, 0.0]"), "overlap", 1),
     ];
@@ -291,7 +296,7 @@ fn discs_that_cannot_be_are_refused_before_the_run() {
 fn discs_beyond_the_memory_are_refused() {
     let directory = TempDir::new().unwrap();
     let text = "duration = 1.0\ndomain = { size = [400.0, 400.0], cell = 1.0 }\n\
-                material.kind = \"discs\"\n[[column]]\nsize = [200.0, 200.0]\n";
+                material = { kind = \"discs\", precision = \"f64\" }\n[[column]]\nsize = [200.0, 200.0]\n";
     scene(directory.path(), text);
     let mut command = dempm(directory.path());
     let output = command.args(["run", "scene.toml", "--device", "cpu"]).output().unwrap();

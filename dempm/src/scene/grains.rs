@@ -3,7 +3,7 @@
 use dem::Grains;
 
 use super::log::{Log, Place};
-use super::model::{Discs, Material, Rve, Scene};
+use super::model::{Discs, Material, Precision, Rve, Scene};
 use super::problem::Problem;
 
 /// More DEM steps than this in a macro step can only be a mistake.
@@ -37,6 +37,7 @@ pub(super) fn validate(scene: &Scene, log: &Log) {
                 stacks(scene, log);
                 points(scene, &discs.grains, log);
                 count(scene, discs, log);
+                resolution(scene, discs, log);
                 grid(scene, log);
                 grains(&discs.grains, scene.step, log);
             }
@@ -49,6 +50,28 @@ pub(super) fn validate(scene: &Scene, log: &Log) {
             }
         }
         Material::MuI(_) | Material::Elastic(_) => {}
+    }
+}
+
+/// Refuses grains so light that the last of the 32 bits of a position changes the force of a contact by more than their
+/// weight: they do not come to rest.
+fn resolution(scene: &Scene, discs: &Discs, log: &Log) {
+    let grains = &discs.grains;
+    let side = scene.domain.size[0].max(scene.domain.size[1]);
+    let force = side / 2.0_f64.powi(32) * grains.normal_stiffness;
+    let weight = grains.disc_mass(grains.radius_min) * scene.gravity[0].hypot(scene.gravity[1]);
+    if discs.precision == Precision::F32 && 0.0 < weight && weight < force {
+        log.report(
+            Problem::error("positions in f32 are too coarse for these grains")
+                .at(
+                    place(log, "radius_min").or(place(log, "normal_stiffness")),
+                    format!(
+                        "the smallest grain weighs {weight:.1e} N; the last bit of a position in {side} m \
+                         is a force of {force:.1e} N"
+                    ),
+                )
+                .help("precision = \"f64\" in [material], or a smaller domain"),
+        );
     }
 }
 
