@@ -105,6 +105,9 @@ pub fn run(args: &RunArgs, verbose: bool) -> miette::Result<ExitCode> {
         refuse_input(path, [&args.scene])?;
     }
     let Place { device, ranks } = place(&scene, args.device, &environment, verbose)?;
+    if device.is_some() {
+        limit_threads();
+    }
     let (scene, choice) = match args.within {
         Some(_) if environment.is_shared() => {
             bail!(help = "`dempm choose` prints the choice", "--within takes a run in one process")
@@ -216,6 +219,20 @@ fn print(report: &Report<'_>) {
     }
 }
 
+/// Most threads beside a GPU: means over grains are many short loops, which take three times as long with 32 threads as
+/// with 16.
+const THREADS_BESIDE_A_GPU: usize = 16;
+
+/// Limits the threads of a run on a GPU, unless `RAYON_NUM_THREADS` says how many there are.
+fn limit_threads() {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    if cores > THREADS_BESIDE_A_GPU && std::env::var_os("RAYON_NUM_THREADS").is_none() {
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(THREADS_BESIDE_A_GPU);
+        // Fails where the threads run already, which then stay as they are.
+        let _ = threads.build_global();
+    }
+}
+
 /// The GPU and the peers of this process.
 struct Place {
     device: Option<Arc<gpu::Device>>,
@@ -241,7 +258,11 @@ fn place(
             "rank {rank} of {size}: several ranks share packings or discs, on one GPU each"
         );
     }
-    let device = device.open_for_rank(local_rank).into_diagnostic()?;
+    let mut device = device.open_for_rank(local_rank).into_diagnostic()?;
+    if matches!(scene.material, Material::Discs(_)) {
+        // Discs on their way to other ranks go before those that still advance.
+        device = device.with_urgent_stream().into_diagnostic()?;
+    }
     let scene = blake3::hash(scene.text.as_bytes());
     let ranks = Ranks::join(environment, &device, scene.as_bytes(), |ranks| {
         note!("waiting for {ranks}");
