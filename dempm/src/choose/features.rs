@@ -31,9 +31,8 @@ pub const MEANINGS: [&str; 13] = [
 /// The features of a candidate.
 pub type Features = [f64; NAMES.len()];
 
-/// Terms of the regression, and how many of them serve a small table.
-pub(super) const ALL: usize = 15;
-pub(super) const FEW: usize = 7;
+/// Terms of the regression.
+const TERMS: usize = 15;
 /// Duration of a collapse (in `sqrt(H / g)`), after which errors hardly grow.
 const COLLAPSE: f64 = 3.2;
 /// Grain friction of the default.
@@ -82,9 +81,9 @@ pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
     ]
 }
 
-/// The terms of the regression, the most important first: grain size, the logarithm of the energy of falls and throws
-/// over `g H`, aspect ratio, time until rest, cell, discs in a packing, size of the discs; then the others.
-pub(super) fn terms(features: &Features) -> [f64; ALL] {
+/// The terms of the regression: the features, the logarithm of the energy of falls and throws over `g H`, and the time
+/// until rest.
+pub(super) fn terms(features: &Features) -> [f64; TERMS] {
     let &[
         grain,
         aspect,

@@ -4,12 +4,15 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use dempm::choose::{ErrorModel, Evaluation, FACTOR, evaluate};
+use dempm::choose::{ErrorModel, Evaluation, FACTOR, Outcome, evaluate, outcomes};
 use files::{announce, out, refuse_input, write_text};
 use miette::{IntoDiagnostic, miette};
 
 use crate::library;
 use crate::text::percent;
+
+/// Distances (m) that scenes ask for.
+const WITHIN: [f64; 4] = [0.5, 0.2, 0.1, 0.05];
 
 /// Arguments of `validation fit`.
 #[derive(Args)]
@@ -46,13 +49,22 @@ pub fn fit(args: &FitArgs) -> miette::Result<ExitCode> {
         let [covered, near] = [covered, near].map(|share| percent(*share));
         out!("| {family} | {what} | {cases} | {covered} | {near} | {width:.2} |")?;
     }
+    out!("\nThe cheapest candidate whose bound is within a distance, for the same scenes:\n")?;
+    out!("| within | scenes | promised | kept | time of the promised | of their discs |")?;
+    out!("|---|---|---|---|---|---|")?;
+    for Outcome { within, scenes, promised, kept, seconds } in
+        outcomes(&cases, &WITHIN).map_err(wrong)?
+    {
+        let [own, discs] = seconds;
+        out!("| {within} m | {scenes} | {promised} | {kept} | {own:.0} s | {discs:.0} s |")?;
+    }
     if let Some(output) = &args.output {
         refuse_input(output, [&args.table])?;
         let mut scenes: Vec<&str> = cases.iter().map(|case| case.scene.as_str()).collect();
         scenes.dedup();
         let source = format!("{} {}", scenes.len(), args.source);
         let model = ErrorModel::fit(&cases, source).map_err(wrong)?;
-        let text = serde_json::to_string_pretty(&model).into_diagnostic()?;
+        let text = serde_json::to_string(&model).into_diagnostic()?;
         write_text(output, &(text + "\n"))?;
         announce!("{}", output.display());
     }
