@@ -64,7 +64,8 @@ pub fn fit(args: &FitArgs) -> miette::Result<ExitCode> {
         scenes.dedup();
         let source = format!("{} {}", scenes.len(), args.source);
         let model = ErrorModel::fit(&cases, source).map_err(wrong)?;
-        let text = serde_json::to_string(&model).into_diagnostic()?;
+        // A row of features a line.
+        let text = serde_json::to_string(&model).into_diagnostic()?.replace("],[", "],\n[");
         write_text(output, &(text + "\n"))?;
         announce!("{}", output.display());
     }

@@ -71,7 +71,7 @@ const QUICK: [(&str, &str); 4] = [
 ];
 
 /// The same of the full suite: every default changed by itself, and what is cheaper.
-const FULL: [(&str, &str); 15] = [
+const FULL: [(&str, &str); 16] = [
     ("16 packings", "material.packings = 16"),
     ("1 packing", "material.packings = 1"),
     ("100 discs", "rve.discs = 100"),
@@ -87,6 +87,7 @@ const FULL: [(&str, &str); 15] = [
     ("relaxation 500 1/s", "numerics.relaxation = 500"),
     ("FLIP", "numerics.transfer = \"flip\""),
     ("walls on points", "numerics.wall_contact = \"points\""),
+    ("no density correction", "numerics.density_correction = 0"),
 ];
 
 /// Scenes of the speed-accuracy charts; of the last, the largest, only a few settings.
