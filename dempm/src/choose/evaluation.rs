@@ -175,7 +175,7 @@ mod tests {
         }
     }
 
-    /// A candidate that promises too much is chosen if it is the cheapest, and counted as not kept.
+    /// Nothing promises a micrometre, everything in range 100 m; in between promises are kept, at less than the cost of discs.
     #[test]
     fn the_cheapest_promise_is_taken() {
         let cases = read(include_str!("library.csv")).unwrap();
