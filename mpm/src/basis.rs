@@ -7,8 +7,7 @@ pub const SUPPORT: usize = 4;
 
 /// Basis functions, as products of one-dimensional ones.
 ///
-/// On a regular grid with ghost layers outside of the walls; splines are not modified at walls
-/// (unless [`WallContact::Points`](crate::WallContact::Points) asks for it).
+/// On a regular grid with ghost layers outside of the walls; splines are not modified at walls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Basis {
@@ -100,32 +99,6 @@ impl Basis {
     }
 }
 
-impl ShapeFunctions {
-    /// The functions of a grid that ends at the nodes 0 and `last`: nodes beyond continue the line
-    /// through the end and their mirror image, `v_-k = 2 v_0 - v_k`. At the end only its own node is
-    /// seen; sums to 1 and linear fields are kept (quadratic splines become hats in the last half
-    /// cell).
-    pub(crate) fn ending_at(mut self, last: i64) -> Self {
-        for k in 0..SUPPORT {
-            let node = self.first + k as i64;
-            let end = node.clamp(0, last);
-            if node == end {
-                continue;
-            }
-            let [end, mirror] = [end, 2 * end - node].map(|n| (n - self.first) as usize);
-            for weight in [&mut self.value, &mut self.gradient, &mut self.affine] {
-                let beyond = std::mem::take(&mut weight[k]);
-                // The support of a node beyond the end includes its mirror image.
-                if beyond != 0.0 {
-                    weight[end] += 2.0 * beyond;
-                    weight[mirror] -= beyond;
-                }
-            }
-        }
-        self
-    }
-}
-
 /// uGIMP function and derivative at distance `d` (cells) from the node.
 fn gimp(d: f64) -> (f64, f64) {
     const L: f64 = GIMP_HALF_SIZE;
@@ -146,38 +119,21 @@ fn gimp(d: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    const LAST: i64 = 5;
-
-    /// Constants and linear fields stay exact, nothing is behind the ends, and on an end only its node is
-    /// seen.
+    /// Constants and linear fields are exact.
     #[test]
-    fn functions_end_at_the_walls() {
+    fn values_gradients_and_affine_weights_are_consistent() {
         for basis in [Basis::Gimp, Basis::Quadratic, Basis::Cubic] {
             for k in 0..=1000 {
-                let x = LAST as f64 * f64::from(k) / 1000.0;
-                let shape = basis.evaluate(x).ending_at(LAST);
+                let x = 5.0 * f64::from(k) / 1000.0;
+                let shape = basis.evaluate(x);
                 let sum = |weight: &[f64; SUPPORT], power: i32| {
                     let node = |k: usize| (shape.first + k as i64) as f64;
                     (0..SUPPORT).map(|k| weight[k] * node(k).powi(power)).sum::<f64>()
                 };
-                let found = [
-                    [sum(&shape.value, 0), sum(&shape.value, 1)],
-                    [sum(&shape.gradient, 0), sum(&shape.gradient, 1)],
-                    [sum(&shape.affine, 0), sum(&shape.affine, 1)],
-                ];
-                for (found, expected) in found.iter().zip([[1.0, x], [0.0, 1.0], [0.0, 1.0]]) {
-                    assert!((found[0] - expected[0]).abs() < 1e-13, "{basis:?} at {x}");
-                    assert!((found[1] - expected[1]).abs() < 1e-13, "{basis:?} at {x}");
-                }
-                for (k, value) in shape.value.iter().enumerate() {
-                    let node = shape.first + k as i64;
-                    let behind = !(0..=LAST).contains(&node);
-                    assert!(!behind || *value == 0.0, "{basis:?} at {x}: {value} on node {node}");
-                    // uGIMP averages over both sides of a node.
-                    if basis != Basis::Gimp && (x == 0.0 || x == LAST as f64) {
-                        let own = f64::from(u8::from(node as f64 == x));
-                        assert!((value - own).abs() < 1e-15, "{basis:?} at {x}: {value} on {node}");
-                    }
+                let weights = [&shape.value, &shape.gradient, &shape.affine];
+                for (weight, expected) in weights.iter().zip([[1.0, x], [0.0, 1.0], [0.0, 1.0]]) {
+                    assert!((sum(weight, 0) - expected[0]).abs() < 1e-13, "{basis:?} at {x}");
+                    assert!((sum(weight, 1) - expected[1]).abs() < 1e-13, "{basis:?} at {x}");
                 }
             }
         }

@@ -10,40 +10,13 @@ use crate::grid::{Node, Shape};
 use crate::obstacle::Placed;
 use crate::{Points, Vec2};
 
-/// Sets how fast nodes on walls may approach them in a step of `dt` (s) by
-/// [`WallContact::Points`](crate::WallContact::Points): so that the nearest point that a node sees comes
-/// to touch the wall.
-pub(crate) fn set_approach(
-    nodes: &mut [Node],
-    shape: &Shape,
-    bins: &Bins,
-    width: usize,
-    points: &Points,
-    dt: f64,
-) {
-    let ends = shape.cells.map(|n| n as i64);
-    for (row, span) in bins.spans().iter().enumerate() {
-        for column in span.clone() {
-            let node = &mut nodes[row * shape.columns + column];
-            if node.mass == 0.0 {
-                continue;
-            }
-            let place = [column, row].map(|k| shape.coordinate(k));
-            for axis in 0..2 {
-                let at_low = place[axis] == 0;
-                if !at_low && place[axis] != ends[axis] {
-                    continue;
-                }
-                let gap = |p: usize| {
-                    let x = points.position[p][axis];
-                    let distance = if at_low { x } else { shape.size[axis] - x };
-                    distance - 0.5 * points.volume[p].sqrt()
-                };
-                let seen = bins.seen_by(row, column, shape.columns, width);
-                node.approach[axis] = seen.map(gap).fold(f64::INFINITY, f64::min).max(0.0) / dt;
-            }
-        }
-    }
+/// How fast a node may approach what it meets (m/s), so that the nearest point that it sees comes to touch.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Approach {
+    /// Walls, along x and y.
+    walls: Vec2,
+    /// The box that it lies in.
+    obstacle: f64,
 }
 
 /// Walls and obstacles as they stand in this step.
@@ -54,6 +27,58 @@ pub(crate) struct Boundary<'a> {
 }
 
 impl Boundary<'_> {
+    /// Sets how fast nodes on and behind walls and in boxes may approach them in a step of `dt` (s): so that the
+    /// nearest point that a node sees comes to touch. A point touches at half the side of a square of its volume.
+    pub fn set_approach(
+        &self,
+        nodes: &mut [Node],
+        bins: &Bins,
+        width: usize,
+        points: &Points,
+        dt: f64,
+    ) {
+        let columns = self.shape.columns;
+        nodes.par_chunks_exact_mut(columns).zip(bins.spans()).enumerate().with_min_len(8).for_each(
+            |(row, (nodes, span))| {
+                for column in span.clone() {
+                    if nodes[column].mass == 0.0 {
+                        continue;
+                    }
+                    let seen = || bins.seen_by(row, column, columns, width);
+                    let nearest = |distance: &dyn Fn(Vec2) -> f64| {
+                        let gap =
+                            |p: usize| distance(points.position[p]) - 0.5 * points.volume[p].sqrt();
+                        seen().map(gap).fold(f64::INFINITY, f64::min).max(0.0) / dt
+                    };
+                    nodes[column].approach = self.approach(column, row, nearest);
+                }
+            },
+        );
+    }
+
+    /// The approach of a node, where `nearest` gives that of the nearest point by its distance.
+    fn approach(
+        &self,
+        column: usize,
+        row: usize,
+        nearest: impl Fn(&dyn Fn(Vec2) -> f64) -> f64,
+    ) -> Approach {
+        let mut approach = Approach::default();
+        let place = [column, row].map(|k| self.shape.coordinate(k));
+        for axis in 0..2 {
+            if place[axis] <= 0 {
+                approach.walls[axis] = nearest(&|x| x[axis]);
+            } else if place[axis] >= self.shape.cells[axis] as i64 {
+                approach.walls[axis] = nearest(&|x| self.shape.size[axis] - x[axis]);
+            }
+        }
+        let x = self.shape.place(place[0], place[1]);
+        if let Some(obstacle) = self.obstacles.iter().find(|o| o.holds(&x, self.shape.cell)) {
+            approach.obstacle = nearest(&|x| obstacle.distance(&x));
+        }
+        approach
+    }
+
     /// Applies all contacts to the grid velocity. The momentum they give to the material (kg/s),
     /// by the walls and then by each obstacle, is returned in `impulse`, summed over rows in order.
     pub fn apply(
@@ -86,13 +111,14 @@ impl Boundary<'_> {
     /// Obstacles first, walls last: a node in a corner between both never enters the wall.
     fn apply_to_node(&self, node: &mut Node, column: usize, row: usize, impulse: &mut [Vec2]) {
         let (i, j) = (self.shape.coordinate(column), self.shape.coordinate(row));
+        let (cell, approach) = (self.shape.cell, node.approach);
         for (obstacle, impulse) in self.obstacles.iter().zip(&mut impulse[1..]) {
             let velocity =
-                obstacle.contact(&self.shape.place(i, j), node.velocity, self.shape.cell);
+                obstacle.contact(&self.shape.place(i, j), node.velocity, cell, approach.obstacle);
             *impulse += (velocity - node.velocity) * node.mass;
             node.velocity = velocity;
         }
-        let velocity = self.wall_contact(i, j, node.velocity, node.approach);
+        let velocity = self.wall_contact(i, j, node.velocity, approach.walls);
         impulse[0] += (velocity - node.velocity) * node.mass;
         node.velocity = velocity;
     }

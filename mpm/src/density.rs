@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use crate::basis::SUPPORT;
+use crate::basis::{Basis, SUPPORT};
 use crate::grid::{GHOSTS, Node, Shape};
-use crate::stencil::{Stencil, functions};
-use crate::{Mat2, Numerics, PARALLEL_GRAIN};
+use crate::stencil::Stencil;
+use crate::{Mat2, PARALLEL_GRAIN};
 
 /// Overlap of volumes that is left alone: points in disorder seem to overlap by some hundredths.
 pub(crate) const SLACK: f64 = 0.05;
@@ -13,12 +13,12 @@ pub(crate) const SLACK: f64 = 0.05;
 const SAMPLES: usize = 64;
 
 /// The area of the domain that belongs to each node (m²): the integral of its basis function, `h²` but at walls.
-pub(crate) fn node_areas(numerics: &Numerics, shape: &Shape) -> Vec<f64> {
+pub(crate) fn node_areas(basis: Basis, shape: &Shape) -> Vec<f64> {
     let [along_x, along_y] = shape.cells.map(|cells| {
         let mut length = vec![0.0; cells + 1 + 2 * GHOSTS];
         for sample in 0..cells * SAMPLES {
             let x = (sample as f64 + 0.5) / SAMPLES as f64;
-            let functions = functions(numerics, cells, x);
+            let functions = basis.evaluate(x);
             for k in 0..SUPPORT {
                 if let Some(length) =
                     length.get_mut((functions.first + (GHOSTS + k) as i64) as usize)

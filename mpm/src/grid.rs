@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::boundary::Approach;
 use crate::friction::Walls;
 use crate::{Error, Vec2};
 
@@ -101,6 +102,6 @@ pub(crate) struct Node {
     pub old_velocity: Vec2,
     /// Velocity (m/s).
     pub velocity: Vec2,
-    /// Speeds along x and y (m/s) up to which it may approach the walls it lies on in this step.
-    pub approach: Vec2,
+    /// How fast it may approach walls and boxes in this step; zero where they do not wait for points.
+    pub approach: Approach,
 }

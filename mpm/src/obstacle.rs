@@ -98,35 +98,48 @@ impl Placed {
         Self { min, max, friction: faces.sides(), velocity }
     }
 
-    /// Velocity of the node at `x` after contact with the box.
-    pub fn contact(&self, x: &Vec2, velocity: Vec2, cell: f64) -> Vec2 {
-        let tolerance = tolerance(cell);
-        let depth = self.depths(x);
-        if depth.iter().any(|&d| d < -tolerance) {
+    /// Whether the node at `x` lies on or in the box.
+    pub fn holds(&self, x: &Vec2, cell: f64) -> bool {
+        self.depths(x).iter().all(|&d| d >= -tolerance(cell))
+    }
+
+    /// The distance (m) of a point outside.
+    pub fn distance(&self, x: &Vec2) -> f64 {
+        let [left, right, bottom, top] = self.depths(x);
+        Vec2::new(left.min(right).min(0.0), bottom.min(top).min(0.0)).norm()
+    }
+
+    /// Velocity of the node at `x` after contact with the box, which it may `approach` (m/s).
+    pub fn contact(&self, x: &Vec2, velocity: Vec2, cell: f64, approach: f64) -> Vec2 {
+        if !self.holds(x, cell) {
             return velocity;
         }
+        let tolerance = tolerance(cell);
+        let depth = self.depths(x);
         let nearest = depth.iter().copied().fold(f64::INFINITY, f64::min);
         let acts = depth.map(|d| d <= nearest + tolerance);
         let sides = acts.iter().filter(|&&a| a).count();
         let across = [LEFT, RIGHT].iter().find(|&&s| acts[s]);
         let along = [BOTTOM, TOP].iter().find(|&&s| acts[s]);
         if let (2, Some(&a), Some(&b)) = (sides, across, along) {
-            return self.corner_contact(velocity, a, b);
+            return self.corner_contact(velocity, a, b, approach);
         }
-        (0..4).filter(|&side| acts[side]).fold(velocity, |v, side| self.side_contact(v, side))
+        let sides = (0..4).filter(|&side| acts[side]);
+        sides.fold(velocity, |v, side| self.side_contact(v, side, approach))
     }
 
-    fn side_contact(&self, velocity: Vec2, side: usize) -> Vec2 {
-        contact(velocity, normal(side), self.velocity, self.friction[side])
+    fn side_contact(&self, velocity: Vec2, side: usize, approach: f64) -> Vec2 {
+        let surface = self.velocity - normal(side) * approach;
+        contact(velocity, normal(side), surface, self.friction[side])
     }
 
-    fn corner_contact(&self, velocity: Vec2, a: usize, b: usize) -> Vec2 {
+    fn corner_contact(&self, velocity: Vec2, a: usize, b: usize, approach: f64) -> Vec2 {
         let relative = velocity - self.velocity;
         let [approach_a, approach_b] = [a, b].map(|side| -relative.dot(&normal(side)));
-        if approach_a < 0.0 || approach_b < 0.0 {
+        if approach_a < approach || approach_b < approach {
             return velocity;
         }
-        self.side_contact(velocity, if approach_a < approach_b { a } else { b })
+        self.side_contact(velocity, if approach_a < approach_b { a } else { b }, approach)
     }
 
     /// The nearest face of a point strictly inside the box: its depth (m) and outward normal.

@@ -61,16 +61,20 @@ pub(crate) fn momentum<const W: usize>(
     );
 }
 
-/// Internal force `f_i = - sum V_p sigma_p grad S_ip`.
+/// Internal force `f_i = - sum V_p (sigma_p - rho_p (w tr L_p)² I) grad S_ip`, the second term, with the `shock_width` `w` (m),
+/// under compression only.
 pub(crate) fn internal_force<const W: usize>(
     map: &mut Mapping,
     points: &Points,
+    shock_width: f64,
     nodes: &mut [Node],
 ) {
     map.sum::<W, 2, _>(
         nodes,
         |p| {
-            let tension = points.stress[p] * -points.volume[p];
+            let jump = shock_width * points.velocity_gradient[p].trace().min(0.0);
+            let shock = Mat2::from_diagonal_element(points.mass[p] * jump * jump);
+            let tension = shock - points.stress[p] * points.volume[p];
             move |_, gradient: Vec2, _| {
                 let f = tension * gradient;
                 [f.x, f.y]

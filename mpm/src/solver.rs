@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::bins::Bins;
-use crate::boundary::{Boundary, set_approach};
+use crate::boundary::Boundary;
 use crate::budget::{self, Budget, Ledger};
 use crate::cell_average::CellAverage;
 use crate::confine::confine;
@@ -61,7 +61,7 @@ impl Solver {
         }
         obstacles.iter().enumerate().try_for_each(|(k, obstacle)| obstacle.check(k))?;
         let corrected = numerics.density_correction > 0.0;
-        let node_areas = if corrected { node_areas(&numerics, &shape) } else { Vec::new() };
+        let node_areas = if corrected { node_areas(numerics.basis, &shape) } else { Vec::new() };
         Ok(Self {
             ledger: Ledger::new(obstacles.len()),
             nodes: vec![Node::default(); shape.columns * shape.rows],
@@ -113,8 +113,7 @@ impl Solver {
         self.evaluate_basis(points);
         self.map_mass_and_momentum(points);
         if self.numerics.wall_contact == WallContact::Points {
-            let width = self.numerics.basis.width();
-            set_approach(&mut self.nodes, &self.shape, &self.bins, width, points, dt);
+            self.set_approach(points, dt);
         }
         if self.numerics.scheme == Scheme::Usf {
             self.old_velocity();
@@ -143,7 +142,7 @@ impl Solver {
     /// Basis functions at the points, and points sorted by the nodes they see.
     fn evaluate_basis(&mut self, points: &Points) {
         let Shape { columns, rows, .. } = self.shape;
-        stencil::evaluate(&self.numerics, &self.shape, &points.position, &mut self.stencils);
+        stencil::evaluate(self.numerics.basis, &self.shape, &points.position, &mut self.stencils);
         self.bins.sort(&self.stencils, columns, rows, self.numerics.basis.width());
     }
 
@@ -154,10 +153,18 @@ impl Solver {
         with_width!(basis, W => p2g::mass_and_momentum::<W>(&mut map, points, affine, nodes));
     }
 
+    fn set_approach(&mut self, points: &Points, dt: f64) {
+        let width = self.numerics.basis.width();
+        let boundary =
+            Boundary { shape: &self.shape, walls: &self.domain.walls, obstacles: &self.placed };
+        boundary.set_approach(&mut self.nodes, &self.bins, width, points, dt);
+    }
+
     fn map_internal_force(&mut self, points: &Points) {
         let basis = self.numerics.basis;
+        let shock_width = self.numerics.shock_width * self.shape.cell;
         let (mut map, nodes) = self.mapping();
-        with_width!(basis, W => p2g::internal_force::<W>(&mut map, points, nodes));
+        with_width!(basis, W => p2g::internal_force::<W>(&mut map, points, shock_width, nodes));
     }
 
     fn update_grid(&mut self, dt: f64) {

@@ -15,7 +15,7 @@ pub struct StableStep {
     /// ```
     ///
     /// Rows of `m^-1 K` bound it as well, but without limit as a node of a spline becomes light:
-    /// there gradients vanish as the root of the mass only.
+    /// there gradients vanish as the root of the mass only. The viscosity of shocks lowers it.
     pub gershgorin: f64,
     /// Time in which the fastest signal crosses a cell (s): `min_p cell / (c_p + |v_p|)`,
     /// `c = sqrt(M / rho)`.
@@ -72,7 +72,7 @@ fn gershgorin(
     material: &dyn Material,
 ) -> f64 {
     let mut stencils = Vec::new();
-    stencil::evaluate(numerics, shape, &points.position, &mut stencils);
+    stencil::evaluate(numerics.basis, shape, &points.position, &mut stencils);
     let (columns, width) = (shape.columns, numerics.basis.width());
     let support = || (0..width).flat_map(|b| (0..width).map(move |a| (a, b)));
     let node = |stencil: &Stencil, a: usize, b: usize| stencil.node + b * columns + a;
@@ -83,7 +83,9 @@ fn gershgorin(
             mass[node(stencil, a, b)] += m * stencil.value(a, b);
         }
     }
-    let mut row_sum = vec![0.0; mass.len()];
+    // Of the stiffness and of the viscosity of shocks.
+    let mut row_sums = vec![[0.0; 2]; mass.len()];
+    let shock_width = numerics.shock_width * shape.cell;
     for (p, stencil) in stencils.iter().enumerate() {
         let weight = |(a, b): (usize, usize)| {
             let m: f64 = mass[node(stencil, a, b)];
@@ -91,11 +93,20 @@ fn gershgorin(
         };
         let total: f64 = support().map(weight).sum();
         let stiffness = points.volume[p] * material.wave_modulus(p);
+        let compression = (-points.velocity_gradient[p].trace()).max(0.0);
+        let viscosity = points.mass[p] * shock_width * shock_width * compression;
         for (a, b) in support() {
-            row_sum[node(stencil, a, b)] += stiffness * weight((a, b)) * total;
+            let row = &mut row_sums[node(stencil, a, b)];
+            row[0] += stiffness * weight((a, b)) * total;
+            row[1] += viscosity * weight((a, b)) * total;
         }
     }
-    critical_phase(numerics.scheme) / row_sum.into_iter().fold(0.0, f64::max).sqrt()
+    // A node of stiffness k and viscosity c, which acts on the velocity before the step, is stable while
+    // k (dt / phase)² + c dt / 2 <= 1.
+    let phase = critical_phase(numerics.scheme);
+    let step =
+        |[k, c]: &[f64; 2]| 2.0 / (0.5 * c + (0.25 * c * c + 4.0 * k / (phase * phase)).sqrt());
+    row_sums.iter().map(step).fold(f64::INFINITY, f64::min)
 }
 
 /// `omega dt` up to which every mode is stable. Under USL stress sees a velocity of which the points

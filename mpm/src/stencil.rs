@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use crate::basis::{Basis, SUPPORT, ShapeFunctions};
+use crate::basis::{Basis, SUPPORT};
 use crate::grid::Shape;
-use crate::{Numerics, PARALLEL_GRAIN, Vec2, WallContact};
+use crate::{PARALLEL_GRAIN, Vec2};
 
 /// Basis functions at one point, of all nodes in its support.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,21 +19,10 @@ pub(crate) struct Stencil {
     pub affine: [[f64; SUPPORT]; 2],
 }
 
-/// Basis functions at `x` (cells) along an axis of so many cells.
-pub(crate) fn functions(numerics: &Numerics, cells: usize, x: f64) -> ShapeFunctions {
-    let functions = numerics.basis.evaluate(x);
-    match (numerics.wall_contact, numerics.basis) {
-        // Hats end at walls as they are.
-        (WallContact::Nodes, _) | (_, Basis::Linear) => functions,
-        (WallContact::Points, _) => functions.ending_at(cells as i64),
-    }
-}
-
 impl Stencil {
-    fn new(numerics: &Numerics, shape: &Shape, position: &Vec2) -> Self {
+    fn new(basis: Basis, shape: &Shape, position: &Vec2) -> Self {
         let per_cell = 1.0 / shape.cell;
-        let axes =
-            [0, 1].map(|axis| functions(numerics, shape.cells[axis], position[axis] * per_cell));
+        let axes = [0, 1].map(|axis| basis.evaluate(position[axis] * per_cell));
         let [x, y] = axes.map(|s| s.first);
         Self {
             node: shape.index(x, y),
@@ -71,7 +60,7 @@ impl Stencil {
 
 /// Evaluates the basis at every point. Positions must lie in the domain.
 pub(crate) fn evaluate(
-    numerics: &Numerics,
+    basis: Basis,
     shape: &Shape,
     position: &[Vec2],
     stencils: &mut Vec<Stencil>,
@@ -81,7 +70,7 @@ pub(crate) fn evaluate(
         .par_iter_mut()
         .zip(position)
         .with_min_len(PARALLEL_GRAIN)
-        .for_each(|(stencil, x)| *stencil = Stencil::new(numerics, shape, x));
+        .for_each(|(stencil, x)| *stencil = Stencil::new(basis, shape, x));
 }
 
 /// Calls a function generic over the width of the basis.

@@ -214,7 +214,7 @@ fn random_points_whose_density_is_corrected(
     }
 }
 
-/// Basis functions that end at walls, and walls that wait for points.
+/// Walls and boxes that wait for points, and shocks with a width.
 #[rstest]
 fn random_points_that_meet_walls(#[values(Scheme::Musl, Scheme::Usl, Scheme::Usf)] scheme: Scheme) {
     for basis in BASES {
@@ -222,6 +222,7 @@ fn random_points_that_meet_walls(#[values(Scheme::Musl, Scheme::Usl, Scheme::Usf
             basis,
             scheme,
             wall_contact: WallContact::Points,
+            shock_width: 2.0,
             mass_cutoff: 1.0e-3,
             ..Numerics::default()
         };

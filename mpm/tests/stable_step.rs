@@ -3,7 +3,7 @@
 mod common;
 
 use common::*;
-use mpm::{Basis, Mat2, Material, Points, Scheme, Vec2};
+use mpm::{Basis, Mat2, Material, Numerics, Points, Scheme, Vec2};
 use rstest::rstest;
 
 /// A block whose points are shaken out of their lattice by up to half their spacing.
@@ -87,4 +87,25 @@ fn one_point_by_hand() {
     assert!((stable.courant(stable.cfl) - 1.0).abs() < 1e-12);
     assert_eq!((stable.point, stable.speed), (0, 5.0));
     assert!((stable.strain_rate - 2.0_f64.sqrt()).abs() < 1e-12);
+}
+
+/// The same point in a shock: with the viscosity `nu = (w h)² |tr L|`, which acts on the velocity before the step, the
+/// node is stable while `8 c² dt² / 4 dx² + 8 nu dt / 2 dx² <= 1`.
+#[test]
+fn the_viscosity_of_a_shock_lowers_the_bound() {
+    let (cell, compression, shock_width) = (0.5, 20.0, 3.0);
+    let material = elastic(4.0e6, 0.0);
+    let numerics = Numerics { shock_width, ..flip(Basis::Linear, Scheme::Musl) };
+    let solver = smooth_box(Vec2::new(2.0, 2.0), cell, numerics, Vec2::zeros());
+    let mut points = Points::default();
+    points.push(Vec2::new(0.75, 0.75), 250.0, 0.25);
+    let mut bound = |rate: f64| {
+        points.velocity_gradient[0] = Mat2::new(rate, 0.0, 0.0, 0.0);
+        solver.stable_step(&points, &material).unwrap().gershgorin
+    };
+    let (at_rest, expanding, shocked) = (bound(0.0), bound(compression), bound(-compression));
+    assert_eq!(at_rest, expanding);
+    let (c2, nu) = (4.0e6 / 1000.0, (shock_width * cell).powi(2) * compression);
+    let sum = (8.0 * c2 * shocked.powi(2) / 4.0 + 8.0 * nu * shocked / 2.0) / (cell * cell);
+    assert!((sum - 1.0).abs() < 1e-12, "{shocked} instead of {at_rest}");
 }

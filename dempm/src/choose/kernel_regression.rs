@@ -3,21 +3,19 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
+use super::standardisation::Standardisation;
+
 /// Factor of the squared distance of two standardised rows in the kernel. With the penalty, the best of twelve pairs by
 /// five-fold cross-validation on the table that ships.
 const DECAY: f64 = 0.02;
 /// Penalty on the weights.
 const PENALTY: f64 = 0.03;
-/// Least standard deviation of a feature that varies.
-const CONSTANT: f64 = 1.0e-9;
 
-/// Rows of features with the kernel `k(x, y) = exp(-DECAY |z(x) - z(y)|²)`, where `z = (x - mean) / deviation`.
+/// Rows of features with the kernel `k(x, y) = exp(-DECAY |z(x) - z(y)|²)` of standardised features `z`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Rows {
-    /// Mean of each feature.
-    mean: Vec<f64>,
-    /// Standard deviation of each feature; 0 of one that does not vary.
-    deviation: Vec<f64>,
+    #[serde(flatten)]
+    scale: Standardisation,
     /// Standardised.
     rows: Vec<Vec<f64>>,
 }
@@ -42,27 +40,9 @@ pub(super) struct Fit {
 impl Rows {
     /// Rows of equal length.
     pub fn of<const N: usize>(rows: &[[f64; N]]) -> Self {
-        let count = rows.len().max(1) as f64;
-        let column = |k: usize| rows.iter().map(move |row| row[k]);
-        let mean: Vec<f64> = (0..N).map(|k| column(k).sum::<f64>() / count).collect();
-        let deviation = |k: usize| {
-            let squares: f64 = column(k).map(|x| (x - mean[k]).powi(2)).sum();
-            let deviation = (squares / count).sqrt();
-            if deviation > CONSTANT { deviation } else { 0.0 }
-        };
-        let deviation = (0..N).map(deviation).collect();
-        let mut found = Self { mean, deviation, rows: Vec::new() };
-        let rounded = |row: &[f64; N]| found.standardised(row).iter().map(|z| short(*z)).collect();
-        found.rows = rows.iter().map(rounded).collect();
-        found
-    }
-
-    fn standardised(&self, row: &[f64]) -> Vec<f64> {
-        let scales = self.mean.iter().zip(&self.deviation);
-        let scaled = |(x, (mean, deviation)): (&f64, (&f64, &f64))| {
-            if *deviation > 0.0 { (x - mean) / deviation } else { 0.0 }
-        };
-        row.iter().zip(scales).map(scaled).collect()
+        let scale = Standardisation::of(rows);
+        let rounded = |row: &[f64; N]| scale.apply(row).iter().map(|z| short(*z)).collect();
+        Self { rows: rows.iter().map(rounded).collect(), scale }
     }
 
     /// The function that minimises `|y - f|² + PENALTY w K w` over the rows with an answer `y`. Predictions without a
@@ -98,7 +78,7 @@ impl Rows {
 
     /// The answer of a regression at a row.
     pub fn at(&self, regression: &Regression, row: &[f64]) -> f64 {
-        let row = self.standardised(row);
+        let row = self.scale.apply(row);
         let terms = self.rows.iter().zip(&regression.weights);
         regression.intercept
             + terms.map(|(other, weight)| weight * kernel(&row, other)).sum::<f64>()

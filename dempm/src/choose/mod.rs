@@ -16,7 +16,7 @@ mod judgement;
 mod kernel_regression;
 mod learned;
 mod library;
-mod regression;
+mod standardisation;
 mod table;
 mod within;
 
@@ -31,5 +31,5 @@ pub use features::{Features, features};
 pub use judgement::Judgement;
 pub use learned::{Learned, LearnedError};
 pub use library::{Case, Distance, head, read};
-pub use regression::Regression;
+pub use standardisation::Standardisation;
 pub use within::Within;

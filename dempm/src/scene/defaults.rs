@@ -2,7 +2,7 @@
 //! (`docs/notes/2026-11-23-truth.md`).
 
 use dem::{Grains, RveParameters};
-use mpm::Transfer;
+use mpm::{Transfer, WallContact};
 
 use super::model::Material;
 
@@ -47,6 +47,12 @@ pub(super) const TRANSFER: Transfer = Transfer::FlipApic { rate: 10.0 };
 
 /// Rate (1/s) at which overlaps of the volumes of packings are corrected.
 pub(super) const DENSITY_CORRECTION: f64 = 10.0;
+
+/// When packings feel walls.
+pub(super) const WALL_CONTACT: WallContact = WallContact::Points;
+
+/// Width of shocks in packings (cells).
+pub(super) const SHOCK_WIDTH: f64 = 4.0;
 
 /// Edge of a cell of the grid (m).
 pub(super) fn cell(material: &Material) -> f64 {

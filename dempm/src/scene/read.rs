@@ -246,9 +246,14 @@ fn numerics(root: &Table<'_>, material: &Material) -> Numerics {
     ];
     let schemes = [("musl", Scheme::Musl), ("usl", Scheme::Usl), ("usf", Scheme::Usf)];
     // Rates are the defaults of `relaxation`.
-    let (flip_apic, correction) = match material {
-        Material::Rve(_) => (defaults::TRANSFER, defaults::DENSITY_CORRECTION),
-        _ => (Transfer::default(), 0.0),
+    let (flip_apic, wall_contact, correction, shock_width) = match material {
+        Material::Rve(_) => (
+            defaults::TRANSFER,
+            defaults::WALL_CONTACT,
+            defaults::DENSITY_CORRECTION,
+            defaults::SHOCK_WIDTH,
+        ),
+        _ => (Transfer::default(), WallContact::Nodes, 0.0, 0.0),
     };
     let transfers = [
         ("flip-apic", flip_apic),
@@ -271,9 +276,10 @@ fn numerics(root: &Table<'_>, material: &Material) -> Numerics {
         basis: table.choice("basis", Some(Basis::Quadratic), &bases),
         scheme: table.choice("scheme", Some(Scheme::Musl), &schemes),
         transfer,
-        wall_contact: table.choice("wall_contact", Some(WallContact::Nodes), &wall_contacts),
+        wall_contact: table.choice("wall_contact", Some(wall_contact), &wall_contacts),
         cell_average_volumetric: table.boolean("cell_average", false),
         density_correction: table.number("density_correction", Some(correction), rate_limits),
+        shock_width: table.number("shock_width", Some(shock_width), from_zero(100.0, "cells")),
         ..Numerics::default()
     };
     table.finish();

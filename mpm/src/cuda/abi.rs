@@ -70,6 +70,17 @@ cuda_struct! {
         pub velocity: Vector,
     }
 
+    /// How fast a node may approach what it meets (m/s), so that the nearest point that it sees comes to touch.
+    #[derive(Default)]
+    pub struct Approach {
+        /// Left and right wall.
+        pub x: f64,
+        /// Bottom and top wall.
+        pub y: f64,
+        /// The box that it lies in.
+        pub obstacle: f64,
+    }
+
     /// Points sorted by cells: a list for each cell, in ascending order. Entries of `head` and `first`
     /// hold the step in which they were made (upper half) and a point; those of earlier steps mean an
     /// empty cell.
@@ -149,6 +160,8 @@ cuda_struct! {
         pub pic_share: f64,
         /// Rate of the density correction (1/s).
         pub density_rate: f64,
+        /// Width of shocks (m).
+        pub shock_width: f64,
         /// Coefficients of friction of the left, right, bottom and top wall, as of [`Obstacle`].
         pub friction: [f64; 4],
         /// Steps before the upload.
@@ -206,8 +219,8 @@ cuda_struct! {
         pub node_old_velocity: Pointer<Vector>,
         /// Velocity of each node (m/s).
         pub node_velocity: Pointer<Vector>,
-        /// Speeds along x and y (m/s) up to which a node may approach the walls it lies on.
-        pub node_approach: Pointer<Vector>,
+        /// How fast each node may approach walls and boxes, where these wait for points.
+        pub node_approach: Pointer<Approach>,
 
         /// Contacts of nodes since the last sum: impulses by the walls (x, y) and by each obstacle (x, y),
         /// work of the obstacles, number of projections; each an array over all nodes.

@@ -1,5 +1,4 @@
-// Basis functions and their values at the points. WIDTH is what a point sees along one axis;
-// POINTS_MEET_WALLS says whether the functions end at walls (WallContact of numerics.rs).
+// Basis functions and their values at the points. WIDTH is what a point sees along one axis.
 
 enum Basis { LINEAR, GIMP, QUADRATIC, CUBIC };
 
@@ -74,35 +73,9 @@ __device__ inline ShapeFunctions shape_functions(double x) {
     return s;
 }
 
-// Of a grid that ends at the nodes 0 and `last` (basis.rs): nodes beyond continue the line through the
-// end and their mirror image.
-__device__ inline ShapeFunctions ending_at(ShapeFunctions s, int last) {
-    const int first = int(s.first);
-    double* const weights[] = {s.value, s.gradient, s.affine};
-    for (int k = 0; k < WIDTH; ++k) {
-        const int node = first + k, end = min(max(node, 0), last);
-        if (node == end) continue;
-        for (double* weight : weights) {
-            const double beyond = weight[k];
-            weight[k] = 0.0;
-            // What sees a node beyond sees its image too.
-            if (beyond != 0.0) {
-                weight[end - first] += 2.0 * beyond;
-                weight[2 * end - node - first] -= beyond;
-            }
-        }
-    }
-    return s;
-}
-
 __device__ inline Stencil stencil_at(const Mpm& m, Vec x) {
     const double per_cell = 1.0 / m.cell;
-    ShapeFunctions along[2] = {shape_functions(x.x * per_cell), shape_functions(x.y * per_cell)};
-    // Hats end at walls as they are.
-    if constexpr (POINTS_MEET_WALLS && BASIS != LINEAR) {
-        along[0] = ending_at(along[0], m.cells_x);
-        along[1] = ending_at(along[1], m.cells_y);
-    }
+    const ShapeFunctions along[2] = {shape_functions(x.x * per_cell), shape_functions(x.y * per_cell)};
     Stencil s;
     s.corner = Vec{along[0].first * m.cell, along[1].first * m.cell} - x;
     s.node = (int(along[1].first) + GHOSTS) * m.columns + int(along[0].first) + GHOSTS;

@@ -20,7 +20,7 @@ __device__ inline void book_projection(double* ledger, int slots, int slot, cons
 
 // All nodes on or behind a wall are clipped, to the speed at which they may approach it. In a corner
 // both walls act, one after the other.
-__device__ inline Vec wall_contact(const Mpm& m, int i, int j, Vec v, Vec approach) {
+__device__ inline Vec wall_contact(const Mpm& m, int i, int j, Vec v, Approach approach) {
     if (i <= 0) v = contact(v, normal(RIGHT), normal(LEFT) * approach.x, m.friction[LEFT]);
     if (i >= m.cells_x) v = contact(v, normal(LEFT), normal(RIGHT) * approach.x, m.friction[RIGHT]);
     if (j <= 0) v = contact(v, normal(TOP), normal(BOTTOM) * approach.y, m.friction[BOTTOM]);
@@ -35,13 +35,13 @@ __device__ inline Vec constrain(const Mpm& m, const Placed* placed, int node, do
     const int i = node % m.columns - GHOSTS, j = node / m.columns - GHOSTS;
     const int nodes = m.columns * m.rows;
     const Vec x = {i * m.cell, j * m.cell};
+    const Approach approach = WALLS_WAIT ? m.node_approach[node] : Approach{};
     for (int k = 0; k < m.obstacles; ++k) {
-        const Vec after = obstacle_contact(placed[k], x, velocity, m.cell);
+        const Vec after = obstacle_contact(placed[k], x, velocity, m.cell, approach.obstacle);
         const Vec impulse = (after - velocity) * mass;
         if (booked) book_obstacle(m.node_ledger, nodes, node, m, k, impulse, placed[k].velocity);
         velocity = after;
     }
-    const Vec approach = POINTS_MEET_WALLS ? m.node_approach[node] : Vec{0.0, 0.0};
     const Vec after = wall_contact(m, i, j, velocity, approach);
     if (booked) book(m.node_ledger, nodes, node, 0, (after - velocity) * mass);
     return after;

@@ -4,7 +4,8 @@ use cudarc::driver::{CudaSlice, CudaStream, CudaView, DeviceRepr, ValidAsZeroBit
 use gpu::{ConstPointer, Device, Error, Pointer};
 
 use super::abi::{
-    self, Clock, Matrix, Mpm, NO_FAILURE, Obstacle, Phase, Placed, Vector, frictions, stencil_bytes,
+    self, Approach, Clock, Matrix, Mpm, NO_FAILURE, Obstacle, Phase, Placed, Vector, frictions,
+    stencil_bytes,
 };
 use super::ledger;
 use crate::{Points, Scheme, Solver};
@@ -29,7 +30,7 @@ pub(super) struct Memory {
     node_momentum: CudaSlice<Vector>,
     node_old_velocity: CudaSlice<Vector>,
     node_velocity: CudaSlice<Vector>,
-    node_approach: CudaSlice<Vector>,
+    node_approach: CudaSlice<Approach>,
     pub node_ledger: CudaSlice<f64>,
     pub point_ledger: CudaSlice<f64>,
     /// Impulses and work of contacts since the start, in the order of the ledgers of nodes and points.
@@ -105,6 +106,7 @@ impl Memory {
             cutoff: numerics.cutoff(mass, points),
             pic_share: numerics.transfer.pic_share(dt),
             density_rate: numerics.density_correction,
+            shock_width: numerics.shock_width * shape.cell,
             friction: frictions(&solver.domain().walls),
             first_step: first_step as u64,
             columns: shape.columns as i32,

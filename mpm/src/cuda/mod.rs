@@ -26,7 +26,9 @@ mod solver;
 mod source;
 mod velocity_gradient;
 
-pub use abi::{Bins, Clock, Fault, Matrix, Mpm, Obstacle, Phase, Placed, Stencil, Vector};
+pub use abi::{
+    Approach, Bins, Clock, Fault, Matrix, Mpm, Obstacle, Phase, Placed, Stencil, Vector,
+};
 pub use error::CudaError;
 pub use material::{CudaDruckerPrager, CudaElastic, CudaMaterial};
 pub use queue::Queue;

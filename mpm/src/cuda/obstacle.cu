@@ -58,34 +58,51 @@ __device__ inline double depth(const Placed& o, Vec x, int side) {
     }
 }
 
-__device__ inline Vec side_contact(const Placed& o, Vec velocity, int side) {
-    return contact(velocity, normal(side), o.velocity, o.friction[side]);
+// Whether the node at x lies on or in the box.
+__device__ inline bool holds(const Placed& o, Vec x, double cell) {
+    for (int side = 0; side < 4; ++side) {
+        if (depth(o, x, side) < -tolerance(cell)) return false;
+    }
+    return true;
 }
 
-__device__ inline Vec corner_contact(const Placed& o, Vec velocity, int a, int b) {
+// The distance (m) of a point outside.
+__device__ inline double distance(const Placed& o, Vec x) {
+    const double across = fmin(fmin(depth(o, x, LEFT), depth(o, x, RIGHT)), 0.0);
+    const double along = fmin(fmin(depth(o, x, BOTTOM), depth(o, x, TOP)), 0.0);
+    return norm({across, along});
+}
+
+__device__ inline Vec side_contact(const Placed& o, Vec velocity, int side, double approach) {
+    const Vec surface = o.velocity - normal(side) * approach;
+    return contact(velocity, normal(side), surface, o.friction[side]);
+}
+
+__device__ inline Vec corner_contact(const Placed& o, Vec velocity, int a, int b, double approach) {
     const Vec relative = velocity - o.velocity;
     const double approach_a = -dot(relative, normal(a)), approach_b = -dot(relative, normal(b));
-    if (approach_a < 0.0 || approach_b < 0.0) return velocity;
-    return side_contact(o, velocity, approach_a < approach_b ? a : b);
+    if (approach_a < approach || approach_b < approach) return velocity;
+    return side_contact(o, velocity, approach_a < approach_b ? a : b, approach);
 }
 
-// Velocity of the node at x after contact with the box: of the nearest face, or of a corner.
-__device__ inline Vec obstacle_contact(const Placed& o, Vec x, Vec velocity, double cell) {
-    const double slack = tolerance(cell);
+// Velocity of the node at x after contact with the box, which it may approach: of the nearest face, or of
+// a corner.
+__device__ inline Vec obstacle_contact(const Placed& o, Vec x, Vec velocity, double cell,
+                                       double approach) {
+    if (!holds(o, x, cell)) return velocity;
     double nearest = infinity();
-    for (int side = 0; side < 4; ++side) {
-        const double d = depth(o, x, side);
-        if (d < -slack) return velocity;
-        nearest = fmin(nearest, d);
-    }
+    for (int side = 0; side < 4; ++side) nearest = fmin(nearest, depth(o, x, side));
     bool acts[4];
-    for (int side = 0; side < 4; ++side) acts[side] = depth(o, x, side) <= nearest + slack;
+    for (int side = 0; side < 4; ++side) {
+        acts[side] = depth(o, x, side) <= nearest + tolerance(cell);
+    }
     const bool across = acts[LEFT] != acts[RIGHT], along = acts[BOTTOM] != acts[TOP];
     if (across && along) {
-        return corner_contact(o, velocity, acts[LEFT] ? LEFT : RIGHT, acts[BOTTOM] ? BOTTOM : TOP);
+        return corner_contact(o, velocity, acts[LEFT] ? LEFT : RIGHT, acts[BOTTOM] ? BOTTOM : TOP,
+                              approach);
     }
     for (int side = 0; side < 4; ++side) {
-        if (acts[side]) velocity = side_contact(o, velocity, side);
+        if (acts[side]) velocity = side_contact(o, velocity, side, approach);
     }
     return velocity;
 }

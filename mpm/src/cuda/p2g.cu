@@ -32,28 +32,34 @@ __device__ inline bool sum_over_points(const Mpm& m, int node, double (&sum)[K],
     return (seen & lanes_of_node) != 0 && lane == 0;
 }
 
-// Sets how fast a node on a wall may approach it: so that the nearest point that it sees comes to touch
-// the wall (boundary.rs). For all lanes of a warp.
+// Sets how fast a node on or behind a wall or in a box may approach it: so that the nearest point that it
+// sees comes to touch (boundary.rs). For all lanes of a warp.
 __device__ inline void set_approach(const Mpm& m, int node) {
+    const bool exists = node < m.columns * m.rows;
     const int i = node % m.columns - GHOSTS, j = node / m.columns - GHOSTS;
-    // Threads beyond the last row see no wall: it lies two ghosts below.
-    const bool left = i == 0, bottom = j == 0;
-    const bool across = left || i == m.cells_x, along = bottom || j == m.cells_y;
-    if (!__any_sync(~0u, across || along)) return;
-    double x_gap = infinity(), y_gap = infinity();
+    const bool left = i <= 0, bottom = j <= 0;
+    const bool across = left || i >= m.cells_x, along = bottom || j >= m.cells_y;
+    const Placed* box = nullptr;
+    for (int k = m.obstacles - 1; k >= 0; --k) {
+        if (holds(m.placed[k], Vec{i * m.cell, j * m.cell}, m.cell)) box = &m.placed[k];
+    }
+    const bool waits = exists && (across || along || box != nullptr);
+    if (!__any_sync(~0u, waits)) return;
+    double gap[3] = {infinity(), infinity(), infinity()};
     for (int p = first_of_lane(m, node); p != NOBODY; p = m.bins.successor[p]) {
         const double half = 0.5 * sqrt(m.volume[p]);
         const Vec x = m.position[p];
-        x_gap = fmin(x_gap, (left ? x.x : m.width - x.x) - half);
-        y_gap = fmin(y_gap, (bottom ? x.y : m.height - x.y) - half);
+        gap[0] = fmin(gap[0], (left ? x.x : m.width - x.x) - half);
+        gap[1] = fmin(gap[1], (bottom ? x.y : m.height - x.y) - half);
+        if (box != nullptr) gap[2] = fmin(gap[2], distance(*box, x) - half);
     }
     for (int distance = LANES / 2; distance > 0; distance /= 2) {
-        x_gap = fmin(x_gap, __shfl_xor_sync(~0u, x_gap, distance, LANES));
-        y_gap = fmin(y_gap, __shfl_xor_sync(~0u, y_gap, distance, LANES));
+        for (double& g : gap) g = fmin(g, __shfl_xor_sync(~0u, g, distance, LANES));
     }
-    if ((across || along) && threadIdx.x % LANES == 0) {
-        m.node_approach[node] = {across ? fmax(x_gap, 0.0) / m.dt : 0.0,
-                                 along ? fmax(y_gap, 0.0) / m.dt : 0.0};
+    if (waits && threadIdx.x % LANES == 0) {
+        for (double& g : gap) g = fmax(g, 0.0) / m.dt;
+        m.node_approach[node] = {across ? gap[0] : 0.0, along ? gap[1] : 0.0,
+                                 box != nullptr ? gap[2] : 0.0};
     }
 }
 
@@ -65,9 +71,11 @@ __device__ inline Vec momentum_term(const Mpm& m, const Stencil& s, int p, int a
     return momentum * value(s, a, b);
 }
 
-// f_i = - sum V_p sigma_p grad S_ip.
+// f_i = - sum V_p (sigma_p - rho_p (w tr L_p)² I) grad S_ip, the second term under compression only.
 __device__ inline Vec force_term(const Mpm& m, const Stencil& s, int p, int a, int b) {
-    return m.stress[p] * -m.volume[p] * gradient(s, a, b);
+    const double jump = m.shock_width * fmin(trace(m.velocity_gradient[p]), 0.0);
+    const Vec g = gradient(s, a, b);
+    return g * (m.mass[p] * jump * jump) - m.stress[p] * m.volume[p] * g;
 }
 
 __device__ inline int node_of_thread() { return thread_index() / LANES; }
@@ -86,7 +94,7 @@ extern "C" __global__ void p2g(const Mpm m) {
         sum[3] += force.x;
         sum[4] += force.y;
     });
-    if constexpr (POINTS_MEET_WALLS) set_approach(m, node);
+    if constexpr (WALLS_WAIT) set_approach(m, node);
     if (!writes) return;
     m.node_mass[node] = sum[0];
     accelerate(m, m.placed, node, sum[0], {sum[1], sum[2]}, {sum[3], sum[4]});
@@ -104,7 +112,7 @@ extern "C" __global__ void p2g_mass_and_momentum(const Mpm m) {
         sum[1] += momentum.x;
         sum[2] += momentum.y;
     });
-    if constexpr (POINTS_MEET_WALLS) set_approach(m, node);
+    if constexpr (WALLS_WAIT) set_approach(m, node);
     if (!writes) return;
     m.node_mass[node] = sum[0];
     m.node_momentum[node] = {sum[1], sum[2]};

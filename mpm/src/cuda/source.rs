@@ -2,7 +2,9 @@
 
 use gpu::{checks, definitions, files};
 
-use super::abi::{Bins, Clock, Fault, Matrix, Mpm, Obstacle, Phase, Placed, Stencil, Vector};
+use super::abi::{
+    Approach, Bins, Clock, Fault, Matrix, Mpm, Obstacle, Phase, Placed, Stencil, Vector,
+};
 use super::bins::{EvaluateBasis, SortBins};
 use super::budget::{SUM_THREADS, SumLedger};
 use super::cell_average::{CellAverage, CellPush, CellSort, CellSums};
@@ -38,8 +40,9 @@ const FILES: &str = files!(
 
 /// Types and functions that kernels of other crates may use; needs [`defines`].
 pub fn header() -> String {
-    let structs =
-        definitions![Vector, Matrix, Stencil, Obstacle, Placed, Bins, Clock, Phase, Fault, Mpm];
+    let structs = definitions![
+        Vector, Matrix, Stencil, Obstacle, Placed, Approach, Bins, Clock, Phase, Fault, Mpm
+    ];
     structs + files!("mpm.cuh")
 }
 
@@ -80,7 +83,7 @@ pub fn defines(numerics: &Numerics) -> Vec<String> {
     [
         ("BASIS", number),
         ("WIDTH", width),
-        ("POINTS_MEET_WALLS", usize::from(numerics.wall_contact == WallContact::Points)),
+        ("WALLS_WAIT", usize::from(numerics.wall_contact == WallContact::Points)),
         ("GHOSTS", GHOSTS),
         ("SUM_THREADS", SUM_THREADS as usize),
         ("STENCIL_BYTES", super::abi::stencil_bytes(width)),

@@ -5,8 +5,10 @@
 //! measured on a scene that the regression has not seen, give median and bound (conformal prediction, Vovk, Gammerman
 //! and Shafer 2005; cross-conformal, Vovk 2015).
 
-use dempm::choose::{Regression, quantile};
+use dempm::choose::quantile;
 use serde::{Deserialize, Serialize};
+
+use super::regression::Regression;
 
 /// Number of features.
 pub const FEATURES: usize = 9;
@@ -131,7 +133,7 @@ fn fit_logarithms(samples: &[&ErrorSample]) -> Option<Regression> {
     let rows: Vec<&[f64]> = known().map(|(features, _)| features.as_slice()).collect();
     let logarithms: Vec<f64> = known().map(|(_, error)| error.max(LEAST).ln()).collect();
     // The parts of a rollout are about one independent observation.
-    Regression::fit(&rows, &logarithms, &[], RIDGE * PARTS as f64)
+    Regression::fit(&rows, &logarithms, RIDGE * PARTS as f64)
 }
 
 #[cfg(test)]

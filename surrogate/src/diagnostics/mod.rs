@@ -7,6 +7,7 @@ mod crowding;
 mod error_features;
 mod error_model;
 mod monitor;
+mod regression;
 mod start_checks;
 mod training_range;
 

@@ -39,6 +39,19 @@ impl Table {
         self.rows.push(row);
     }
 
+    /// Adds the rows of another table whose first cell is one of these; columns go by their headings.
+    pub fn rows_of(&mut self, other: &Self, first_cells: &[&str]) {
+        let places: Vec<Option<usize>> = self
+            .columns
+            .iter()
+            .map(|heading| other.columns.iter().position(|column| column == heading))
+            .collect();
+        for row in other.rows.iter().filter(|row| first_cells.contains(&row[0].as_str())) {
+            let cell = |place: &Option<usize>| place.map_or(String::new(), |k| row[k].clone());
+            self.rows.push(places.iter().map(cell).collect());
+        }
+    }
+
     /// The table as CSV (RFC 4180) with a line of headings.
     pub fn csv(&self) -> String {
         let mut text = String::new();
@@ -54,6 +67,17 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_of_another_table_go_by_headings() {
+        let mut table = Table::new("t", ["scene", "b", "c"]);
+        table.row(["one", "1", "2"]);
+        let mut other = Table::new("t", ["scene", "c", "d"]);
+        other.row(["one", "3", "4"]);
+        other.row(["two", "5", "6"]);
+        table.rows_of(&other, &["two", "three"]);
+        assert_eq!(table.rows, [["one", "1", "2"], ["two", "", "5"]]);
+    }
 
     #[test]
     fn cells_with_commas_and_quotes_survive_as_csv() {

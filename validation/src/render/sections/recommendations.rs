@@ -8,12 +8,12 @@ use crate::studies::recommendations::{Choice, GOALS, Recommendation, TOLERANCES,
 use crate::studies::sweep::{Case, Sweep};
 use crate::text::{number, percent, seconds};
 
-/// What a scene needs.
+/// The cheapest setting of each scene.
 pub struct Recommendations;
 
 impl Section for Recommendations {
     fn title(&self) -> &'static str {
-        "What a scene needs"
+        "The cheapest setting of each scene"
     }
 
     fn lead(&self) -> &'static str {

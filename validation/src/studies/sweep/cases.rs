@@ -71,7 +71,7 @@ const QUICK: [(&str, &str); 4] = [
 ];
 
 /// The same of the full suite: every default changed by itself, and what is cheaper.
-const FULL: [(&str, &str); 16] = [
+const FULL: [(&str, &str); 17] = [
     ("16 packings", "material.packings = 16"),
     ("1 packing", "material.packings = 1"),
     ("100 discs", "rve.discs = 100"),
@@ -86,8 +86,9 @@ const FULL: [(&str, &str); 16] = [
     ("cells of 125 mm, 400 discs", "domain.cell = 0.125\nrve.discs = 400"),
     ("relaxation 500 1/s", "numerics.relaxation = 500"),
     ("FLIP", "numerics.transfer = \"flip\""),
-    ("walls on points", "numerics.wall_contact = \"points\""),
+    ("walls on nodes", "numerics.wall_contact = \"nodes\""),
     ("no density correction", "numerics.density_correction = 0"),
+    ("shocks not widened", "numerics.shock_width = 0"),
 ];
 
 /// Scenes of the speed-accuracy charts; of the last, the largest, only a few settings.

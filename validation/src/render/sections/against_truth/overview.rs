@@ -5,9 +5,10 @@ use crate::context::Context;
 use crate::render::block::Block;
 use crate::render::section::Section;
 use crate::render::table::Table;
+use crate::section_cache::Computed;
 use crate::studies::sweep::{Case, Family, Measured, Sweep};
 use crate::suite::Suite;
-use crate::text::{length, number};
+use crate::text::{length, number, slug};
 use crate::truth::Row;
 
 /// How far every model is from the truth on every scene.
@@ -37,6 +38,10 @@ impl Section for Overview {
                 absent.push(case.scene.name);
             }
         }
+        let former = former_blocks(context, self.title());
+        if sweeps.is_empty() && !former.is_empty() {
+            return Ok(former);
+        }
         let mut blocks = Vec::new();
         if !sweeps.is_empty() {
             blocks.extend(lead(&sweeps, context.suite));
@@ -46,9 +51,17 @@ impl Section for Overview {
                  the time at which it is largest beside the spread. Ratio: that distance over the spread \
                  between two seeds of the discs. A model that were the discs would have a ratio of 1.",
             ));
-            blocks.push(Block::Table(ratios(&sweeps)));
-            blocks.push(Block::Table(accuracy(&sweeps)));
+            let tables = [ratios(&sweeps), accuracy(&sweeps)];
+            blocks.extend(tables.map(|table| Block::Table(with_former(table, &former, &absent))));
         }
+        let known = |name: &&str| {
+            let rows = blocks.iter().filter_map(|block| match block {
+                Block::Table(table) => Some(&table.rows),
+                _ => None,
+            });
+            rows.flatten().any(|row| row[0] == **name)
+        };
+        absent.retain(|name| !known(name));
         if !absent.is_empty() {
             blocks.push(Block::missing(
                 absent.join(", "),
@@ -58,6 +71,23 @@ impl Section for Overview {
         }
         Ok(blocks)
     }
+}
+
+/// The section as it was kept: its rows stay where the runs behind them are gone.
+fn former_blocks(context: &Context, title: &str) -> Vec<Block> {
+    Computed::kept(context, &slug(title)).map_or(Vec::new(), |kept| kept.blocks)
+}
+
+/// A table with the former rows of scenes whose runs are absent.
+fn with_former(mut table: Table, former: &[Block], absent: &[&str]) -> Table {
+    for block in former {
+        if let Block::Table(former) = block
+            && former.title == table.title
+        {
+            table.rows_of(former, absent);
+        }
+    }
+    table
 }
 
 type Measurements = [(Case, Sweep)];
