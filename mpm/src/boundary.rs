@@ -6,18 +6,9 @@ use rayon::prelude::*;
 
 use crate::bins::Bins;
 use crate::friction::{Walls, contact};
-use crate::grid::{Node, Shape};
+use crate::grid::{Approach, Node, Shape};
 use crate::obstacle::Placed;
 use crate::{Points, Vec2};
-
-/// How fast a node may approach what it meets (m/s), so that the nearest point that it sees comes to touch.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Approach {
-    /// Walls, along x and y.
-    walls: Vec2,
-    /// The box that it lies in.
-    obstacle: f64,
-}
 
 /// Walls and obstacles as they stand in this step.
 pub(crate) struct Boundary<'a> {

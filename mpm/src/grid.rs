@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::boundary::Approach;
 use crate::friction::Walls;
 use crate::{Error, Vec2};
 
@@ -104,4 +103,13 @@ pub(crate) struct Node {
     pub velocity: Vec2,
     /// How fast it may approach walls and boxes in this step; zero where they do not wait for points.
     pub approach: Approach,
+}
+
+/// How fast a node may approach what it meets (m/s), so that the nearest point that it sees comes to touch.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Approach {
+    /// Walls, along x and y.
+    pub walls: Vec2,
+    /// The box that it lies in.
+    pub obstacle: f64,
 }

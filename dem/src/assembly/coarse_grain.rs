@@ -19,6 +19,8 @@ use super::packed::GrainState;
 
 /// Where the Gaussian ends, in widths.
 const REACH: f64 = 3.0;
+/// Bins in a reach: small ones hold fewer grains that are out of reach.
+const BINS_IN_REACH: f64 = 2.0;
 /// Most bins along an axis.
 const MAX_BINS: f64 = 2048.0;
 
@@ -50,7 +52,7 @@ pub struct Flow {
 #[derive(Clone, Copy, Default)]
 struct Sample {
     x: Vector2<f64>,
-    velocity: Vector2<f64>,
+    momentum: Vector2<f64>,
     mass: f64,
     area: f64,
 }
@@ -59,21 +61,57 @@ impl Sample {
     fn of(grain: &GrainState) -> Self {
         Self {
             x: grain.x.into(),
-            velocity: grain.v.into(),
+            momentum: grain.mass * Vector2::from(grain.v),
             mass: grain.mass,
             area: std::f64::consts::PI * grain.r * grain.r,
         }
     }
 }
 
+/// Entries of [`Gaussian`]: linear between them it is right to 3e-6 of its peak, and faster than `exp`.
+const ENTRIES: usize = 1024;
+
+/// $W / t$ over the square of the distance, up to the end of its reach.
+struct Gaussian {
+    /// Entries in 1 m².
+    entries: f64,
+    /// At the beginning and the end of each entry.
+    value: Vec<[f64; 2]>,
+}
+
+impl Gaussian {
+    fn new(width: f64, thickness: f64) -> Self {
+        // Normalises the Gaussian within its reach.
+        let inside = 1.0 - (-0.5 * REACH * REACH).exp();
+        let peak = 1.0 / (2.0 * std::f64::consts::PI * width * width * inside * thickness);
+        let square = |k: usize| REACH * REACH * k as f64 / ENTRIES as f64;
+        let value = |k: usize| peak * (-0.5 * square(k)).exp();
+        let value = (0..ENTRIES).map(|k| [value(k), value(k + 1)]).collect();
+        Self { entries: ENTRIES as f64 / (REACH * width).powi(2), value }
+    }
+
+    /// The value at the square of a distance (m²), if it is within reach.
+    #[inline]
+    fn at(&self, square: f64) -> Option<f64> {
+        let place = square * self.entries;
+        if !(0.0..ENTRIES as f64).contains(&place) {
+            return None;
+        }
+        let entry = place as u32;
+        let [from, to] = self.value[entry as usize];
+        Some(from + (place - f64::from(entry)) * (to - from))
+    }
+}
+
 /// Grains in bins, ready to be coarse grained.
 pub struct CoarseGraining<'a> {
     states: &'a [GrainState],
+    gaussian: Gaussian,
     /// Width of the Gaussian (m).
     width: f64,
     thickness: f64,
     corner: [f64; 2],
-    /// Side of a bin (m), at least the reach.
+    /// Side of a bin (m).
     side: f64,
     bins: [usize; 2],
     /// Grains of bin `k`, row by row: `start[k]..start[k + 1]`.
@@ -91,7 +129,7 @@ impl<'a> CoarseGraining<'a> {
         };
         let corner = [0, 1].map(|k| bound(k, f64::min));
         let extent = [0, 1].map(|k| bound(k, f64::max) - corner[k]);
-        let side = (REACH * width).max(extent[0].max(extent[1]) / MAX_BINS);
+        let side = (REACH * width / BINS_IN_REACH).max(extent[0].max(extent[1]) / MAX_BINS);
         let bins = extent.map(|length| (length / side) as usize + 1);
         let bin = |grain: &GrainState| {
             let [i, j] = [0, 1].map(|k| ((grain.x[k] - corner[k]) / side) as usize);
@@ -112,7 +150,8 @@ impl<'a> CoarseGraining<'a> {
             next[bin] += 1;
         }
         let samples = order.par_iter().map(|&k| Sample::of(&states[k as usize])).collect();
-        Self { states, width, thickness, corner, side, bins, start, order, samples }
+        let gaussian = Gaussian::new(width, thickness);
+        Self { states, gaussian, width, thickness, corner, side, bins, start, order, samples }
     }
 
     /// The fields at each of some places (m). The same bits for any number of threads.
@@ -123,13 +162,13 @@ impl<'a> CoarseGraining<'a> {
     /// The flow at a place (m).
     pub fn flow_at(&self, x: [f64; 2]) -> Flow {
         let mut sums = Sums::default();
-        self.gather(x, |k, weight, gradient| sums.add(&self.samples[k], weight, gradient));
+        self.gather(x, |k, weight, branch| sums.add(&self.samples[k], weight, branch));
         if sums.mass == 0.0 {
             return Flow::default();
         }
         Flow {
             solid_fraction: sums.area * self.thickness,
-            velocity_gradient: sums.velocity_gradient(),
+            velocity_gradient: sums.velocity_gradient(self.width),
         }
     }
 
@@ -138,10 +177,10 @@ impl<'a> CoarseGraining<'a> {
         let mut sums = Sums::default();
         // Sums of m v (x) v W and of the contacts.
         let (mut flux, mut virial) = (Matrix2::zeros(), Matrix2::zeros());
-        self.gather(x, |k, weight, gradient| {
+        self.gather(x, |k, weight, branch| {
             let sample = &self.samples[k];
-            sums.add(sample, weight, gradient);
-            flux += weight * sample.mass * sample.velocity * sample.velocity.transpose();
+            sums.add(sample, weight, branch);
+            flux += weight / sample.mass * sample.momentum * sample.momentum.transpose();
             virial += weight * self.states[self.order[k] as usize].virial;
         });
         if sums.mass == 0.0 {
@@ -153,25 +192,18 @@ impl<'a> CoarseGraining<'a> {
             density: sums.mass,
             solid_fraction: sums.area * self.thickness,
             velocity,
-            velocity_gradient: sums.velocity_gradient(),
+            velocity_gradient: sums.velocity_gradient(self.width),
             stress: 0.5 * (stress + stress.transpose()),
         }
     }
 
-    /// Passes the grains around a place with their weights $W / t$ and the gradients of these.
+    /// Passes the grains around a place with their weights $W / t$ and the branches from them to the place.
     fn gather(&self, x: [f64; 2], mut add: impl FnMut(usize, f64, Vector2<f64>)) {
         let at = Vector2::from(x);
-        let reach = REACH * self.width;
-        let inverse = 1.0 / (self.width * self.width);
-        // Normalises the Gaussian within its reach.
-        let inside = 1.0 - (-0.5 * REACH * REACH).exp();
-        let peak = inverse / (2.0 * std::f64::consts::PI * inside * self.thickness);
         for k in self.near(x) {
-            let d = at - self.samples[k].x;
-            let square = d.norm_squared();
-            if square < reach * reach {
-                let weight = peak * (-0.5 * square * inverse).exp();
-                add(k, weight, -inverse * weight * d);
+            let branch = at - self.samples[k].x;
+            if let Some(weight) = self.gaussian.at(branch.norm_squared()) {
+                add(k, weight, branch);
             }
         }
     }
@@ -181,8 +213,8 @@ impl<'a> CoarseGraining<'a> {
         // Casts saturate: far outside of the bins a range is empty.
         let [columns, rows] = [0, 1].map(|k| {
             let at = (x[k] - self.corner[k]) / self.side;
-            let end = ((at + 2.0) as usize).min(self.bins[k]);
-            [((at - 1.0) as usize).min(end), end]
+            let end = ((at + BINS_IN_REACH + 1.0) as usize).min(self.bins[k]);
+            [((at - BINS_IN_REACH) as usize).min(end), end]
         });
         (rows[0]..rows[1]).flat_map(move |row| {
             let [first, end] = columns.map(|column| self.start[row * self.bins[0] + column]);
@@ -191,32 +223,34 @@ impl<'a> CoarseGraining<'a> {
     }
 }
 
-/// Sums over grains with weight $W / t$.
+/// Sums over grains with weight $W / t$, and of its gradient $-W (\mathbf x - \mathbf x_i) / w^2$, without $-1 / w^2$.
 #[derive(Default)]
 struct Sums {
     mass: f64,
     area: f64,
     momentum: Vector2<f64>,
-    /// $\sum m \nabla W$.
-    mass_gradient: Vector2<f64>,
-    /// $\sum m \mathbf v \otimes \nabla W$.
-    momentum_gradient: Matrix2<f64>,
+    /// $\sum m W (\mathbf x - \mathbf x_i)$.
+    mass_moment: Vector2<f64>,
+    /// $\sum m \mathbf v \otimes (\mathbf x - \mathbf x_i) W$.
+    momentum_moment: Matrix2<f64>,
 }
 
 impl Sums {
-    fn add(&mut self, sample: &Sample, weight: f64, gradient: Vector2<f64>) {
-        let mass = sample.mass * weight;
-        self.mass += mass;
+    #[inline]
+    fn add(&mut self, sample: &Sample, weight: f64, branch: Vector2<f64>) {
+        let arm = weight * branch;
+        self.mass += sample.mass * weight;
         self.area += sample.area * weight;
-        self.momentum += mass * sample.velocity;
-        self.mass_gradient += sample.mass * gradient;
-        self.momentum_gradient += sample.mass * sample.velocity * gradient.transpose();
+        self.momentum += weight * sample.momentum;
+        self.mass_moment += sample.mass * arm;
+        self.momentum_moment += sample.momentum * arm.transpose();
     }
 
     /// The gradient of the mean velocity, where there is mass.
-    fn velocity_gradient(&self) -> Matrix2<f64> {
+    fn velocity_gradient(&self, width: f64) -> Matrix2<f64> {
         let velocity = self.momentum / self.mass;
-        (self.momentum_gradient - velocity * self.mass_gradient.transpose()) / self.mass
+        let difference = velocity * self.mass_moment.transpose() - self.momentum_moment;
+        difference / (self.mass * width * width)
     }
 }
 
