@@ -62,6 +62,7 @@ relaxation = 2.0
 wall_contact = "points"
 cell_average = true
 density_correction = 5.0
+shock_width = 3.0
 [output]
 fields = ["stress", "velocity"]
 grains_every = 5
@@ -158,6 +159,7 @@ fn every_key_is_read() {
             wall_contact: WallContact::Points,
             cell_average_volumetric: true,
             density_correction: 5.0,
+            shock_width: 3.0,
             ..Numerics::default()
         }
     );
