@@ -1,7 +1,5 @@
 //! Fronts of a pile that a few points in flight do not move.
 
-use rayon::prelude::*;
-
 /// Share of the mass behind the [`mass_front`].
 pub const MASS_SHARE: f64 = 0.99;
 
@@ -26,20 +24,56 @@ pub fn mass_front(position: &[[f64; 2]], mass: &[f64]) -> f64 {
 pub const CONNECTED_DEPTH: f64 = 0.5;
 
 /// The foremost x (m) that a layer of at least `depth` (m) of solid connects to the pile; NaN without parts.
-/// `parts` are the x (m) of grains or points and the area (m²) of solid in them.
+/// `parts` are the x (m) of grains or points and the area (m²) of solid in them; those without area do not count.
 ///
 /// Between two parts that are neighbours in x, the layer is as deep as the mean of their areas over their
 /// distance. Where it is shallower than `depth` the material falls apart, and the largest piece is the pile. The
 /// definition is the same for single grains and for points, which only resolve it less.
 pub fn connected_front(parts: impl IntoIterator<Item = (f64, f64)>, depth: f64) -> f64 {
-    let mut parts: Vec<(f64, f64)> = parts.into_iter().filter(|(x, _)| x.is_finite()).collect();
-    parts.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let connected = |a: &(f64, f64), b: &(f64, f64)| 0.5 * (a.1 + b.1) >= depth * (b.0 - a.0);
-    let pieces = parts.chunk_by(connected).filter_map(|piece| {
-        let area: f64 = piece.iter().map(|(_, area)| area).sum();
-        Some((area, piece.last()?.0))
+    let strips = strips(parts, depth);
+    let connected = |a: &Strip, b: &Strip| {
+        let ((x_a, area_a), (x_b, area_b)) = (a.last, b.first);
+        0.5 * (area_a + area_b) >= depth * (x_b - x_a)
+    };
+    let pieces = strips.chunk_by(connected).filter_map(|piece| {
+        let area: f64 = piece.iter().map(|strip| strip.area).sum();
+        Some((area, piece.last()?.last.0))
     });
     pieces.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(f64::NAN, |(_, front)| front)
+}
+
+/// Parts so near to one another that a layer connects them whatever their areas.
+#[derive(Clone, Copy)]
+struct Strip {
+    /// x (m) and area (m²) of the first and the last part.
+    first: (f64, f64),
+    last: (f64, f64),
+    /// Area of all parts (m²).
+    area: f64,
+}
+
+/// The parts in strips as wide as a layer of `depth` with the least of their areas, from left to right. So the
+/// grains of a scene need not be sorted in every frame.
+fn strips(parts: impl IntoIterator<Item = (f64, f64)>, depth: f64) -> Vec<Strip> {
+    let counts = |(x, area): &(f64, f64)| x.is_finite() && *area > 0.0;
+    let parts: Vec<(f64, f64)> = parts.into_iter().filter(counts).collect();
+    let begin = parts.iter().map(|part| part.0).fold(f64::INFINITY, f64::min);
+    let width = parts.iter().map(|part| part.1).fold(f64::INFINITY, f64::min) / depth;
+    let mut strips: Vec<Option<Strip>> = Vec::new();
+    for part in parts {
+        let number = ((part.0 - begin) / width) as usize;
+        if number >= strips.len() {
+            strips.resize(number + 1, None);
+        }
+        let strip = strips[number].get_or_insert(Strip { first: part, last: part, area: 0.0 });
+        strip.area += part.1;
+        if part.0 < strip.first.0 {
+            strip.first = part;
+        } else if part.0 > strip.last.0 {
+            strip.last = part;
+        }
+    }
+    strips.into_iter().flatten().collect()
 }
 
 #[cfg(test)]
@@ -102,5 +136,29 @@ mod tests {
         // As far apart as that they are pieces of the same size.
         let alone = connected_front(layer(0.201).chain([(0.05, 0.002)]), 0.01);
         assert!((alone - 0.201).abs() < 1e-12, "{alone}");
+    }
+
+    /// The definition, with all parts in order.
+    fn front_of_sorted(mut parts: Vec<(f64, f64)>, depth: f64) -> f64 {
+        parts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let pieces = parts.chunk_by(|a, b| 0.5 * (a.1 + b.1) >= depth * (b.0 - a.0));
+        let areas = pieces.map(|piece| (piece.iter().map(|part| part.1).sum::<f64>(), piece));
+        let (_, pile) = areas.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        pile.last().unwrap().0
+    }
+
+    #[test]
+    fn strips_find_the_front_of_sorted_parts() {
+        use rand::{RngExt, SeedableRng};
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        for _ in 0..200 {
+            // Mean gaps of 0.005 m; parts of mean area are connected up to 0.01 m to 0.04 m.
+            let parts: Vec<(f64, f64)> = (0..200)
+                .map(|_| (rng.random_range(-0.5..0.5), rng.random_range(1.0..3.0)))
+                .collect();
+            let depth = 2.0 / rng.random_range(0.01..0.04);
+            let front = connected_front(parts.iter().copied(), depth);
+            assert_eq!(front, front_of_sorted(parts, depth));
+        }
     }
 }

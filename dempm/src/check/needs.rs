@@ -69,9 +69,8 @@ pub struct Needs {
     pub preparation: f64,
     /// Ways in which the scene leaves the validity of the method.
     pub warnings: Vec<String>,
-    /// Whether the [scene](Scene::warning_report) has warnings of its own.
-    #[serde(skip)]
-    pub(super) doubtful: bool,
+    /// What of the scene itself is doubtful, as its [report](Scene::warning_report) shows with places.
+    pub scene_warnings: Vec<String>,
 }
 
 /// Sizes of the packings of a scene.
@@ -175,7 +174,7 @@ impl Needs {
             rve,
             dem,
             warnings: Vec::new(),
-            doubtful: !scene.warnings.is_empty(),
+            scene_warnings: scene.warnings.iter().map(|problem| problem.message.clone()).collect(),
         };
         needs.warnings = needs.warnings(scene);
         needs

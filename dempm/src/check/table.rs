@@ -178,7 +178,7 @@ impl fmt::Display for Needs {
                 write!(f, "\n{}", line.trim_end())?;
             }
         }
-        if self.warnings.is_empty() && !self.doubtful {
+        if self.warnings.is_empty() && self.scene_warnings.is_empty() {
             return write!(f, "\n\nNothing to warn about.");
         }
         if !self.warnings.is_empty() {

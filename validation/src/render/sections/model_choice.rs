@@ -39,11 +39,11 @@ fn headline(scenes: &[OfScene]) -> String {
         let kept = met.iter().filter(|chosen| chosen.is_below(within)).count();
         let cost: f64 = chosen.iter().map(|chosen| chosen.seconds).sum();
         format!(
-            "within {} m: promised for {} of {} scenes and kept for {kept}, {}",
+            "{} within {} m, promised for {} of {} and kept for {kept}",
+            seconds(cost),
             number(within),
             met.len(),
-            chosen.len(),
-            seconds(cost)
+            chosen.len()
         )
     };
     let parts: Vec<String> = WITHIN.into_iter().map(of).collect();
@@ -53,7 +53,7 @@ fn headline(scenes: &[OfScene]) -> String {
         different.iter().filter_map(|alike| Some((&alike[0], alike[0].expected?[1]))).collect();
     let below = bounds.iter().filter(|(chosen, bound)| chosen.is_below(*bound)).count();
     format!(
-        "Time of all scenes {}; always the discs {}. {below} of {} different choices are below their bounds.",
+        "The scenes take {}; as discs {}. {below} of {} different choices are below their bounds.",
         parts.join("; "),
         seconds(finest),
         bounds.len()
