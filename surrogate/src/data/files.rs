@@ -6,6 +6,7 @@ use dempm::scene::{Scene, SceneError};
 use dempm::trajectory::{Header, Trajectory};
 
 use super::DataError;
+use super::smoothing::Smoothing;
 use crate::features::{Obstacle, static_features};
 use crate::network::NodeFeature;
 use crate::rollout::Constraints;
@@ -61,7 +62,8 @@ pub fn extrapolate(x: [f64; 2], v: [f64; 2], time: f64) -> [f64; 2] {
 /// A trajectory file, with its positions in memory or on disk.
 pub struct Recording {
     trajectory: Trajectory,
-    /// All positions, if they are in memory.
+    smoothing: Option<Smoothing>,
+    /// All positions, smoothed, if they are in memory.
     cache: Option<Vec<f64>>,
     /// Positions (m) and velocities (m/s) in the first frame, if they were read.
     first: Vec<([f64; 2], [f64; 2])>,
@@ -73,7 +75,14 @@ impl Recording {
     /// # Errors
     /// If it is not a trajectory or damaged.
     pub fn open(path: &Path) -> Result<Self, DataError> {
-        Ok(Self { trajectory: Trajectory::open(path)?, cache: None, first: Vec::new() })
+        let trajectory = Trajectory::open(path)?;
+        Ok(Self { trajectory, smoothing: None, cache: None, first: Vec::new() })
+    }
+
+    /// Smooths positions in time with Gaussian weights of this standard deviation (frames), if it is above 0.
+    #[must_use]
+    pub fn smoothed(self, deviation: f64) -> Self {
+        Self { smoothing: (deviation > 0.0).then(|| Smoothing::new(deviation)), ..self }
     }
 
     /// The file.
@@ -122,11 +131,11 @@ impl Recording {
     /// # Errors
     /// If the data are damaged or not finite.
     pub fn cache(&mut self) -> Result<(), DataError> {
-        let mut all = Vec::with_capacity(self.frames() * self.values());
-        for frame in 0..self.frames() {
-            all.extend(self.read(frame)?);
-        }
-        self.cache = Some(all);
+        let frames = 0..self.frames();
+        let read = frames.clone().map(|frame| self.read(frame)).collect::<Result<Vec<_>, _>>()?;
+        let of_memory = |frame: usize| Ok(read[frame].clone());
+        let smoothed = frames.map(|frame| self.smooth(frame, of_memory));
+        self.cache = Some(smoothed.collect::<Result<Vec<_>, DataError>>()?.concat());
         Ok(())
     }
 
@@ -169,14 +178,26 @@ impl Recording {
         self.first.iter().flat_map(|&(x, v)| extrapolate(x, v, time)).collect()
     }
 
-    /// Positions of one frame (m), x and y of the points in turn.
+    /// Positions of one frame (m), smoothed, x and y of the points in turn.
     ///
     /// # Errors
     /// If the data are damaged or not finite.
     pub fn positions(&self, frame: usize) -> Result<Vec<f64>, DataError> {
         match &self.cache {
             Some(all) => Ok(all[frame * self.values()..][..self.values()].to_vec()),
-            None => self.read(frame),
+            None => self.smooth(frame, |frame| self.read(frame)),
+        }
+    }
+
+    /// Positions of one frame, smoothed, from the unsmoothed ones that `read` gives.
+    fn smooth(
+        &self,
+        frame: usize,
+        read: impl Fn(usize) -> Result<Vec<f64>, DataError>,
+    ) -> Result<Vec<f64>, DataError> {
+        match &self.smoothing {
+            Some(smoothing) => smoothing.frame(frame, self.frames(), read),
+            None => read(frame),
         }
     }
 

@@ -15,6 +15,7 @@ mod noise;
 mod prefetch;
 mod pushforward;
 mod sampler;
+mod smoothing;
 mod statistics;
 mod windows;
 

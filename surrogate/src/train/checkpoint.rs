@@ -15,7 +15,7 @@ use crate::features::Normalisation;
 use crate::network::differences;
 
 const MAGIC: &str = "DEMPM surrogate training";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// State and identity of a training. Batches are a function of seed and step, so they need no
 /// state.
