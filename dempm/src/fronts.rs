@@ -52,20 +52,29 @@ struct Strip {
     area: f64,
 }
 
+impl Strip {
+    fn of(part: (f64, f64)) -> Self {
+        Self { first: part, last: part, area: part.1 }
+    }
+}
+
 /// The parts in strips as wide as a layer of `depth` with the least of their areas, from left to right. So the
-/// grains of a scene need not be sorted in every frame.
+/// grains of a scene need not be sorted in every frame. If that makes more strips than there are parts, because one is
+/// tiny or far away, each part is a strip.
 fn strips(parts: impl IntoIterator<Item = (f64, f64)>, depth: f64) -> Vec<Strip> {
     let counts = |(x, area): &(f64, f64)| x.is_finite() && *area > 0.0;
-    let parts: Vec<(f64, f64)> = parts.into_iter().filter(counts).collect();
+    let mut parts: Vec<(f64, f64)> = parts.into_iter().filter(counts).collect();
     let begin = parts.iter().map(|part| part.0).fold(f64::INFINITY, f64::min);
+    let end = parts.iter().map(|part| part.0).fold(f64::NEG_INFINITY, f64::max);
     let width = parts.iter().map(|part| part.1).fold(f64::INFINITY, f64::min) / depth;
-    let mut strips: Vec<Option<Strip>> = Vec::new();
+    let number = |x: f64| ((x - begin) / width) as usize;
+    if number(end) >= parts.len() {
+        parts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        return parts.into_iter().map(Strip::of).collect();
+    }
+    let mut strips: Vec<Option<Strip>> = vec![None; number(end) + 1];
     for part in parts {
-        let number = ((part.0 - begin) / width) as usize;
-        if number >= strips.len() {
-            strips.resize(number + 1, None);
-        }
-        let strip = strips[number].get_or_insert(Strip { first: part, last: part, area: 0.0 });
+        let strip = strips[number(part.0)].get_or_insert(Strip { area: 0.0, ..Strip::of(part) });
         strip.area += part.1;
         if part.0 < strip.first.0 {
             strip.first = part;
@@ -159,6 +168,15 @@ mod tests {
             let depth = 2.0 / rng.random_range(0.01..0.04);
             let front = connected_front(parts.iter().copied(), depth);
             assert_eq!(front, front_of_sorted(parts, depth));
+        }
+    }
+
+    /// One dust grain or one far away makes no strips without number, of which the memory would be terabytes.
+    #[test]
+    fn tiny_and_far_parts_leave_the_front_as_it_is() {
+        let depth = CONNECTED_DEPTH * 0.01;
+        for odd in [(0.505, 1e-15), (1e9, 1e-4)] {
+            assert_eq!(connected_front(row().into_iter().chain([odd]), depth), 0.99);
         }
     }
 }

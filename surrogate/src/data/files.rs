@@ -131,11 +131,14 @@ impl Recording {
     /// # Errors
     /// If the data are damaged or not finite.
     pub fn cache(&mut self) -> Result<(), DataError> {
-        let frames = 0..self.frames();
-        let read = frames.clone().map(|frame| self.read(frame)).collect::<Result<Vec<_>, _>>()?;
-        let of_memory = |frame: usize| Ok(read[frame].clone());
-        let smoothed = frames.map(|frame| self.smooth(frame, of_memory));
-        self.cache = Some(smoothed.collect::<Result<Vec<_>, DataError>>()?.concat());
+        let frames = self.frames();
+        let mut all = (0..frames).map(|frame| self.read(frame)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(smoothing) = &self.smoothing {
+            let read = |frame: usize| Ok::<_, DataError>(&all[frame]);
+            let smoothed = (0..frames).map(|frame| smoothing.frame(frame, frames, read));
+            all = smoothed.collect::<Result<_, _>>()?;
+        }
+        self.cache = Some(all.concat());
         Ok(())
     }
 
@@ -183,21 +186,10 @@ impl Recording {
     /// # Errors
     /// If the data are damaged or not finite.
     pub fn positions(&self, frame: usize) -> Result<Vec<f64>, DataError> {
-        match &self.cache {
-            Some(all) => Ok(all[frame * self.values()..][..self.values()].to_vec()),
-            None => self.smooth(frame, |frame| self.read(frame)),
-        }
-    }
-
-    /// Positions of one frame, smoothed, from the unsmoothed ones that `read` gives.
-    fn smooth(
-        &self,
-        frame: usize,
-        read: impl Fn(usize) -> Result<Vec<f64>, DataError>,
-    ) -> Result<Vec<f64>, DataError> {
-        match &self.smoothing {
-            Some(smoothing) => smoothing.frame(frame, self.frames(), read),
-            None => read(frame),
+        match (&self.cache, &self.smoothing) {
+            (Some(all), _) => Ok(all[frame * self.values()..][..self.values()].to_vec()),
+            (None, Some(smoothing)) => smoothing.frame(frame, self.frames(), |k| self.read(k)),
+            (None, None) => self.read(frame),
         }
     }
 

@@ -28,18 +28,18 @@ impl Smoothing {
     ///
     /// # Errors
     /// If `read` fails.
-    pub fn frame<E>(
+    pub fn frame<X: AsRef<[f64]>, E>(
         &self,
         frame: usize,
         frames: usize,
-        read: impl Fn(usize) -> Result<Vec<f64>, E>,
+        read: impl Fn(usize) -> Result<X, E>,
     ) -> Result<Vec<f64>, E> {
         let half = frame.min(frames - 1 - frame).min(self.weights.len() - 1);
         let mut sum = Vec::new();
         for (k, weight) in self.weights[half].iter().enumerate() {
             let x = read(frame + k - half)?;
-            sum.resize(x.len(), 0.0);
-            sum.iter_mut().zip(&x).for_each(|(sum, x)| *sum += weight * x);
+            sum.resize(x.as_ref().len(), 0.0);
+            sum.iter_mut().zip(x.as_ref()).for_each(|(sum, x)| *sum += weight * x);
         }
         Ok(sum)
     }
