@@ -193,12 +193,12 @@ impl Simulation {
     /// The foremost x (m) connected to the pile; `None` without grains.
     pub(crate) fn connected_front(&self) -> Option<f64> {
         let (diameter, density) = self.scene.material.grain();
-        let depth = CONNECTED_DEPTH * diameter;
         match &self.model {
-            Model::Discs(discs) => Some(connected_front(discs.solid(), depth)),
+            Model::Discs(discs) => Some(discs.connected_front()),
             Model::Mpm(_) if diameter > 0.0 => {
                 let points = self.points.position.iter().zip(&self.points.mass);
-                Some(connected_front(points.map(|(x, mass)| (x.x, mass / density)), depth))
+                let solid = points.map(|(x, mass)| (x.x, mass / density));
+                Some(connected_front(solid, CONNECTED_DEPTH * diameter))
             }
             Model::Mpm(_) => None,
         }

@@ -64,6 +64,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         if sleeps {
             stream.memcpy_htod(&host.rest, &mut discs.rest)?;
         }
+        let sums = LOSSES * count.div_ceil(SUM_THREADS as usize);
         let bodies: Vec<Body> = assembly.bodies.iter().map(Body::from).collect();
         let kernels = Kernels::load(device, rows, grid.rolling, sleeps)?;
         let shared = ranks.map(|ranks| Shared::new(device, ranks, &grid, count)).transpose()?;
@@ -80,7 +81,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             placed: device.zeros(2 * bodies.len())?,
             loss: device.zeros(count)?,
             rare_loss: device.zeros(count)?,
-            lost: device.zeros(LOSSES * count.div_ceil(SUM_THREADS as usize))?,
+            lost: device.zeros(sums)?,
             quiet: device.zeros(count.div_ceil(WARP))?,
             sleeps,
             bin_count: device.zeros(2 * grid.count())?,
@@ -92,6 +93,8 @@ impl<R: CudaReal> CudaAssembly<R> {
             disc_at: device.zeros(count)?,
             output: device.zeros(assembly.len())?,
             fetched: device.pinned(assembly.len())?,
+            fetched_losses: device.pinned(sums)?,
+            fetch: None,
             graphs: [None, None],
             swapped: false,
             time: assembly.time(),
@@ -127,12 +130,20 @@ impl<R: CudaReal> CudaAssembly<R> {
         Ok(assembly.agitation_of(grains, gravity))
     }
 
-    /// Copies the states of all grains to the host, for [`states`](Self::states). More steps can be queued
-    /// before those are asked for.
+    /// Copies the states of all grains to the host, for [`states`](Self::states).
     ///
     /// # Errors
     /// A kernel failed.
     pub fn fetch_states(&mut self) -> Result<(), CudaAssemblyError> {
+        self.queue_states()?;
+        self.await_states()
+    }
+
+    /// Queues that the states of all grains are copied to the host; more steps can be queued behind.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn queue_states(&mut self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
         let launch = self.over_all(COPY_THREADS);
         let output = Pointer::to(&self.output, &stream);
@@ -140,8 +151,20 @@ impl<R: CudaReal> CudaAssembly<R> {
         // SAFETY: the output has one entry for each grain that can move.
         unsafe { self.kernels.output.launch(&stream, launch, &arguments) }?;
         stream.memcpy_dtoh(&self.output, &mut self.fetched)?;
-        self.fetch_losses()?;
-        stream.synchronize()?;
+        self.queue_losses()?;
+        self.fetch = Some(self.device.mark()?);
+        Ok(())
+    }
+
+    /// Waits for states that were queued.
+    ///
+    /// # Errors
+    /// A kernel failed.
+    pub fn await_states(&mut self) -> Result<(), CudaAssemblyError> {
+        if let Some(fetch) = self.fetch.take() {
+            fetch.synchronize()?;
+            self.add_losses()?;
+        }
         Ok(())
     }
 
@@ -164,16 +187,23 @@ impl<R: CudaReal> CudaAssembly<R> {
         Ok((states, energy))
     }
 
-    /// Adds up what was lost since the last call, after all queued work. Sums of sequences are added one by one, so
-    /// that they have the same bits after a download.
-    fn fetch_losses(&mut self) -> Result<(), CudaAssemblyError> {
+    /// Queues that what was lost since the last call is copied to the host.
+    fn queue_losses(&mut self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
         let launch = self.over_all(SUM_THREADS);
         let total = Pointer::to(&self.lost, &stream);
         let arguments = SumLosses { a: self.arrays(), p: self.p, total };
         // SAFETY: totals have as many entries as there are blocks.
         unsafe { self.kernels.losses.launch(&stream, launch, &arguments) }?;
-        for block in stream.clone_dtoh(&self.lost)?.chunks(LOSSES) {
+        stream.memcpy_dtoh(&self.lost, &mut self.fetched_losses)?;
+        stream.memset_zeros(&mut self.lost)?;
+        Ok(())
+    }
+
+    /// Adds up the losses that were copied. Sums of sequences are added one by one, so that they have the same bits
+    /// after a download.
+    fn add_losses(&mut self) -> Result<(), CudaAssemblyError> {
+        for block in self.fetched_losses.as_slice()?.chunks(LOSSES) {
             self.losses += Losses {
                 dashpots: block[0],
                 friction: block[1],
@@ -181,7 +211,6 @@ impl<R: CudaReal> CudaAssembly<R> {
                 boxes: block[3],
             };
         }
-        stream.memset_zeros(&mut self.lost)?;
         Ok(())
     }
 
@@ -191,7 +220,9 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// A kernel failed.
     pub fn download_into(&mut self, assembly: &mut Assembly<R>) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
-        self.fetch_losses()?;
+        self.queue_losses()?;
+        self.device.mark()?.synchronize()?;
+        self.add_losses()?;
         assembly.losses = self.losses;
         let count = self.p.discs as usize;
         // Ranks end their rounds with the first buffer.

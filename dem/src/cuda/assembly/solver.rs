@@ -6,6 +6,9 @@ use super::state::CudaAssembly;
 use crate::assembly::{AssemblyError, GrainFailure, Region};
 use crate::cuda::real::CudaReal;
 
+/// Rounds queued beyond those that the last steps took.
+const SPARE_ROUNDS: usize = 2;
+
 impl<R: CudaReal> CudaAssembly<R> {
     /// Sets the time (s) of the next step.
     pub fn set_time(&mut self, time: f64) {
@@ -41,15 +44,18 @@ impl<R: CudaReal> CudaAssembly<R> {
         self.rounds(self.expected_rounds(steps))
     }
 
-    /// Rounds to queue for so many steps: searches interrupt rounds.
+    /// Rounds to queue for so many steps: as many as the last steps took, as searches interrupt rounds. One that is not
+    /// needed costs some 20 kernels that do nothing; one that is missing waits for the host.
     fn expected_rounds(&self, steps: usize) -> usize {
         let least = steps.div_ceil(STEPS);
+        let as_last = |last: Control<R>| {
+            (steps * last.rounds as usize).div_ceil(last.made().max(1) as usize).max(least)
+        };
         match self.last {
-            // Ranks exchange even where no step is made: as many as the last steps took.
-            Some(last) if self.shared.is_some() => {
-                (steps * last.rounds as usize).div_ceil(last.made().max(1) as usize).max(least)
-            }
-            _ => least + least / 4 + 1,
+            // Ranks exchange even where no step is made.
+            Some(last) if self.shared.is_some() => as_last(last),
+            Some(last) => as_last(last) + SPARE_ROUNDS,
+            None => least + least / 4 + 1,
         }
     }
 
@@ -61,6 +67,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         let stream = self.device.stream().clone();
         loop {
             self.agree()?;
+            self.device.mark()?.synchronize()?;
             let control = stream.clone_dtoh(&self.control)?[0];
             if control.failed != u64::MAX {
                 return Err(self.failure(&control)?);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use cudarc::driver::{CudaGraph, CudaSlice, PinnedHostSlice};
+use cudarc::driver::{CudaEvent, CudaGraph, CudaSlice, PinnedHostSlice};
 use gpu::{ConstPointer, Device, Launch, Pointer};
 
 use super::abi::{
@@ -48,8 +48,11 @@ pub struct CudaAssembly<R: CudaReal> {
     pub(super) place_of: CudaSlice<u32>,
     pub(super) disc_at: CudaSlice<u32>,
     pub(super) output: CudaSlice<Output<R>>,
-    /// The same on the host, of the last fetch.
+    /// The same on the host, and the sums in `lost`, of the last fetch.
     pub(super) fetched: PinnedHostSlice<Output<R>>,
+    pub(super) fetched_losses: PinnedHostSlice<f64>,
+    /// The end of a fetch under way.
+    pub(super) fetch: Option<CudaEvent>,
     /// A round of steps, for each of the two sets of discs.
     pub(super) graphs: [Option<CudaGraph>; 2],
     /// Which of the sets is in use.

@@ -18,6 +18,7 @@ use super::grid;
 use super::means::{PointMeans, Surroundings};
 use super::members::Members;
 use super::running::{Running, SceneAssembly};
+use crate::fronts::{CONNECTED_DEPTH, connected_front};
 use crate::memory;
 use crate::scene::{Discs, Precision, Scene};
 use crate::simulation::error::SimulationError;
@@ -35,6 +36,8 @@ pub struct DiscModel {
     means: PointMeans,
     /// Grains as of the last frame.
     states: Vec<GrainState>,
+    /// The foremost x (m) connected to the pile, as of the last frame.
+    connected_front: f64,
     /// Energy at time zero, and as of the last frame (J).
     start_energy: f64,
     energy: Energy,
@@ -95,8 +98,9 @@ impl DiscModel {
             grains: discs.grains.clone(),
             substeps: discs.grains.substeps(scene.step),
             means: state.means,
-            states,
             start_energy: state.start_energy,
+            connected_front: front_of(&states, &discs.grains),
+            states,
             energy,
             steps: 0,
             averaging: Duration::ZERO,
@@ -170,7 +174,11 @@ impl DiscModel {
             width: self.grains.mean_diameter(),
         };
         let (states, energy) = self.discs.states()?;
-        self.means = PointMeans::update(&self.members, &states, &around, points);
+        // Side by side: the front is the work of one thread.
+        (self.means, self.connected_front) = rayon::join(
+            || PointMeans::update(&self.members, &states, &around, points),
+            || front_of(&states, &self.grains),
+        );
         self.states = states;
         self.energy = energy;
         self.steps = step * self.substeps;
@@ -204,9 +212,9 @@ impl DiscModel {
         }
     }
 
-    /// x (m) and area (m²) of each grain as of the last frame.
-    pub(in crate::simulation) fn solid(&self) -> impl Iterator<Item = (f64, f64)> {
-        self.states.iter().map(|grain| (grain.x[0], PI * grain.r * grain.r))
+    /// The foremost x (m) connected to the pile, as of the last frame.
+    pub(in crate::simulation) fn connected_front(&self) -> f64 {
+        self.connected_front
     }
 
     /// The continuum fields at the nodes of a grid, as of the last frame.
@@ -296,6 +304,12 @@ impl DiscModel {
     pub fn max_overlap(&self) -> f64 {
         self.discs.max_overlap()
     }
+}
+
+/// The foremost x (m) connected to the pile.
+fn front_of(states: &[GrainState], grains: &Grains) -> f64 {
+    let solid = states.iter().map(|grain| (grain.x[0], PI * grain.r * grain.r));
+    connected_front(solid, CONNECTED_DEPTH * grains.mean_diameter())
 }
 
 /// All columns filled, and which grains belong to which point.

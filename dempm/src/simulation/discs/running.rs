@@ -128,13 +128,15 @@ where
         }
         assembly.finish()?;
         if assembly.is_first() {
-            assembly.fetch_states()?;
+            assembly.queue_states()?;
         }
         *ahead = span.ahead > 0;
         if *ahead {
             assembly.set_time(time(span.first + span.to_frame));
             assembly.queue(span.ahead * substeps)?;
         }
+        // The GPU goes on meanwhile.
+        assembly.await_states()?;
         *recorded = false;
         Ok(span.to_frame)
     }
