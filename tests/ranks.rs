@@ -139,6 +139,8 @@ fn sliding(directory: &Path, precision: &str, duration: f64, frame_interval: f64
         [material]
         kind = "discs"
         precision = "{precision}"
+        [discs]
+        sleep = false
         [output]
         grains_every = 1
         fields = ["stress", "solid_fraction", "coordination"]
@@ -194,8 +196,8 @@ fn a_disc_that_fails_on_one_rank_ends_all() {
     let path = directory.path().join("scene.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let text = text.replace("[2.0, 0.0]", "[20.0, 0.0]").replace("0.125, 0.125]", "0.125, 0.375]");
-    let more = "[grains]\noverlap_limit = 0.3\n[discs]\nfloor = \"flat\"\n";
-    std::fs::write(&path, text + more).unwrap();
+    let text = text.replace("sleep = false", "floor = \"flat\"");
+    std::fs::write(&path, text + "[grains]\noverlap_limit = 0.3\n").unwrap();
     let said = end(start(directory.path(), 2, "failed.h5", &[]), 1);
     assert!(said.iter().all(|said| said.contains("overlap")), "{said:?}");
     let status = Trajectory::open(&directory.path().join("failed.h5")).unwrap();

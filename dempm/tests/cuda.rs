@@ -285,7 +285,12 @@ fn words(error: &SimulationError) -> String {
 fn failures_are_those_of_the_cpu(#[case] material: &str, #[case] point: usize) {
     let Some(device) = gpu::for_tests() else { return };
     let directory = TempDir::new().unwrap();
-    let scene = scene(material, "");
+    let mut scene = scene(material, "");
+    if material == "rve" {
+        // Reached before the packing is so dense that the GPU has no room for its neighbours.
+        let text = scene.text.replace("overlap_limit = 1", "overlap_limit = 0.3");
+        scene = Scene::parse(&text, "test.toml").unwrap();
+    }
     let mut start = Simulation::new(scene.clone()).unwrap();
     let points = &mut start.points;
     if material == "rve" {

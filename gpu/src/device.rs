@@ -3,9 +3,9 @@
 use std::sync::{Arc, OnceLock};
 
 use cudarc::driver::result::stream::get_priority_range;
-use cudarc::driver::sys::{self, CUdevice_attribute, CUevent_flags, CUresult};
+use cudarc::driver::sys::{self, CUdevice_attribute, CUresult};
 use cudarc::driver::{
-    CudaContext, CudaEvent, CudaModule, CudaSlice, CudaStream, DeviceRepr, DriverError, PinnedHostSlice,
+    CudaContext, CudaModule, CudaSlice, CudaStream, DeviceRepr, DriverError, PinnedHostSlice,
     ValidAsZeroBits,
 };
 use cudarc::nvrtc::Ptx;
@@ -141,15 +141,6 @@ impl Device {
     /// The stream on which work is queued.
     pub fn stream(&self) -> &Arc<CudaStream> {
         &self.stream
-    }
-
-    /// A mark behind the work queued so far. A thread that waits for it sleeps: neither a core nor the driver is busy
-    /// meanwhile, which matters where many threads share a GPU.
-    ///
-    /// # Errors
-    /// A failure of the GPU.
-    pub fn mark(&self) -> Result<CudaEvent, Error> {
-        Ok(self.stream.record_event(Some(CUevent_flags::CU_EVENT_BLOCKING_SYNC))?)
     }
 
     /// Whether the GPU has programmatic dependent launch (PDL).

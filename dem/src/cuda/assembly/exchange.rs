@@ -152,7 +152,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         unsafe { self.kernels.output.launch(&stream, launch, &arguments) }?;
         stream.memcpy_dtoh(&self.output, &mut self.fetched)?;
         self.queue_losses()?;
-        self.fetch = Some(self.device.mark()?);
+        self.fetch = Some(stream.record_event(None)?);
         Ok(())
     }
 
@@ -221,7 +221,7 @@ impl<R: CudaReal> CudaAssembly<R> {
     pub fn download_into(&mut self, assembly: &mut Assembly<R>) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
         self.queue_losses()?;
-        self.device.mark()?.synchronize()?;
+        stream.synchronize()?;
         self.add_losses()?;
         assembly.losses = self.losses;
         let count = self.p.discs as usize;

@@ -187,7 +187,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         k: usize,
     ) -> Result<(), CudaAssemblyError> {
         let mut launch = over(p.own, THREADS).early(self.shared.is_none());
-        // One more block moves the bodies.
+        // One more block moves the bodies, of each part of a rank to the same places.
         launch.grid[0] += p.bodies_move;
         let arguments = Step { a: self.arrays(), p, k: k as u32 };
         // SAFETY: arrays are as long as the numbers of discs say.
@@ -203,7 +203,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         beside.join(stream)?;
         self.step(beside, Parameters { own: bounds(inner), ..self.p }, k)?;
         for part in outer.into_iter().filter(|part| !part.is_empty()) {
-            self.step(stream, Parameters { own: bounds(part), bodies_move: 0, ..self.p }, k)?;
+            self.step(stream, Parameters { own: bounds(part), ..self.p }, k)?;
         }
         shared.exchange(&self.arrays(), k)?;
         stream.join(beside)?;

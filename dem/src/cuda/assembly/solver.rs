@@ -67,7 +67,6 @@ impl<R: CudaReal> CudaAssembly<R> {
         let stream = self.device.stream().clone();
         loop {
             self.agree()?;
-            self.device.mark()?.synchronize()?;
             let control = stream.clone_dtoh(&self.control)?[0];
             if control.failed != u64::MAX {
                 return Err(self.failure(&control)?);
