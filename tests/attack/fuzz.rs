@@ -193,8 +193,7 @@ fn consume(path: &Path, consumer: usize, folder: &Path) -> miette::Result<()> {
         6 => {
             write_data_set(path, &folder.join("out"), Format::Gns, true)?;
             let shape = WindowShape { frames: 3, stride: 1, before: 1 };
-            let set =
-                DataSet::open(&[path.to_owned()], shape, 0.0, 1 << 20)?.with_obstacles(true)?;
+            let set = DataSet::open(&[path.to_owned()], shape, 1 << 20)?.with_obstacles(true)?;
             Statistics::measure(&set, true)?;
             TrainingRange::of(&set, 0.13)?;
             Ok(())

@@ -64,7 +64,7 @@ fn frames_at_rest_are_learnt_once() {
     }
     writer.finish("finished").unwrap();
     let shape = WindowShape { frames: 3, stride: 1, before: 0 };
-    let set = DataSet::open(&[path], shape, 0.0, 0).unwrap();
+    let set = DataSet::open(&[path], shape, 0).unwrap();
     // Of frames 0 to 10 and three copies, all but the first three are targets.
     assert_eq!(set.len(), 11);
     let [moving, rest] = [8, 10].map(|window| set.example(window).unwrap());
@@ -430,7 +430,7 @@ fn windows_can_begin_before_the_run() {
     let path = data.join("train/left.h5");
     let run = Trajectory::open(&path).unwrap();
     let shape = WindowShape { frames: 4, stride: 2, before: 3 };
-    let set = DataSet::open(&[path], shape, 0.0, 0).unwrap();
+    let set = DataSet::open(&[path], shape, 0).unwrap();
     assert_eq!(set.len(), 41 + 6 - 8);
     let first = run.frame(0).unwrap();
     let example = set.example(0).unwrap();
@@ -457,7 +457,7 @@ fn windows_of_every_stride_are_frames_of_the_files() {
     for stride in [1, 2, 3, 6, 10] {
         let shape = WindowShape { frames: 3, stride, before: 0 };
         for memory in [0, 1 << 14, 1 << 30] {
-            let set = DataSet::open(&paths, shape, 0.0, memory).unwrap();
+            let set = DataSet::open(&paths, shape, memory).unwrap();
             let of_one_file = 41 - 3 * stride;
             assert_eq!(set.len(), 2 * of_one_file);
             // The last window of all ends with the last frame of the last file.
@@ -470,31 +470,4 @@ fn windows_of_every_stride_are_frames_of_the_files() {
             assert!((example.gravity[1] + 9.81 * 1e-4 * (stride * stride) as f64).abs() < 1e-12);
         }
     }
-}
-
-/// The same frames whether they come from memory or from the file. The first and the last stay as they are; those
-/// between scatter less about the mean of their neighbours.
-#[test]
-fn smoothed_windows_are_the_same_from_memory_and_file() {
-    let directory = TempDir::new().unwrap();
-    let path = data(directory.path()).join("train/left.h5");
-    let shape = WindowShape { frames: 3, stride: 1, before: 0 };
-    let set = |smoothing, memory| {
-        DataSet::open(std::slice::from_ref(&path), shape, smoothing, memory).unwrap()
-    };
-    let [raw, read, cached] = [set(0.0, 0), set(2.0, 0), set(2.0, 1 << 30)];
-    assert_eq!(read.len(), raw.len());
-    let squares = |set: &DataSet| -> f64 {
-        let accelerations = (0..set.len()).map(|k| set.example(k).unwrap().acceleration());
-        accelerations.flatten().map(|a| a * a).sum()
-    };
-    assert!(squares(&read) < squares(&raw));
-    for window in 0..read.len() {
-        assert_eq!(read.example(window).unwrap(), cached.example(window).unwrap());
-    }
-    let [first, last] = [0, raw.len() - 1];
-    let frame = 2 * raw.example(first).unwrap().points;
-    let begin = |set: &DataSet| set.example(first).unwrap().positions[..frame].to_vec();
-    assert_eq!(begin(&raw), begin(&read));
-    assert_eq!(raw.example(last).unwrap().next, read.example(last).unwrap().next);
 }

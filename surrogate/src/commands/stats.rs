@@ -33,10 +33,10 @@ pub fn stats(args: &StatsArgs) -> miette::Result<()> {
     let folder = DataFolder::open(&args.data)?;
     let shape =
         WindowShape { frames: args.frames as usize, stride: args.stride as usize, before: 0 };
-    let data = DataSet::open(&folder.train, shape, 0.0, 0)?;
+    let data = DataSet::open(&folder.train, shape, 0)?;
     list(&data, "")?;
     for path in &folder.valid {
-        let alone = DataSet::open(std::slice::from_ref(path), shape, 0.0, 0)?;
+        let alone = DataSet::open(std::slice::from_ref(path), shape, 0)?;
         list(&alone, "  validation")?;
         // Checks all frames.
         Statistics::measure(&alone, false)?;

@@ -6,7 +6,6 @@ use dempm::scene::{Scene, SceneError};
 use dempm::trajectory::{Header, Trajectory};
 
 use super::DataError;
-use super::smoothing::Smoothing;
 use crate::features::{Obstacle, static_features};
 use crate::network::NodeFeature;
 use crate::rollout::Constraints;
@@ -62,8 +61,7 @@ pub fn extrapolate(x: [f64; 2], v: [f64; 2], time: f64) -> [f64; 2] {
 /// A trajectory file, with its positions in memory or on disk.
 pub struct Recording {
     trajectory: Trajectory,
-    smoothing: Option<Smoothing>,
-    /// All positions, smoothed, if they are in memory.
+    /// All positions, if they are in memory.
     cache: Option<Vec<f64>>,
     /// Positions (m) and velocities (m/s) in the first frame, if they were read.
     first: Vec<([f64; 2], [f64; 2])>,
@@ -75,14 +73,7 @@ impl Recording {
     /// # Errors
     /// If it is not a trajectory or damaged.
     pub fn open(path: &Path) -> Result<Self, DataError> {
-        let trajectory = Trajectory::open(path)?;
-        Ok(Self { trajectory, smoothing: None, cache: None, first: Vec::new() })
-    }
-
-    /// Smooths positions in time with Gaussian weights of this standard deviation (frames), if it is above 0.
-    #[must_use]
-    pub fn smoothed(self, deviation: f64) -> Self {
-        Self { smoothing: (deviation > 0.0).then(|| Smoothing::new(deviation)), ..self }
+        Ok(Self { trajectory: Trajectory::open(path)?, cache: None, first: Vec::new() })
     }
 
     /// The file.
@@ -131,14 +122,11 @@ impl Recording {
     /// # Errors
     /// If the data are damaged or not finite.
     pub fn cache(&mut self) -> Result<(), DataError> {
-        let frames = self.frames();
-        let mut all = (0..frames).map(|frame| self.read(frame)).collect::<Result<Vec<_>, _>>()?;
-        if let Some(smoothing) = &self.smoothing {
-            let read = |frame: usize| Ok::<_, DataError>(&all[frame]);
-            let smoothed = (0..frames).map(|frame| smoothing.frame(frame, frames, read));
-            all = smoothed.collect::<Result<_, _>>()?;
+        let mut all = Vec::with_capacity(self.frames() * self.values());
+        for frame in 0..self.frames() {
+            all.extend(self.read(frame)?);
         }
-        self.cache = Some(all.concat());
+        self.cache = Some(all);
         Ok(())
     }
 
@@ -181,15 +169,14 @@ impl Recording {
         self.first.iter().flat_map(|&(x, v)| extrapolate(x, v, time)).collect()
     }
 
-    /// Positions of one frame (m), smoothed, x and y of the points in turn.
+    /// Positions of one frame (m), x and y of the points in turn.
     ///
     /// # Errors
     /// If the data are damaged or not finite.
     pub fn positions(&self, frame: usize) -> Result<Vec<f64>, DataError> {
-        match (&self.cache, &self.smoothing) {
-            (Some(all), _) => Ok(all[frame * self.values()..][..self.values()].to_vec()),
-            (None, Some(smoothing)) => smoothing.frame(frame, self.frames(), |k| self.read(k)),
-            (None, None) => self.read(frame),
+        match &self.cache {
+            Some(all) => Ok(all[frame * self.values()..][..self.values()].to_vec()),
+            None => self.read(frame),
         }
     }
 

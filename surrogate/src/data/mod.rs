@@ -15,7 +15,6 @@ mod noise;
 mod prefetch;
 mod pushforward;
 mod sampler;
-mod smoothing;
 mod statistics;
 mod windows;
 

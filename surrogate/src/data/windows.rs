@@ -115,22 +115,16 @@ pub struct DataSet {
 }
 
 impl DataSet {
-    /// Opens the files, and [smooths](Recording::smoothed) them with a standard deviation of `smoothing` frames of the
-    /// file; `memory` is the size of the cache in bytes.
+    /// Opens the files; `memory` is the size of the cache in bytes.
     ///
     /// # Errors
     /// If a file cannot be read, is too short for a window, or differs from the first in its domain
     /// or frame interval.
-    pub fn open(
-        paths: &[PathBuf],
-        shape: WindowShape,
-        smoothing: f64,
-        memory: usize,
-    ) -> Result<Self, DataError> {
+    pub fn open(paths: &[PathBuf], shape: WindowShape, memory: usize) -> Result<Self, DataError> {
         let mut recordings: Vec<Recording> = Vec::with_capacity(paths.len());
         let mut left = memory;
         for path in paths {
-            let mut recording = Recording::open(path)?.smoothed(smoothing);
+            let mut recording = Recording::open(path)?;
             let needed = shape.span() + 1 - shape.ahead();
             if recording.frames() < needed {
                 return Err(DataError::TooShort {

@@ -15,7 +15,7 @@ use crate::features::Normalisation;
 use crate::network::differences;
 
 const MAGIC: &str = "DEMPM surrogate training";
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// State and identity of a training. Batches are a function of seed and step, so they need no
 /// state.

@@ -50,8 +50,6 @@ pub struct TrainConfig {
 pub struct Data {
     /// Take every n-th frame.
     pub stride: usize,
-    /// Standard deviation of the weights that smooth trajectories in time, frames; 0 for none.
-    pub smoothing: f64,
     /// Standard deviation of the noise on the last velocity, m/frame.
     pub noise: f64,
     /// Add mirror images.
@@ -129,7 +127,6 @@ impl Default for Data {
     fn default() -> Self {
         Self {
             stride: 1,
-            smoothing: 0.0,
             noise: 3e-4,
             mirror: false,
             alike: false,

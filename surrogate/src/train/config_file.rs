@@ -83,7 +83,6 @@ impl TrainConfig {
             ("data.stride", self.data.stride as f64, 1.0, 1e4),
             ("data.before_start", self.data.before_start as f64, 0.0, (model.window() - 1) as f64),
             ("data.emphasis", self.data.emphasis as f64, 1.0, 100.0),
-            ("data.smoothing", self.data.smoothing, 0.0, 100.0),
             ("data.noise", self.data.noise, 0.0, 1e3),
             ("data.memory", self.data.memory as f64, 0.0, 1e7),
             ("schedule.rate", rate, 1e-12, 1.0),

@@ -106,10 +106,9 @@ impl OpenedData {
         let frames = model.window() + config.pushforward.steps;
         let (stride, before) = (config.data.stride, config.data.before_start);
         let shape = WindowShape { frames, stride, before };
-        let set =
-            DataSet::open(&files.train, shape, config.data.smoothing, config.data.memory << 20)?
-                .with_statics(&model.node_features)?
-                .with_obstacles(model.sees_boxes())?;
+        let set = DataSet::open(&files.train, shape, config.data.memory << 20)?
+            .with_statics(&model.node_features)?
+            .with_obstacles(model.sees_boxes())?;
         let range = TrainingRange::of(&set, model.connection_radius)?;
         Ok(Self { files, set, range })
     }
