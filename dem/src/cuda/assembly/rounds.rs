@@ -187,7 +187,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         k: usize,
     ) -> Result<(), CudaAssemblyError> {
         let mut launch = over(p.own, THREADS).early(self.shared.is_none());
-        // One more block moves the bodies, of each part of a rank to the same places.
+        // One more block moves the bodies; the parts of a rank all move them to the same places.
         launch.grid[0] += p.bodies_move;
         let arguments = Step { a: self.arrays(), p, k: k as u32 };
         // SAFETY: arrays are as long as the numbers of discs say.
