@@ -40,9 +40,10 @@ pub(super) fn evaluate_bodies<R: Real>(
         let vt = uy * nx - ux * ny - length * disc.w;
         let History { sliding: old, rolling: old_rolling } = pair.contact;
         let friction = body.friction(branch);
-        let [normal, ft] = law.forces(overlap, [vn, vt], pair.dashpot, old.tangential, friction);
-        let new = Sliding { tangential: ft, viscous: normal - law.normal_stiffness * overlap };
-        let [of_dashpot, of_sliding] = power([old, new], [vn, vt], compliance);
+        let (mean, opens) = law.mean_overlap(overlap, vn, pair.dashpot, disc.inv_mass);
+        let [normal, ft] = law.forces(mean, [vn, vt], pair.dashpot, old.tangential, friction);
+        let new = Sliding { tangential: ft, viscous: normal - law.normal_stiffness * mean };
+        let [of_dashpot, of_sliding] = power([old, new], [vn, vt], compliance, opens);
         sums.dashpots += -of_dashpot;
         sums.friction += -of_sliding;
         let mut rolling = Rolling::default();

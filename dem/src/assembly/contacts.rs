@@ -77,6 +77,8 @@ struct Batch<R: Real> {
     tangential: [R; BLOCK],
     viscous: [R; BLOCK],
     dashpot: [R; BLOCK],
+    /// Inverse of the effective mass (1/kg).
+    inv_mass: [R; BLOCK],
     /// What the contact takes from force and torque on `i`, and adds to those on `j`.
     on_i: [[R; 4]; BLOCK],
     on_j: [[R; 4]; BLOCK],
@@ -97,6 +99,7 @@ impl<R: Real> Default for Batch<R> {
             tangential: c,
             viscous: c,
             dashpot: c,
+            inv_mass: c,
             on_i: [[zero; 4]; BLOCK],
             on_j: [[zero; 4]; BLOCK],
         }
@@ -121,6 +124,7 @@ impl<R: Real> Batch<R> {
             let contact = if pair.before() { pairs.sliding[index] } else { Sliding::default() };
             (self.tangential[k], self.viscous[k]) = (contact.tangential, contact.viscous);
             self.dashpot[k] = pairs.dashpot[index];
+            self.inv_mass[k] = a.inv_mass + b.inv_mass;
         }
         // Lanes beyond the last contact hold two discs at rest that just touch, one unit apart.
         let (zero, half) = (R::default(), R::from_f64(0.5));
@@ -128,7 +132,8 @@ impl<R: Real> Batch<R> {
             self.separation[k] = [half + half, zero];
             (self.ux[k], self.uy[k], self.wi[k], self.wj[k]) = (zero, zero, zero, zero);
             (self.ri[k], self.rj[k]) = (half * unit, half * unit);
-            (self.tangential[k], self.viscous[k], self.dashpot[k]) = (zero, zero, zero);
+            (self.tangential[k], self.viscous[k]) = (zero, zero);
+            (self.dashpot[k], self.inv_mass[k]) = (zero, zero);
         }
     }
 
@@ -156,6 +161,7 @@ impl<R: Real> Batch<R> {
             let mut tangential = chunk_of(&self.tangential, chunk);
             let mut viscous = chunk_of(&self.viscous, chunk);
             let dashpot = chunk_of(&self.dashpot, chunk);
+            let inv_mass = chunk_of(&self.inv_mass, chunk);
             let mut rolling = chunk_of(rolling_of, chunk);
             let (mut on_i, mut on_j) = ([[zero; 4]; LANES], [[zero; 4]; LANES]);
             let (mut lx, mut ly) = ([zero; LANES], [zero; LANES]);
@@ -171,13 +177,14 @@ impl<R: Real> Batch<R> {
                 let (arm_i, arm_j) = (ri[k] - half * overlap, rj[k] - half * overlap);
                 let vn = ux[k] * nx + uy[k] * ny;
                 let vt = (uy[k] * nx - ux[k] * ny) - (arm_i * wi[k] + arm_j * wj[k]);
+                let (mean, opens) = law.mean_overlap(overlap, vn, dashpot[k], inv_mass[k]);
                 let [normal, ft] =
-                    law.forces(overlap, [vn, vt], dashpot[k], tangential[k], law.friction);
+                    law.forces(mean, [vn, vt], dashpot[k], tangential[k], law.friction);
 
-                let viscous_force = normal - law.normal_stiffness * overlap;
+                let viscous_force = normal - law.normal_stiffness * mean;
                 let new = Sliding { tangential: ft, viscous: viscous_force };
                 let old = Sliding { tangential: tangential[k], viscous: viscous[k] };
-                let [of_dashpot, of_sliding] = power([old, new], [vn, vt], compliance);
+                let [of_dashpot, of_sliding] = power([old, new], [vn, vt], compliance, opens);
                 dashpots[k] += of_dashpot;
                 friction[k] += of_sliding;
                 (tangential[k], viscous[k]) = (new.tangential, new.viscous);

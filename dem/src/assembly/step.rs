@@ -39,14 +39,17 @@ pub(super) struct TileSums<R: Real> {
 
 /// Power (W) of the dashpot and of sliding over a step, by the mean of the forces at its two ends, less what
 /// the tangential spring, of `compliance` $1 / (2 k_t \Delta t)$, stores. Both take energy where they are negative.
+/// A contact that `opens` is not seen again: its dashpot acts until the end of the step.
 #[inline(always)]
 pub(super) fn power<R: Real>(
     [old, new]: [Sliding<R>; 2],
     [vn, vt]: [R; 2],
     compliance: R,
+    opens: bool,
 ) -> [R; 2] {
     let half = R::from_f64(0.5);
-    let dashpot = half * (new.viscous + old.viscous) * vn;
+    let last = if opens { half * new.viscous } else { R::default() };
+    let dashpot = (half * (new.viscous + old.viscous) + last) * vn;
     let sum = new.tangential + old.tangential;
     let sliding = sum * (half * vt + (new.tangential - old.tangential) * compliance);
     [dashpot, sliding]

@@ -29,6 +29,13 @@ __device__ inline Real spring_and_dashpot(Real stiffness, Real overlap, Real das
     return stiffness * overlap - dashpot * vn;
 }
 
+// Overlap (m) that a spring pushes with in a step in which a contact may close, by -vn dt = `closing` (m), or open,
+// by `opening`.
+__device__ inline Real mean_overlap(Real overlap, Real closing, Real opening) {
+    const Real travel = max(closing, opening);
+    return overlap < travel ? Real(0.5) * overlap * (Real(1) + ratio(overlap, travel)) : overlap;
+}
+
 // Tangential force (N) after one step: a spring, kt dt = `spring`, that slides at the Coulomb limit.
 __device__ inline Real tangential_force(Real before, Real spring, Real vt, Real limit) {
     return min(max(before - spring * vt, -limit), limit);

@@ -6,12 +6,17 @@ use rstest::rstest;
 
 use crate::common::{GRAVITY, advance, assembly, column, column_domain, expect, flat, gas};
 
-/// Collapse of a column of 700 discs: what is lost is what it had, to 1 % of what is dissipated.
+/// Collapse of a column of 700 discs: what is lost is what it had, to 0.2 % of what is dissipated, in the steps of
+/// scenes and in half of these.
 #[rstest]
 #[case::single(0.0f32)]
 #[case::double(0.0f64)]
-fn collapse<R: Real>(#[case] _precision: R, #[values(0.0, 0.2)] rolling_friction: f64) {
-    let p = Grains { rolling_friction, ..Grains::default() };
+fn collapse<R: Real>(
+    #[case] _precision: R,
+    #[values(0.0, 0.2)] rolling_friction: f64,
+    #[values(0.201, 0.401)] step_factor: f64,
+) {
+    let p = Grains { rolling_friction, step_factor, ..Grains::default() };
     let mut scene = Assembly::<R>::new(&p, &column_domain(), GRAVITY, p.step(), column()).unwrap();
     let start = scene.energy();
     advance(&mut scene, 0.5);
@@ -24,10 +29,10 @@ fn collapse<R: Real>(#[case] _precision: R, #[values(0.0, 0.2)] rolling_friction
     );
     assert_eq!((damping, boxes), (0.0, 0.0));
     for part in [kinetic, dashpots, friction] {
-        assert!(part > 0.02 * released && part < 0.9 * released);
+        assert!(part > 0.01 * released && part < 0.9 * released);
     }
     let drift = scene.energy().total() - start.total();
-    expect("drift over dissipation", drift / scene.energy().dissipated(), 0.0, 0.01);
+    expect("drift over dissipation", drift / scene.energy().dissipated(), 0.0, 0.002);
 }
 
 /// Discs that collide in empty space keep their momentum and angular momentum, to round-off.

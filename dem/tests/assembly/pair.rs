@@ -41,6 +41,34 @@ fn two_discs(#[case] zeta: f64) {
     expect("momentum", (ma * v[0] + mb * v[1]) / (0.3 * ma - 0.1 * mb), 1.0, 1.0e-12);
 }
 
+/// Head-on, the lightest discs in the steps of scenes: in the mean over the moments within a step at which they
+/// meet, restitution is that of short steps, and the energy budget closes.
+#[rstest]
+#[case(0.0)]
+#[case(0.2)]
+fn long_steps(#[case] zeta: f64) {
+    let p = Grains { step_factor: 0.401, damping_ratio: zeta, ..Grains::default() };
+    let (r, speed) = (p.radius_min, 0.2);
+    let moments = 50;
+    let (mut restitutions, mut drift) = (0.0, 0.0);
+    for moment in 0..moments {
+        let closing = 2.0 * speed * p.step();
+        let gap = (1.0 + f64::from(moment) / f64::from(moments)) * closing;
+        let start = vec![
+            grain([0.05, 0.05], [speed, 0.0], r),
+            grain([0.05 + 2.0 * r + gap, 0.05], [-speed, 0.0], r),
+        ];
+        let mut pair = assembly::<f64>(&p, &flat([0.2, 0.1], 0.0), [0.0; 2], start);
+        let before = pair.energy();
+        advance(&mut pair, 1.0e-3);
+        let states = pair.states();
+        restitutions += (states[1].v[0] - states[0].v[0]) / (2.0 * speed);
+        drift += (pair.energy().total() - before.total()) / before.kinetic;
+    }
+    expect("restitution", restitutions / f64::from(moments), restitution(zeta), 0.005);
+    expect("budget", drift / f64::from(moments), 0.0, 0.015);
+}
+
 /// The dashpot of a wall or a box has the mass of the disc, so restitution is the same.
 #[rstest]
 fn wall_or_box(

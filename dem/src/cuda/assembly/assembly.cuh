@@ -131,6 +131,8 @@ struct Contact {
     // Velocity of the partner relative to the disc at the contact.
     Real vn, vt;
     Real dashpot;
+    // Inverse of the effective mass.
+    Real inv_mass;
 };
 
 __device__ inline Contact contact_of(const Parameters& p, const Disc& disc, const Disc& other,
@@ -158,7 +160,8 @@ __device__ inline Contact contact_of(const Parameters& p, const Disc& disc, cons
     c.radius = ratio(disc.place.r * other.place.r, disc.place.r + other.place.r);
     c.vr = c.radius * (other.motion.w - disc.motion.w);
 #endif
-    c.dashpot = p.dashpot * length_and_inverse<Vec>(disc.place.inv_mass + other.place.inv_mass).y;
+    c.inv_mass = disc.place.inv_mass + other.place.inv_mass;
+    c.dashpot = p.dashpot * length_and_inverse<Vec>(c.inv_mass).y;
     return c;
 }
 
@@ -228,6 +231,7 @@ __device__ inline Contact contact_with(const Parameters& p, const Disc& disc,
     c.radius = disc.place.r;
     c.vr = -(disc.place.r * disc.motion.w);
 #endif
-    c.dashpot = p.dashpot * length_and_inverse<Vec>(disc.place.inv_mass).y;
+    c.inv_mass = disc.place.inv_mass;
+    c.dashpot = p.dashpot * length_and_inverse<Vec>(c.inv_mass).y;
     return c;
 }
