@@ -47,6 +47,8 @@ pub struct Outcome {
     pub promised: usize,
     /// Of these, scenes in which it is in fact within it.
     pub kept: usize,
+    /// Scenes in which its error is below its own bound.
+    pub below: usize,
     /// Wall time (s) of these candidates, and of the discs of the same scenes.
     pub seconds: [f64; 2],
 }
@@ -86,17 +88,20 @@ pub fn outcomes(cases: &[Case], distances: &[f64]) -> Result<Vec<Outcome>, Strin
 impl Outcome {
     fn add(&mut self, model: &ErrorModel, scene: &[&Case]) {
         self.scenes += 1;
-        let promises = |case: &&&Case| {
-            let found = model.predict(case.family, &case.features, case.height);
-            found.is_some_and(|found| found.beyond.is_empty() && found.largest.bound <= self.within)
+        let bound = |case: &Case| {
+            let found = model.predict(case.family, &case.features, case.height)?;
+            found.beyond.is_empty().then_some(found.largest.bound)
         };
+        let promises = |case: &&&Case| bound(case).is_some_and(|bound| bound <= self.within);
         let seconds = |case: &Case| case.seconds.iter().sum::<f64>();
         let by_time = |a: &&&Case, b: &&&Case| seconds(a).total_cmp(&seconds(b));
         let chosen = scene.iter().filter(promises).min_by(by_time);
         let discs = scene.iter().find(|case| case.candidate == Family::Discs.name());
         if let (Some(chosen), Some(discs)) = (chosen, discs) {
             self.promised += 1;
-            self.kept += usize::from(chosen.distance.is_some_and(|d| d.largest <= self.within));
+            let is_within = |most: f64| chosen.distance.is_some_and(|d| d.largest <= most);
+            self.kept += usize::from(is_within(self.within));
+            self.below += usize::from(bound(chosen).is_some_and(is_within));
             self.seconds[0] += seconds(chosen);
             self.seconds[1] += seconds(discs);
         }

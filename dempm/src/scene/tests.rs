@@ -118,7 +118,8 @@ fn the_shortest_scene_has_the_documented_defaults() {
     let transfer = |kind| parse(&format!("{SHORT}[material]\nkind = \"{kind}\"")).numerics.transfer;
     assert_eq!(transfer("mu-i"), Transfer::FlipApic { rate: 500.0 });
     let discs = parse(&format!("{SHORT}[material]\nkind = \"discs\""));
-    assert_eq!(discs.material.grains(), Some(&dem::Grains::default()));
+    let grains = dem::Grains { step_factor: 0.401, ..Default::default() };
+    assert_eq!(discs.material.grains(), Some(&grains));
     assert_eq!(discs.domain.cell, 0.125);
 }
 
