@@ -99,6 +99,18 @@ impl Grains {
         self.step_factor * (m_min / stiffest).sqrt()
     }
 
+    /// These grains with the step factor of preparations, always the default: what is prepared does not depend on the
+    /// step of flow.
+    #[must_use]
+    pub fn in_preparation(&self) -> Self {
+        Self { step_factor: Self::default().step_factor, ..self.clone() }
+    }
+
+    /// DEM step of preparations (s), with physical masses.
+    pub fn preparation_step(&self) -> f64 {
+        Self { mass_scale: 1.0, ..self.in_preparation() }.step()
+    }
+
     /// Substeps in a macro step of `dt`: `ceil(dt / step())`, at least 1.
     pub fn substeps(&self, dt: f64) -> usize {
         // The tolerance keeps dt = n * step() from becoming n + 1 by round-off.

@@ -95,8 +95,7 @@ pub(crate) fn preparation(p: &RveParameters) -> (RveParameters, f64) {
         grains: Grains {
             local_damping: p.preparation.local_damping,
             mass_scale: 1.0,
-            step_factor: Grains::default().step_factor,
-            ..p.grains
+            ..p.grains.in_preparation()
         },
         free_solid_fraction: 0.0,
         ..p.clone()

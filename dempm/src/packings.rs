@@ -143,13 +143,12 @@ pub fn column<R: CudaReal>(
     // Of the boundary, only what lies below the column matters.
     let floor = (boundary.size[0], boundary.walls.bottom, boundary.floor, boundary.seed);
     let ColumnBox { corner, size, loaded } = *place;
-    // Columns are prepared in the same steps, whatever those of the scene.
-    let same = Grains { step_factor: Grains::default().step_factor, ..grains.clone() };
     let key = key(&(
-        "column",
+        // Springs push with their mean overlap.
+        "column, mean overlap",
         <R as Real>::NAME,
         device.is_some(),
-        same,
+        grains.in_preparation(),
         floor,
         gravity,
         corner,

@@ -77,7 +77,7 @@ pub fn prepare_column<R: Real>(
     let weight = if gravity[1] < 0.0 { gravity[1] } else { -9.81 };
     let rain = rain(grains, place, seed);
     let silo = silo(grains, boundary, place, &rain);
-    let step = preparation_step(grains);
+    let step = grains.preparation_step();
     let coarse = COARSE_STEP * step;
 
     let mut smooth = grains.clone();
@@ -133,11 +133,6 @@ fn place_on_floor(packed: &mut Packed, grains: &Grains, boundary: &Boundary, pla
 /// Whether a column stands on the floor of the domain.
 fn stands(place: &ColumnBox) -> bool {
     place.corner[1] <= 0.0
-}
-
-/// DEM step (s) of preparations: always the default, so that a packing does not depend on the step of flow.
-fn preparation_step(grains: &Grains) -> f64 {
-    Grains { step_factor: Grains::default().step_factor, mass_scale: 1.0, ..grains.clone() }.step()
 }
 
 /// Decay of velocities (1/s) while a column settles: its lowest angular frequency, $\pi c / 2 h$ with the speed

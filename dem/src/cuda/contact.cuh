@@ -29,11 +29,20 @@ __device__ inline Real spring_and_dashpot(Real stiffness, Real overlap, Real das
     return stiffness * overlap - dashpot * vn;
 }
 
-// Overlap (m) that a spring pushes with in a step in which a contact may close, by -vn dt = `closing` (m), or open,
-// by `opening`.
-__device__ inline Real mean_overlap(Real overlap, Real closing, Real opening) {
-    const Real travel = max(closing, opening);
-    return overlap < travel ? Real(0.5) * overlap * (Real(1) + ratio(overlap, travel)) : overlap;
+// Overlap (m) that a spring pushes with in a step in which its contact may close or open, and whether it opens.
+struct MeanOverlap {
+    Real overlap;
+    bool opens;
+};
+
+__device__ inline MeanOverlap mean_overlap(Real stiffness, Real step, Real overlap, Real vn,
+                                           Real dashpot, Real inv_mass) {
+    overlap = max(overlap, Real(0));
+    const Real push = max(spring_and_dashpot(stiffness, overlap, dashpot, vn), Real(0));
+    const Real opening = step * (vn + step * inv_mass * push);
+    const Real travel = max(-(step * vn), opening);
+    return {overlap < travel ? Real(0.5) * overlap * (Real(1) + ratio(overlap, travel)) : overlap,
+            overlap < opening};
 }
 
 // Tangential force (N) after one step: a spring, kt dt = `spring`, that slides at the Coulomb limit.

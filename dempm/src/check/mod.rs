@@ -21,4 +21,5 @@ pub use accuracy::Accuracy;
 pub use disc_rate::disc_steps_per_second;
 pub use needs::{DemNeeds, Needs, RveNeeds};
 pub use rates::Rates;
+pub(crate) use rates::WHOLE_SCENES_ON_GPU;
 pub use units::{bytes, duration, quantity};

@@ -303,7 +303,7 @@ fn preparation(scene: &Scene, discs: f64, rates: &Rates) -> f64 {
         Material::Discs(model) => {
             let fall = COLUMN_PREPARATION * (2.0 * scene.height() / GRAVITY).sqrt();
             let [_, _, least] = rates.least;
-            fall / model.grains.step() * (least + discs / rates.preparation)
+            fall / model.grains.preparation_step() * (least + discs / rates.preparation)
         }
         Material::Rve(rve) => {
             let discs = rve.packings * rve.parameters.discs;

@@ -9,6 +9,10 @@ const WHOLE_SCENE: f64 = 0.85;
 const POINT: f64 = 8.0;
 const POINT_WITH_PACKING: f64 = 40.0;
 
+/// Disc-steps of whole scenes per second of a busy H100, with searches, and with means every 400 steps
+/// (`docs/notes/2026-11-26-steps-of-discs.md`).
+pub(crate) const WHOLE_SCENES_ON_GPU: f64 = 8.0e9;
+
 /// How fast a machine computes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rates {
@@ -48,8 +52,7 @@ impl Rates {
     pub fn of_gpu(disc_steps_per_second: f64) -> Self {
         Self {
             packings: 1.9e10,
-            // With searches, and with means every 400 steps.
-            discs: 8.0e9,
+            discs: WHOLE_SCENES_ON_GPU,
             law: 2.0e8,
             points: 2.0e8,
             least: [45.0e-6, 30.0e-6, 5.0e-6],

@@ -92,16 +92,16 @@ impl Outcome {
             let found = model.predict(case.family, &case.features, case.height)?;
             found.beyond.is_empty().then_some(found.largest.bound)
         };
-        let promises = |case: &&&Case| bound(case).is_some_and(|bound| bound <= self.within);
         let seconds = |case: &Case| case.seconds.iter().sum::<f64>();
-        let by_time = |a: &&&Case, b: &&&Case| seconds(a).total_cmp(&seconds(b));
-        let chosen = scene.iter().filter(promises).min_by(by_time);
+        let bounded = scene.iter().filter_map(|case| Some((case, bound(case)?)));
+        let promising = bounded.filter(|(_, bound)| *bound <= self.within);
+        let chosen = promising.min_by(|(a, _), (b, _)| seconds(a).total_cmp(&seconds(b)));
         let discs = scene.iter().find(|case| case.candidate == Family::Discs.name());
-        if let (Some(chosen), Some(discs)) = (chosen, discs) {
+        if let (Some((chosen, bound)), Some(discs)) = (chosen, discs) {
             self.promised += 1;
             let is_within = |most: f64| chosen.distance.is_some_and(|d| d.largest <= most);
             self.kept += usize::from(is_within(self.within));
-            self.below += usize::from(bound(chosen).is_some_and(is_within));
+            self.below += usize::from(is_within(bound));
             self.seconds[0] += seconds(chosen);
             self.seconds[1] += seconds(discs);
         }

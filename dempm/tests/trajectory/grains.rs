@@ -187,8 +187,7 @@ fn vtk_reads_exported_grains() {
     let output = folder.path().join("run.vtkhdf");
     write_vtkhdf(&Trajectory::open(&path).unwrap(), &output).unwrap();
     // Python that another test starts may have inherited the lock.
-    let unlocked = |path| File::with_options().with_fapl(|p| p.file_locking(false)).open(path);
-    let file = unlocked(&output).unwrap();
+    let file = File::with_options().with_fapl(|p| p.file_locking(false)).open(&output).unwrap();
     let points: ndarray::Array2<f32> =
         file.dataset("VTKHDF/grains/Points").unwrap().read_2d().unwrap();
     assert_eq!((points.dim(), points[[2 * COUNT + 1, 1]]), ((3 * COUNT, 3), -61.0));

@@ -21,11 +21,8 @@ struct Sums {
 __device__ inline Memory evaluate(const Parameters& p, const Contact& c, Real friction,
                                   Memory memory, Real share, Sums& sum, Vec& force) {
     const History before = sliding_of(memory);
-    const Real touching = max(c.overlap, Real(0));
-    const Real push =
-        max(spring_and_dashpot(p.normal_stiffness, touching, c.dashpot, c.vn), Real(0));
-    const Real opening = p.step * (c.vn + p.step * c.inv_mass * push);
-    const Real overlap = mean_overlap(touching, -(p.step * c.vn), opening);
+    const auto [overlap, opens] =
+        mean_overlap(p.normal_stiffness, p.step, c.overlap, c.vn, c.dashpot, c.inv_mass);
     const Real normal =
         max(spring_and_dashpot(p.normal_stiffness, overlap, c.dashpot, c.vn), Real(0));
     const Real tangential =
@@ -33,7 +30,7 @@ __device__ inline Memory evaluate(const Parameters& p, const Contact& c, Real fr
     // Power over the step by the mean of the forces at its two ends, less what the springs store. A contact that
     // opens is not seen again: its dashpot acts until the end of the step.
     const Real viscous = normal - p.normal_stiffness * overlap;
-    const Real last = touching < opening ? Real(0.5) * viscous : Real(0);
+    const Real last = opens ? Real(0.5) * viscous : Real(0);
     sum.dashpots -= share * ((Real(0.5) * (viscous + before.viscous) + last) * c.vn);
     sum.friction -= share * ((tangential + before.spring) *
                              (Real(0.5) * c.vt + (tangential - before.spring) * p.compliance));
