@@ -6,14 +6,15 @@ use std::sync::Arc;
 
 use dem::Grains;
 use dem::assembly::{
-    Assembly, AssemblyError, Boundary, Faces, Floor, Grain, GrainFailure, GrainState, Packed,
-    RigidBox, Sleep,
+    Assembly, AssemblyError, Boundary, Faces, Floor, Grain, GrainFailure, GrainState, Members,
+    Packed, PointMean, RigidBox, Sleep, Surroundings, point_means,
 };
 use dem::cuda::{CudaAssembly, CudaAssemblyError, CudaReal, assembly_defines, assembly_source};
 use gpu::compile;
 use gpu::ranks::{Environment, Ranks, RanksError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use rstest::rstest;
 
 /// Grains in motion in a box with an obstacle and a moving plate, many of them overlapping.
@@ -125,6 +126,62 @@ fn first_steps_agree_in_single_precision() {
 fn first_steps_agree_in_double_precision() {
     agrees::<f64>(100, 0.0, 1e-11);
     agrees::<f64>(100, 0.2, 1e-11);
+}
+
+/// Means over the same states in double precision on both; round-off of sums is of 1e-15, and the CPU takes its
+/// Gaussian from a table that is right to 3e-6 of the peak.
+fn means_agree<R: CudaReal>() {
+    let Some(device) = gpu::for_tests() else { return };
+    let cpu = violent::<R>(600, 4, 0.0);
+    let mut gpu = CudaAssembly::upload(&device, &cpu).unwrap();
+    let point_of: Vec<u32> = (0..600).map(|k| k / 35).collect();
+    let members = Members::new(18, &point_of);
+    gpu.set_points(&members).unwrap();
+    gpu.advance(100).unwrap();
+    let around = Surroundings {
+        size: [0.5, 1.0],
+        boxes: vec![[[0.2, 0.0], [0.25, 0.1]], [[0.37, 0.05], [0.7, 0.3]]],
+        thickness: 0.3,
+        width: Grains::default().mean_diameter(),
+    };
+    let mut fetch = || {
+        gpu.queue_means(&cpu, &around).unwrap();
+        gpu.await_states().unwrap();
+        (gpu.point_means().unwrap(), gpu.states(&cpu).unwrap())
+    };
+    let ((means, energy), (states, expected_energy)) = fetch();
+    assert_eq!(fetch().0.0, means, "the same bits");
+    let expected = point_means(&states, &members, &around);
+    for (found, expected) in means.iter().zip(&expected) {
+        let PointMean { position, velocity, mass, coordination, .. } = *expected;
+        assert!((found.position - position).norm() < 1e-12);
+        assert!((found.velocity - velocity).norm() < 1e-12);
+        assert!((found.mass / mass - 1.0).abs() < 1e-12 && found.coordination == coordination);
+        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
+        assert!(near(found.volume, expected.volume), "{found:?} {expected:?}");
+        assert!(near(found.solid_fraction, expected.solid_fraction));
+        let apart =
+            |a: nalgebra::Matrix2<f64>, b: nalgebra::Matrix2<f64>| (a - b).norm() / b.norm();
+        assert!(apart(found.stress, expected.stress) < 1e-5, "{found:?} {expected:?}");
+        let gradient = apart(found.velocity_gradient, expected.velocity_gradient);
+        assert!(gradient < 1e-4, "differences of the sums {found:?} {expected:?}");
+    }
+    assert_eq!(means.len(), expected.len());
+    for (found, expected) in [
+        (energy.kinetic, expected_energy.kinetic),
+        (energy.potential, expected_energy.potential),
+        (energy.elastic, expected_energy.elastic),
+    ] {
+        assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+    }
+    let extents: Vec<_> = gpu.extents(&cpu).unwrap().collect();
+    assert_eq!(extents, states.iter().map(|grain| (grain.x[0], grain.r)).collect::<Vec<_>>());
+}
+
+#[test]
+fn means_over_grains_agree() {
+    means_agree::<f32>();
+    means_agree::<f64>();
 }
 
 /// Also across searches, of which a violent start needs many.

@@ -41,7 +41,7 @@ pub struct Continuum {
 
 /// The part of the fields that needs no forces: all that means over grains need.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Flow {
+pub(super) struct Flow {
     /// Area of grains over area.
     pub solid_fraction: f64,
     /// Gradient of the mean velocity, `L_ij = dv_i/dx_j` (1/s).
@@ -160,7 +160,7 @@ impl<'a> CoarseGraining<'a> {
     }
 
     /// The flow at a place (m).
-    pub fn flow_at(&self, x: [f64; 2]) -> Flow {
+    pub(super) fn flow_at(&self, x: [f64; 2]) -> Flow {
         let mut sums = Sums::default();
         self.gather(x, |k, weight, branch| sums.add(&self.samples[k], weight, branch));
         if sums.mass == 0.0 {
@@ -257,7 +257,7 @@ impl Sums {
 /// Part of a Gaussian of `width` (m) around `x` that lies inside a domain from the origin to `size` (m) and
 /// outside of boxes, each given by its lower left and upper right corner (m). Densities beside a wall are too
 /// small by this factor.
-pub fn free_share(x: [f64; 2], width: f64, size: [f64; 2], boxes: &[[[f64; 2]; 2]]) -> f64 {
+pub(super) fn free_share(x: [f64; 2], width: f64, size: [f64; 2], boxes: &[[[f64; 2]; 2]]) -> f64 {
     let between = |k: usize, from: f64, to: f64| {
         let below = |edge: f64| 0.5 * libm::erf((edge - x[k]) / (width * std::f64::consts::SQRT_2));
         below(to) - below(from)

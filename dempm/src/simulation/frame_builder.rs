@@ -197,8 +197,8 @@ impl Simulation {
             Model::Discs(discs) => Some(discs.connected_front()),
             Model::Mpm(_) if diameter > 0.0 => {
                 let points = self.points.position.iter().zip(&self.points.mass);
-                let solid = points.map(|(x, mass)| (x.x, mass / density));
-                Some(connected_front(solid, CONNECTED_DEPTH * diameter))
+                let solid: Vec<_> = points.map(|(x, mass)| (x.x, mass / density)).collect();
+                Some(connected_front(&solid, CONNECTED_DEPTH * diameter))
             }
             Model::Mpm(_) => None,
         }

@@ -148,6 +148,45 @@ cuda_struct! {
         pub unused: u32,
     }
 
+    /// A box in the domain (m).
+    pub(super) struct Box {
+        pub min: [f64; 2],
+        pub max: [f64; 2],
+    }
+
+    /// What means over grains and their energy depend on.
+    pub(super) struct Surroundings {
+        /// Width and height of the domain (m).
+        pub size: [f64; 2],
+        /// Gravity (m/s²).
+        pub gravity: [f64; 2],
+        /// Out-of-plane thickness (m).
+        pub thickness: f64,
+        /// Width of the coarse graining (m).
+        pub width: f64,
+        /// Inertial over true mass.
+        pub mass_scale: f64,
+        /// Number of boxes.
+        pub boxes: u32,
+        pub unused: u32,
+    }
+
+    /// The mean over the grains of one point.
+    pub(super) struct PointMean {
+        /// m, m/s.
+        pub position: [f64; 2],
+        pub velocity: [f64; 2],
+        /// 1/s and Pa, row by row.
+        pub velocity_gradient: [f64; 4],
+        pub stress: [f64; 4],
+        /// kg/m.
+        pub mass: f64,
+        /// m².
+        pub volume: f64,
+        pub solid_fraction: f64,
+        pub coordination: f64,
+    }
+
     /// What steers a sequence of steps.
     pub(super) struct Control<R: CudaReal> {
         /// Time at the start of the sequence (s).

@@ -42,6 +42,17 @@ __device__ inline Fraction warp_max(Fraction x) {
 #endif
 }
 
+// The sum over the lanes of a warp, in a fixed order.
+__device__ inline double warp_sum(double x) {
+    for (int d = LANES / 2; d > 0; d /= 2) x += __shfl_xor_sync(ALL, x, d);
+    return x;
+}
+
+// A coordinate in metres: the first, or the second if `k` is 1.
+__device__ inline double position_of(const Parameters& p, Fraction s, int k) {
+    return p.origin[k] + p.side * (double(s) / PERIOD);
+}
+
 // Notes a failure: the earliest counts, and of one step the gravest of the lowest disc.
 __device__ inline void fail(Control& c, unsigned step, unsigned kind, unsigned id) {
     const unsigned long long code =

@@ -94,6 +94,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             output: device.zeros(assembly.len())?,
             fetched: device.pinned(assembly.len())?,
             fetched_losses: device.pinned(sums)?,
+            points: None,
             fetch: None,
             graphs: [None, None],
             swapped: false,

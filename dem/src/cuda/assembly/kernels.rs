@@ -5,17 +5,20 @@ use std::sync::Arc;
 use gpu::{Device, Function, Source, checks, definitions, files};
 
 use super::abi::{
-    Arrays, Binned, Body, Control, Disc, Failure, History, Loss, Motion, Output, Parameters, Place,
-    PlacedBody, Position, RareLoss, Rest, STEPS,
+    Arrays, Binned, Body, Box, Control, Disc, Failure, History, Loss, Motion, Output, Parameters,
+    Place, PlacedBody, PointMean, Position, RareLoss, Rest, STEPS, Surroundings,
 };
+use super::energy::SumEnergy;
 use super::error::CudaAssemblyError;
 use super::grid::rows;
 use super::losses::SumLosses;
+use super::means::{BinGrains, Means, OrderBins};
 use super::output::WriteOutput;
 use super::search::{Begin, Bins, Finish, List};
 use super::sleep::{LookAtRest, Quiet};
 use super::sort::{Columns, Count, Places, Reorder, Scan, Starts};
 use super::step::Step;
+use crate::assembly::SAMPLES;
 use crate::cuda::real::CudaReal;
 use crate::grains::Grains;
 
@@ -31,7 +34,9 @@ const FILES: &str = files!(
     "search.cu",
     "sort.cu",
     "losses.cu",
-    "output.cu"
+    "output.cu",
+    "means.cu",
+    "energy.cu"
 );
 
 /// The source of the kernels; needs [`defines`].
@@ -49,6 +54,9 @@ pub fn source<R: CudaReal>() -> String {
         Body,
         PlacedBody<R>,
         Output<R>,
+        Box,
+        Surroundings,
+        PointMean,
         Control<R>,
         Arrays<R>,
         Parameters<R>,
@@ -70,6 +78,10 @@ pub fn source<R: CudaReal>() -> String {
         Reorder<R>,
         SumLosses<R>,
         WriteOutput<R>,
+        BinGrains<R>,
+        OrderBins<R>,
+        Means<R>,
+        SumEnergy<R>,
     ];
     [&structs, FILES, &checks].concat()
 }
@@ -83,6 +95,7 @@ pub fn defines<R: CudaReal>(rows: usize, rolling: bool, sleep: bool) -> Vec<Stri
         ("BLOCKS", if R::BITS == 32 { 5 } else { 2 }),
         ("ROWS", rows),
         ("STEPS", STEPS),
+        ("SAMPLES", SAMPLES),
         ("ROLLING", usize::from(rolling)),
         ("SLEEP", usize::from(sleep)),
     ]
@@ -121,6 +134,10 @@ pub(super) struct Kernels<R: CudaReal> {
     pub reorder: Function<Reorder<R>>,
     pub losses: Function<SumLosses<R>>,
     pub output: Function<WriteOutput<R>>,
+    pub bin_grains: Function<BinGrains<R>>,
+    pub order_bins: Function<OrderBins<R>>,
+    pub means: Function<Means<R>>,
+    pub energy: Function<SumEnergy<R>>,
 }
 
 impl<R: CudaReal> Kernels<R> {
@@ -149,6 +166,10 @@ impl<R: CudaReal> Kernels<R> {
             reorder: Function::load(device, &module)?,
             losses: Function::load(device, &module)?,
             output: Function::load(device, &module)?,
+            bin_grains: Function::load(device, &module)?,
+            order_bins: Function::load(device, &module)?,
+            means: Function::load(device, &module)?,
+            energy: Function::load(device, &module)?,
         })
     }
 }

@@ -17,8 +17,8 @@ extern "C" __global__ void __launch_bounds__(SUM_THREADS) assembly_losses(Arrays
         a.rare_loss[i] = {};
     }
     for (int n = 0; n < LOSSES; ++n) {
-        for (int d = LANES / 2; d > 0; d /= 2) losses[n] += __shfl_xor_sync(ALL, losses[n], d);
-        if (threadIdx.x % LANES == 0) sum[n][threadIdx.x / LANES] = losses[n];
+        const double warp = warp_sum(losses[n]);
+        if (threadIdx.x % LANES == 0) sum[n][threadIdx.x / LANES] = warp;
     }
     __syncthreads();
     if (threadIdx.x >= LOSSES) return;

@@ -5,11 +5,13 @@
 //! lists outdated do nothing. On several GPUs every rank advances a vertical slab (`shared.rs`).
 
 mod abi;
+mod energy;
 mod error;
 mod exchange;
 mod grid;
 mod kernels;
 mod losses;
+mod means;
 mod output;
 mod parameters;
 mod rounds;

@@ -11,6 +11,7 @@ use super::abi::{
 };
 use super::grid::{Grid, row_length};
 use super::kernels::Kernels;
+use super::means::DevicePoints;
 use super::shared::Shared;
 use crate::assembly::Losses;
 use crate::cuda::real::CudaReal;
@@ -51,6 +52,8 @@ pub struct CudaAssembly<R: CudaReal> {
     /// The same on the host, and the sums in `lost`, of the last fetch.
     pub(super) fetched: PinnedHostSlice<Output<R>>,
     pub(super) fetched_losses: PinnedHostSlice<f64>,
+    /// The points whose means are wanted.
+    pub(super) points: Option<DevicePoints>,
     /// The end of a fetch under way.
     pub(super) fetch: Option<CudaEvent>,
     /// A round of steps, for each of the two sets of discs.

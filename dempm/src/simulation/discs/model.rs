@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use dem::Grains;
-use dem::assembly::{Assembly, Energy, GrainState, Sleep};
+use dem::assembly::{Assembly, Energy, GrainState, Members, Sleep, Surroundings};
 use dem::cuda::CudaReal;
 use gpu::Device;
 use gpu::ranks::Ranks;
@@ -15,10 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use super::columns::filled;
 use super::grid;
-use super::means::{PointMeans, Surroundings};
-use super::members::Members;
-use super::running::{Running, SceneAssembly};
-use crate::fronts::{CONNECTED_DEPTH, connected_front};
+use super::means::PointMeans;
+use super::members::members;
+use super::running::{Running, SceneAssembly, extents, front_of};
 use crate::memory;
 use crate::scene::{Discs, Precision, Scene};
 use crate::simulation::error::SimulationError;
@@ -34,7 +33,7 @@ pub struct DiscModel {
     substeps: usize,
     /// Means over the grains of points, as of the last frame.
     means: PointMeans,
-    /// Grains as of the last frame.
+    /// Grains as of the last frame; on a GPU, if the scene asks for them or for their fields.
     states: Vec<GrainState>,
     /// The foremost x (m) connected to the pile, as of the last frame.
     connected_front: f64,
@@ -77,10 +76,12 @@ impl DiscModel {
             return Err(SimulationError::Empty { point, position });
         }
         let (means, start_energy) = (PointMeans::default(), 0.0);
-        let state = DiscState { assembly, members, means, start_energy };
-        let mut model = Self::resume(scene, discs, state)?;
-        model.start_energy = model.energy.total();
+        let mut model =
+            Self::of(scene, discs, DiscState { assembly, members, means, start_energy });
         model.update(scene, 0, points)?;
+        model.start_energy = model.energy.total();
+        // A part of the preparation.
+        model.averaging = Duration::ZERO;
         Ok(model)
     }
 
@@ -90,21 +91,27 @@ impl DiscModel {
         discs: &Discs,
         state: DiscState,
     ) -> Result<Self, SimulationError> {
-        let running = state.assembly.running();
-        let (states, energy) = running.states()?;
-        Ok(Self {
-            discs: running,
+        let mut model = Self::of(scene, discs, state);
+        (model.states, model.energy) = model.discs.states()?;
+        model.connected_front = front_of(extents(&model.states), discs.grains.mean_diameter());
+        Ok(model)
+    }
+
+    /// The discs in a state, before their means are known.
+    fn of(scene: &Scene, discs: &Discs, state: DiscState) -> Self {
+        Self {
+            discs: state.assembly.running(),
             members: state.members,
             grains: discs.grains.clone(),
             substeps: discs.grains.substeps(scene.step),
             means: state.means,
+            states: Vec::new(),
+            connected_front: f64::NAN,
             start_energy: state.start_energy,
-            connected_front: front_of(&states, &discs.grains),
-            states,
-            energy,
+            energy: Energy::default(),
             steps: 0,
             averaging: Duration::ZERO,
-        })
+        }
     }
 
     /// The state for a checkpoint, as of the last call of [`Self::record`].
@@ -128,7 +135,7 @@ impl DiscModel {
         device: &Arc<Device>,
         ranks: Option<&Arc<Ranks>>,
     ) -> Result<(), SimulationError> {
-        self.discs.move_to(device, ranks)
+        self.discs.move_to(device, ranks, &self.members)
     }
 
     /// Whether points and frames follow the discs; of several ranks only those of the first do.
@@ -150,7 +157,8 @@ impl DiscModel {
         points: &mut Points,
     ) -> Result<(usize, Duration), SimulationError> {
         let start = Instant::now();
-        let steps = self.discs.advance(span, self.substeps)?;
+        let around = self.surroundings(scene, span.first + span.to_frame);
+        let steps = self.discs.advance(span, self.substeps, &around)?;
         if steps == span.to_frame && self.has_frames() {
             self.update(scene, span.first + steps, points)?;
         }
@@ -165,25 +173,28 @@ impl DiscModel {
         points: &mut Points,
     ) -> Result<(), SimulationError> {
         let start = Instant::now();
+        let kept = scene.grains_every > 0 || scene.grid.is_some();
+        let around = self.surroundings(scene, step);
+        let summary = self.discs.summary(&self.members, &around, kept)?;
+        self.means = PointMeans::update(&summary.means, points);
+        self.connected_front = summary.front;
+        self.states = summary.states;
+        self.energy = summary.energy;
+        self.steps = step * self.substeps;
+        self.averaging += start.elapsed();
+        Ok(())
+    }
+
+    /// What surrounds the grains at a step.
+    fn surroundings(&self, scene: &Scene, step: usize) -> Surroundings {
         let time = step as f64 * scene.step;
         let corners = |o: mpm::Obstacle| [o.min.into(), o.max.into()];
-        let around = Surroundings {
+        Surroundings {
             size: scene.domain.size,
             boxes: scene.rigid_boxes().into_iter().map(|o| corners(o.at(time))).collect(),
             thickness: self.grains.thickness,
             width: self.grains.mean_diameter(),
-        };
-        let (states, energy) = self.discs.states()?;
-        // Side by side: the front is the work of one thread.
-        (self.means, self.connected_front) = rayon::join(
-            || PointMeans::update(&self.members, &states, &around, points),
-            || front_of(&states, &self.grains),
-        );
-        self.states = states;
-        self.energy = energy;
-        self.steps = step * self.substeps;
-        self.averaging += start.elapsed();
-        Ok(())
+        }
     }
 
     /// Properties of the grains that never change, with the column of every point.
@@ -192,7 +203,7 @@ impl DiscModel {
         every: usize,
         column: &[u32],
     ) -> StaticGrains {
-        let point = self.members.points();
+        let point = self.members.point_of();
         StaticGrains {
             every,
             radius: self.states.iter().map(|grain| grain.r as f32).collect(),
@@ -306,12 +317,6 @@ impl DiscModel {
     }
 }
 
-/// The foremost x (m) connected to the pile.
-fn front_of(states: &[GrainState], grains: &Grains) -> f64 {
-    let solid = states.iter().map(|grain| (grain.x[0], PI * grain.r * grain.r));
-    connected_front(solid, CONNECTED_DEPTH * grains.mean_diameter())
-}
-
 /// All columns filled, and which grains belong to which point.
 fn assemble<R: CudaReal>(
     scene: &Scene,
@@ -329,7 +334,7 @@ where
     if discs.sleep {
         assembly.set_sleep(Sleep::of(&discs.grains, scene.gravity, scene.seed as u32));
     }
-    Ok((assembly.into(), Members::new(scene, &columns)))
+    Ok((assembly.into(), members(scene, &columns)))
 }
 
 /// Refuses more discs than the memory of this machine holds.

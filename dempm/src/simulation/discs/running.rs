@@ -1,12 +1,15 @@
 //! The discs of a scene on a processor.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
-use dem::assembly::{Assembly, Energy, GrainState};
+use dem::assembly::{Assembly, Energy, GrainState, Members, PointMean, Surroundings, point_means};
 use dem::cuda::{CudaAssembly, CudaReal};
 use gpu::ranks::Ranks;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::fronts::{CONNECTED_DEPTH, connected_front};
 use crate::simulation::error::SimulationError;
 use crate::simulation::span::Span;
 
@@ -41,22 +44,37 @@ impl SceneAssembly {
 
 /// Discs that advance on the CPU or a GPU.
 pub(super) trait Running {
-    /// Advances on a GPU from now on; as one of several ranks, a part of the discs.
+    /// Advances on a GPU from now on, where `members` are the grains of points; as one of several ranks, a part
+    /// of the discs.
     fn move_to(
         &mut self,
         device: &Arc<gpu::Device>,
         ranks: Option<&Arc<Ranks>>,
+        members: &Members,
     ) -> Result<(), SimulationError>;
 
     /// Whether states and records are those of all discs; of several ranks only the first has them.
     fn has_states(&self) -> bool;
 
     /// Advances by a macro step of `substeps` DEM steps on the CPU, or to the next frame on a GPU, which may
-    /// then go on. Returns the macro steps made.
-    fn advance(&mut self, span: &Span, substeps: usize) -> Result<usize, SimulationError>;
+    /// then go on; `around` is as of that frame. Returns the macro steps made.
+    fn advance(
+        &mut self,
+        span: &Span,
+        substeps: usize,
+        around: &Surroundings,
+    ) -> Result<usize, SimulationError>;
 
     /// The states of all grains and their energy; on a GPU, as of the last frame.
     fn states(&self) -> Result<(Vec<GrainState>, Energy), SimulationError>;
+
+    /// What the grains of a frame come to; on a GPU, with their states only where they are to be `kept`.
+    fn summary(
+        &self,
+        members: &Members,
+        around: &Surroundings,
+        kept: bool,
+    ) -> Result<Summary, SimulationError>;
 
     /// Brings the state for a checkpoint up to date.
     fn record(&mut self) -> Result<(), SimulationError>;
@@ -78,6 +96,31 @@ pub(super) trait Running {
 
     /// Largest displacement of a disc that was computed though it would have been held (m).
     fn audit(&self) -> f64;
+}
+
+/// What the grains of a frame come to.
+pub(super) struct Summary {
+    /// Means over the grains of points.
+    pub means: Vec<PointMean>,
+    pub energy: Energy,
+    /// The foremost x (m) connected to the pile.
+    pub front: f64,
+    /// States of the grains, if they are kept.
+    pub states: Vec<GrainState>,
+}
+
+/// The foremost x (m) connected to the pile, of grains at x (m) with radii (m) and this mean diameter (m).
+pub(super) fn front_of(
+    grains: impl IndexedParallelIterator<Item = (f64, f64)>,
+    mean_diameter: f64,
+) -> f64 {
+    let solid: Vec<(f64, f64)> = grains.map(|(x, r)| (x, PI * r * r)).collect();
+    connected_front(&solid, CONNECTED_DEPTH * mean_diameter)
+}
+
+/// Horizontal position (m) and radius (m) of grains.
+pub(super) fn extents(states: &[GrainState]) -> impl IndexedParallelIterator<Item = (f64, f64)> {
+    states.par_iter().map(|grain| (grain.x[0], grain.r))
 }
 
 /// Discs on the CPU, and their twin on a GPU.
@@ -104,8 +147,12 @@ where
         &mut self,
         device: &Arc<gpu::Device>,
         ranks: Option<&Arc<Ranks>>,
+        members: &Members,
     ) -> Result<(), SimulationError> {
-        let assembly = CudaAssembly::upload_on(device, &self.assembly, ranks)?;
+        let mut assembly = CudaAssembly::upload_on(device, &self.assembly, ranks)?;
+        if assembly.is_first() {
+            assembly.set_points(members)?;
+        }
         self.twin = Some(Twin { assembly, ahead: false, recorded: true });
         Ok(())
     }
@@ -114,7 +161,12 @@ where
         self.twin.as_ref().is_none_or(|twin| twin.assembly.is_first())
     }
 
-    fn advance(&mut self, span: &Span, substeps: usize) -> Result<usize, SimulationError> {
+    fn advance(
+        &mut self,
+        span: &Span,
+        substeps: usize,
+        around: &Surroundings,
+    ) -> Result<usize, SimulationError> {
         // Not a running sum: a resumed run has the same times.
         let time = |step: usize| step as f64 * span.dt;
         let Some(Twin { assembly, ahead, recorded }) = &mut self.twin else {
@@ -128,7 +180,7 @@ where
         }
         assembly.finish()?;
         if assembly.is_first() {
-            assembly.queue_states()?;
+            assembly.queue_means(&self.assembly, around)?;
         }
         *ahead = span.ahead > 0;
         if *ahead {
@@ -146,6 +198,26 @@ where
             Some(twin) => Ok(twin.assembly.states(&self.assembly)?),
             None => Ok(self.assembly.states_and_energy()),
         }
+    }
+
+    fn summary(
+        &self,
+        members: &Members,
+        around: &Surroundings,
+        kept: bool,
+    ) -> Result<Summary, SimulationError> {
+        // Grains are coarse grained over their mean diameter.
+        let diameter = around.width;
+        if let Some(Twin { assembly, .. }) = &self.twin {
+            let front = front_of(assembly.extents(&self.assembly)?, diameter);
+            let (means, energy) = assembly.point_means()?;
+            let states = if kept { assembly.states(&self.assembly)?.0 } else { Vec::new() };
+            return Ok(Summary { means, energy, front, states });
+        }
+        let (states, energy) = self.states()?;
+        let means = point_means(&states, members, around);
+        let front = front_of(extents(&states), diameter);
+        Ok(Summary { means, energy, front, states })
     }
 
     fn record(&mut self) -> Result<(), SimulationError> {
