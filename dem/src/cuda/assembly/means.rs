@@ -1,21 +1,11 @@
-//! Means over the grains of points, and the energy of the grains: `means.cu` and `energy.cu`.
+//! Means over the grains of points: `means.cu`.
 
-use std::sync::Arc;
-
-use cudarc::driver::{CudaSlice, PinnedHostSlice};
-use gpu::{ConstPointer, Device, Launch, Pointer, kernel};
+use gpu::{ConstPointer, Pointer, kernel};
 use nalgebra::{Matrix2, Vector2};
-use rayon::prelude::*;
 
 use super::abi::{self, Arrays, Box, Output, Parameters};
-use super::energy::{ENERGIES, SumEnergy};
-use super::error::CudaAssemblyError;
-use super::losses::SUM_THREADS;
-use super::rounds::COPY_THREADS;
-use super::state::CudaAssembly;
-use crate::assembly::{Assembly, Energy, Members, PointMean, Surroundings};
+use crate::assembly::PointMean;
 use crate::cuda::real::CudaReal;
-use crate::cuda::shape::WARP;
 
 kernel! {
     /// Puts every grain into its bin.
@@ -64,145 +54,6 @@ kernel! {
         pub points: u32,
         /// Mean of each point.
         pub mean: Pointer<abi::PointMean>,
-    }
-}
-
-/// Points and the means over their grains.
-#[derive(Debug)]
-pub(super) struct DevicePoints {
-    /// Where the grains of each point begin, and the grains point by point.
-    start: CudaSlice<u32>,
-    member: CudaSlice<u32>,
-    mean: CudaSlice<abi::PointMean>,
-    /// Sums over blocks of grains (J).
-    energy: CudaSlice<f64>,
-    /// Both on the host, of the last fetch.
-    fetched: PinnedHostSlice<abi::PointMean>,
-    fetched_energy: PinnedHostSlice<f64>,
-}
-
-impl DevicePoints {
-    fn new(device: &Arc<Device>, members: &Members, grains: usize) -> Result<Self, gpu::Error> {
-        let (start, member) = members.rows();
-        let points = members.points();
-        let sums = ENERGIES * grains.div_ceil(SUM_THREADS as usize);
-        let indices = size_of_val(start) + size_of_val(member);
-        let means = points * size_of::<abi::PointMean>();
-        device.reserve(indices + means + sums * size_of::<f64>())?;
-        Ok(Self {
-            start: device.upload(start)?,
-            member: device.upload(member)?,
-            mean: device.zeros(points)?,
-            energy: device.zeros(sums)?,
-            fetched: device.pinned(points)?,
-            fetched_energy: device.pinned(sums)?,
-        })
-    }
-}
-
-impl<R: CudaReal> CudaAssembly<R> {
-    /// Sets the grains of the points whose means are wanted.
-    ///
-    /// # Errors
-    /// Too little memory.
-    pub fn set_points(&mut self, members: &Members) -> Result<(), CudaAssemblyError> {
-        self.points = Some(DevicePoints::new(&self.device, members, self.output.len())?);
-        Ok(())
-    }
-
-    /// As [`queue_states`](Self::queue_states), together with the means over the grains of the
-    /// [points](Self::set_points), for [`point_means`](Self::point_means), and the energy of the grains of
-    /// `assembly`, which was uploaded.
-    ///
-    /// # Errors
-    /// A kernel failed.
-    pub fn queue_means(
-        &mut self,
-        assembly: &Assembly<R>,
-        around: &Surroundings,
-    ) -> Result<(), CudaAssemblyError> {
-        self.queue_states()?;
-        let Some(points) = &self.points else { return Ok(()) };
-        let stream = self.device.stream().clone();
-        let (a, p) = (self.arrays(), self.p);
-        let grains = self.output.len() as u32;
-        let grain = ConstPointer::to(&self.output, &stream);
-        // Free between two sequences of steps, as are the bins.
-        stream.memset_zeros(&mut self.start)?;
-        let count = Pointer::to(&self.start, &stream);
-        let corner = |[min, max]: &[[f64; 2]; 2]| Box { min: *min, max: *max };
-        let boxes: Vec<Box> = around.boxes.iter().map(corner).collect();
-        let on_device = self.device.upload(&boxes)?;
-        let around = abi::Surroundings {
-            size: around.size,
-            gravity: assembly.gravity,
-            thickness: around.thickness,
-            width: around.width,
-            mass_scale: assembly.grains.mass_scale,
-            boxes: boxes.len() as u32,
-            unused: 0,
-        };
-        let means = Means {
-            a,
-            p,
-            around,
-            boxes: ConstPointer::to(&on_device, &stream),
-            grain,
-            count: count.into(),
-            start: ConstPointer::to(&points.start, &stream),
-            member: ConstPointer::to(&points.member, &stream),
-            points: points.mean.len() as u32,
-            mean: Pointer::to(&points.mean, &stream),
-        };
-        let energy = Pointer::to(&points.energy, &stream);
-        let per_grain = |threads| Launch::each(grains as usize, threads);
-        let per_bin = Launch::each(self.grid.count(), COPY_THREADS);
-        let per_point = Launch::each(WARP * points.mean.len(), COPY_THREADS);
-        let k = &self.kernels;
-        // SAFETY: arrays are as long as the numbers of grains, bins and points say, and members are grains.
-        unsafe {
-            let bins = BinGrains { a, p, grain, grains, count };
-            k.bin_grains.launch(&stream, per_grain(COPY_THREADS), &bins)?;
-            k.order_bins.launch(&stream, per_bin, &OrderBins { a, p, count: count.into() })?;
-            k.means.launch(&stream, per_point, &means)?;
-            let sums = SumEnergy { p, around, grain, grains, energy };
-            k.energy.launch(&stream, per_grain(SUM_THREADS), &sums)?;
-        }
-        if let Some(points) = &mut self.points {
-            stream.memcpy_dtoh(&points.mean, &mut points.fetched)?;
-            stream.memcpy_dtoh(&points.energy, &mut points.fetched_energy)?;
-        }
-        self.fetch = Some(stream.record_event(None)?);
-        Ok(())
-    }
-
-    /// The means over the grains of all points that were last fetched, and the energy.
-    ///
-    /// # Errors
-    /// The device failed.
-    pub fn point_means(&self) -> Result<(Vec<PointMean>, Energy), CudaAssemblyError> {
-        let mut energy = Energy { losses: self.losses, ..Energy::default() };
-        let Some(points) = &self.points else { return Ok((Vec::new(), energy)) };
-        for block in points.fetched_energy.as_slice()?.chunks(ENERGIES) {
-            energy.kinetic += block[0];
-            energy.potential += block[1];
-            energy.elastic += block[2];
-        }
-        Ok((points.fetched.as_slice()?.iter().map(PointMean::from).collect(), energy))
-    }
-
-    /// Horizontal position (m) and radius (m) of each grain that was last fetched. `assembly` is the one that was
-    /// uploaded.
-    ///
-    /// # Errors
-    /// The device failed.
-    pub fn extents(
-        &self,
-        assembly: &Assembly<R>,
-    ) -> Result<impl IndexedParallelIterator<Item = (f64, f64)>, CudaAssemblyError> {
-        let region = assembly.region;
-        let extent = move |o: &Output<R>| (region.decode::<R>([o.x, o.y])[0], o.r.to_f64());
-        Ok(self.fetched.as_slice()?.par_iter().map(extent))
     }
 }
 

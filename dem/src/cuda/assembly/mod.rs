@@ -14,6 +14,7 @@ mod losses;
 mod means;
 mod output;
 mod parameters;
+mod points;
 mod rounds;
 mod search;
 mod shared;
@@ -23,6 +24,7 @@ mod solver;
 mod sort;
 mod state;
 mod step;
+mod summary;
 mod transfer;
 
 pub use error::CudaAssemblyError;

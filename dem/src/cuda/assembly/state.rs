@@ -11,7 +11,7 @@ use super::abi::{
 };
 use super::grid::{Grid, row_length};
 use super::kernels::Kernels;
-use super::means::DevicePoints;
+use super::points::DevicePoints;
 use super::shared::Shared;
 use crate::assembly::Losses;
 use crate::cuda::real::CudaReal;
