@@ -19,13 +19,23 @@ use rstest::rstest;
 
 /// Grains in motion in a box with an obstacle and a moving plate, many of them overlapping.
 fn violent<R: CudaReal>(count: usize, seed: u64, rolling_friction: f64) -> Assembly<R> {
+    violent_beside([-0.5, 0.1], count, seed, rolling_friction)
+}
+
+/// The same beside a plate of this velocity (m/s).
+fn violent_beside<R: CudaReal>(
+    velocity: [f64; 2],
+    count: usize,
+    seed: u64,
+    rolling_friction: f64,
+) -> Assembly<R> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let grains = Grains { rolling_friction, ..Grains::default() };
     let columns = 20;
     let spacing = 1.9 * 0.5 * grains.mean_diameter();
     let obstacle = RigidBox::fixed([0.2, 0.0], [0.25, 0.1], faces(0.5));
     let plate = RigidBox {
-        velocity: [-0.5, 0.1],
+        velocity,
         start: 1.0e-3,
         ..RigidBox::fixed([0.37, 0.05], [0.4, 0.3], faces(f64::INFINITY))
     };
@@ -145,7 +155,7 @@ fn means_agree<R: CudaReal>() {
         width: Grains::default().mean_diameter(),
     };
     let mut fetch = || {
-        gpu.queue_means(&cpu, &around).unwrap();
+        gpu.queue_means(&cpu, &around, true).unwrap();
         gpu.await_states().unwrap();
         (gpu.point_means().unwrap(), gpu.states(&cpu).unwrap())
     };
@@ -256,6 +266,27 @@ fn lists_are_complete(#[values(0.0, 0.2)] rolling_friction: f64) {
         gpu.states(&host).unwrap().0
     };
     let [x, v, _] = difference(&run(1), &run(64));
+    assert!(x < 1e-12 && v < 1e-8, "{x:e} {v:e}");
+}
+
+/// The same where lists are made anew only around discs that have moved, and no plate moves, which would have all of them
+/// made anew.
+#[rstest]
+fn lists_of_discs_that_have_stayed_are_complete(#[values(0.05, 0.1, 0.3)] stayed: f64) {
+    let Some(device) = gpu::for_tests() else { return };
+    let host = violent_beside::<f64>([0.0; 2], 1000, 4, 0.0);
+    let run = |pieces: usize| {
+        let mut gpu = CudaAssembly::upload(&device, &host).unwrap();
+        gpu.set_stayed(stayed);
+        for _ in 0..pieces {
+            gpu.advance(64 / pieces).unwrap();
+        }
+        gpu.fetch_states().unwrap();
+        (gpu.states(&host).unwrap().0, gpu.searches())
+    };
+    let ((seldom, searches), (often, _)) = (run(1), run(64));
+    assert!(searches > 1, "lists are made anew within the steps");
+    let [x, v, _] = difference(&seldom, &often);
     assert!(x < 1e-12 && v < 1e-8, "{x:e} {v:e}");
 }
 

@@ -14,13 +14,15 @@ use super::watchdog::Watchdog;
 use crate::device::Device;
 use crate::pointer::{ConstPointer, Pointer};
 
-/// Which of the numbers of all ranks a reduction takes.
+/// What a reduction makes of the numbers of all ranks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Extreme {
+pub enum Reduction {
     /// The smallest one.
     Least,
     /// The largest one.
     Largest,
+    /// Their sum, modulo 2 to the number of their bits.
+    Sum,
 }
 
 /// This process among its peers. Methods marked *collective* have to be called by all ranks, in the
@@ -272,16 +274,21 @@ impl Ranks {
     ///
     /// # Safety
     /// As of [`receive`](Self::receive).
-    pub unsafe fn reduce<T>(&self, number: Pointer<T>, extreme: Extreme) -> Result<(), RanksError> {
+    pub unsafe fn reduce<T>(
+        &self,
+        number: Pointer<T>,
+        reduction: Reduction,
+    ) -> Result<(), RanksError> {
         let (address, stream) = (number.address() as *mut _, self.device.stream().cu_stream());
         let kind = match size_of::<T>() {
             4 => sys::ncclDataType_t::ncclUint32,
             8 => sys::ncclDataType_t::ncclUint64,
             bytes => panic!("a number of {bytes} bytes"),
         };
-        let operation = match extreme {
-            Extreme::Least => sys::ncclRedOp_t::ncclMin,
-            Extreme::Largest => sys::ncclRedOp_t::ncclMax,
+        let operation = match reduction {
+            Reduction::Least => sys::ncclRedOp_t::ncclMin,
+            Reduction::Largest => sys::ncclRedOp_t::ncclMax,
+            Reduction::Sum => sys::ncclRedOp_t::ncclSum,
         };
         // SAFETY: the caller's.
         unsafe {

@@ -7,7 +7,7 @@ mod error;
 mod rendezvous;
 mod watchdog;
 
-pub use communicator::{Extreme, Ranks};
+pub use communicator::{Ranks, Reduction};
 pub use environment::{Environment, EnvironmentError};
 pub use error::RanksError;
 pub use rendezvous::{Fingerprint, rendezvous};

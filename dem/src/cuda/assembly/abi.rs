@@ -56,25 +56,20 @@ cuda_struct! {
         pub viscous: R,
     }
 
-    /// What is lost in the contacts of a disc (J).
+    /// What discs lose, in whole numbers of a unit of energy: sums have the same bits in any order. Negative numbers
+    /// are those of two's complement.
     #[derive(Default)]
-    #[align(2 * size_of::<R>())]
-    pub(super) struct Loss<R: CudaReal> {
-        pub dashpots: R,
-        pub friction: R,
-    }
-
-    /// What most discs do not lose (J).
-    #[derive(Default)]
-    #[align(2 * size_of::<R>())]
-    pub(super) struct RareLoss<R: CudaReal> {
-        pub damping: R,
+    pub(super) struct Loss {
+        pub dashpots: u64,
+        pub friction: u64,
+        pub damping: u64,
         /// Supplied by boxes.
-        pub boxes: R,
+        pub boxes: u64,
     }
 
     /// What is known of the rest of a disc.
     #[derive(Default)]
+    #[align(if size_of::<R>() == 4 { 16 } else { 8 })]
     pub(super) struct Rest<R: CudaReal> {
         /// The place that it stays near (fractions of the region).
         pub x: R::Fraction,
@@ -127,6 +122,7 @@ cuda_struct! {
 
     /// State of a grain for output.
     #[derive(Default)]
+    #[align(if size_of::<R>() == 4 { 16 } else { 8 })]
     pub(super) struct Output<R: CudaReal> {
         /// Fractions of the region.
         pub x: R::Fraction,
@@ -145,7 +141,17 @@ cuda_struct! {
         /// Half the elastic energy of its contacts with discs, and that with bodies (J).
         pub elastic: R,
         pub contacts: u32,
-        pub unused: u32,
+        pub unused: [u32; 3],
+    }
+
+    /// How far a grain extends sideways.
+    #[derive(Default)]
+    #[align(2 * size_of::<R>())]
+    pub(super) struct Extent<R: CudaReal> {
+        /// Horizontal position (fraction of the region).
+        pub x: R::Fraction,
+        /// Radius (m).
+        pub r: R,
     }
 
     /// A box in the domain (m).
@@ -246,9 +252,8 @@ cuda_struct! {
         pub body: ConstPointer<Body>,
         /// Two sets, as of discs.
         pub placed: Pointer<PlacedBody<R>>,
-        /// In the present sequence of steps.
-        pub loss: Pointer<Loss<R>>,
-        pub rare_loss: Pointer<RareLoss<R>>,
+        /// Of each warp of discs, since the totals were taken.
+        pub loss: Pointer<Loss>,
         /// Two sets of counts of the discs in each bin.
         pub bin_count: Pointer<u32>,
         /// Discs in each bin.
@@ -291,7 +296,11 @@ cuda_struct! {
         pub skin: R,
         /// Largest displacement since a search (m).
         pub allowed: R,
+        /// That up to which a disc counts as not moved since its reference was taken (m).
+        pub stayed: R,
         pub overlap_limit: R,
+        /// Units of energy in a joule.
+        pub per_joule: R,
         /// Largest horizontal displacement (units) since the sort up to which the window holds all that may
         /// come near the own discs; 0: the window is the whole domain.
         pub margin: R::Fraction,

@@ -1,5 +1,6 @@
 // Energy of the grains: twin of Assembly::energy_of, and the elastic energy of their contacts.
 
+constexpr unsigned SUM_THREADS = 256;
 constexpr unsigned ENERGIES = 3;
 
 // Kinetic, potential and elastic energy (J) of each block's grains. Blocks have SUM_THREADS threads.

@@ -5,11 +5,13 @@ use gpu::{ConstPointer, Pointer, kernel};
 use super::abi::{Output, Parameters, Surroundings};
 use crate::cuda::real::CudaReal;
 
+/// Threads of a block.
+pub(super) const SUM_THREADS: u32 = 256;
 /// Kinds of energy: kinetic, potential and elastic.
 pub(super) const ENERGIES: usize = 3;
 
 kernel! {
-    /// Sums over blocks of [`SUM_THREADS`](super::losses::SUM_THREADS) grains.
+    /// Sums over blocks of [`SUM_THREADS`] grains.
     pub(super) struct SumEnergy<R: CudaReal>: assembly_energy {
         /// Constants.
         pub p: Parameters<R>,

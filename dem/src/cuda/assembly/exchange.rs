@@ -3,22 +3,22 @@
 use std::sync::Arc;
 
 use gpu::ranks::Ranks;
-use gpu::{Device, Pointer};
+use gpu::{Device, Launch, Pointer};
 use rayon::prelude::*;
 
 use super::abi::{Body, Control, Output};
+use super::energy::SUM_THREADS;
 use super::error::CudaAssemblyError;
 use super::grid::Grid;
-use super::kernels::Kernels;
-use super::losses::{LOSSES, SUM_THREADS, SumLosses};
+use super::kernels::{COPY_THREADS, Kernels};
+use super::losses::SumLosses;
 use super::output::WriteOutput;
 use super::parameters::{bytes, parameters};
-use super::rounds::COPY_THREADS;
 use super::shared::Shared;
 use super::sort::CHUNK;
 use super::state::{CudaAssembly, DeviceDiscs};
 use super::transfer::Host;
-use crate::assembly::{Assembly, Energy, GrainState, Losses};
+use crate::assembly::{Assembly, Energy, GrainState};
 use crate::cuda::real::CudaReal;
 use crate::cuda::shape::WARP;
 
@@ -64,7 +64,6 @@ impl<R: CudaReal> CudaAssembly<R> {
         if sleeps {
             stream.memcpy_htod(&host.rest, &mut discs.rest)?;
         }
-        let sums = LOSSES * count.div_ceil(SUM_THREADS as usize);
         let bodies: Vec<Body> = assembly.bodies.iter().map(Body::from).collect();
         let kernels = Kernels::load(device, rows, grid.rolling, sleeps)?;
         let shared = ranks.map(|ranks| Shared::new(device, ranks, &grid, count)).transpose()?;
@@ -79,9 +78,8 @@ impl<R: CudaReal> CudaAssembly<R> {
             reference: device.zeros(count)?,
             body: device.upload(&bodies)?,
             placed: device.zeros(2 * bodies.len())?,
-            loss: device.zeros(count)?,
-            rare_loss: device.zeros(count)?,
-            lost: device.zeros(sums)?,
+            loss: device.zeros(count.div_ceil(WARP))?,
+            lost: device.zeros(1)?,
             quiet: device.zeros(count.div_ceil(WARP))?,
             sleeps,
             bin_count: device.zeros(2 * grid.count())?,
@@ -93,7 +91,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             disc_at: device.zeros(count)?,
             output: device.zeros(assembly.len())?,
             fetched: device.pinned(assembly.len())?,
-            fetched_losses: device.pinned(sums)?,
+            fetched_losses: device.pinned(1)?,
             points: None,
             fetch: None,
             graphs: [None, None],
@@ -145,16 +143,22 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// # Errors
     /// A kernel failed.
     pub fn queue_states(&mut self) -> Result<(), CudaAssemblyError> {
+        self.write_output()?;
+        let stream = self.device.stream().clone();
+        stream.memcpy_dtoh(&self.output, &mut self.fetched)?;
+        self.fetch = Some(stream.record_event(None)?);
+        Ok(())
+    }
+
+    /// Queues that the states of all grains are written on the device, and losses copied to the host.
+    pub(super) fn write_output(&mut self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
         let launch = self.over_all(COPY_THREADS);
         let output = Pointer::to(&self.output, &stream);
         let arguments = WriteOutput { a: self.arrays(), p: self.p, output };
         // SAFETY: the output has one entry for each grain that can move.
         unsafe { self.kernels.output.launch(&stream, launch, &arguments) }?;
-        stream.memcpy_dtoh(&self.output, &mut self.fetched)?;
-        self.queue_losses()?;
-        self.fetch = Some(stream.record_event(None)?);
-        Ok(())
+        self.queue_losses()
     }
 
     /// Waits for states that were queued.
@@ -188,14 +192,21 @@ impl<R: CudaReal> CudaAssembly<R> {
         Ok((states, energy))
     }
 
+    /// Queues that the losses of the last sequence of steps are added to the totals.
+    pub(super) fn sum_losses(&self) -> Result<(), CudaAssemblyError> {
+        let stream = self.device.stream();
+        let launch = Launch::each(self.loss.len(), COPY_THREADS);
+        let total = Pointer::to(&self.lost, stream);
+        let arguments = SumLosses { a: self.arrays(), p: self.p, total };
+        // SAFETY: one entry for each warp of discs.
+        unsafe { self.kernels.losses.launch(stream, launch, &arguments) }?;
+        Ok(())
+    }
+
     /// Queues that what was lost since the last call is copied to the host.
     fn queue_losses(&mut self) -> Result<(), CudaAssemblyError> {
         let stream = self.device.stream().clone();
-        let launch = self.over_all(SUM_THREADS);
-        let total = Pointer::to(&self.lost, &stream);
-        let arguments = SumLosses { a: self.arrays(), p: self.p, total };
-        // SAFETY: totals have as many entries as there are blocks.
-        unsafe { self.kernels.losses.launch(&stream, launch, &arguments) }?;
+        self.sum_losses()?;
         stream.memcpy_dtoh(&self.lost, &mut self.fetched_losses)?;
         stream.memset_zeros(&mut self.lost)?;
         Ok(())
@@ -204,13 +215,9 @@ impl<R: CudaReal> CudaAssembly<R> {
     /// Adds up the losses that were copied. Sums of sequences are added one by one, so that they have the same bits
     /// after a download.
     fn add_losses(&mut self) -> Result<(), CudaAssemblyError> {
-        for block in self.fetched_losses.as_slice()?.chunks(LOSSES) {
-            self.losses += Losses {
-                dashpots: block[0],
-                friction: block[1],
-                damping: block[2],
-                boxes: block[3],
-            };
+        let unit = R::to_f64(self.p.per_joule);
+        for lost in self.fetched_losses.as_slice()? {
+            self.losses += lost.in_joules(unit);
         }
         Ok(())
     }

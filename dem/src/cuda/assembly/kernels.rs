@@ -5,8 +5,8 @@ use std::sync::Arc;
 use gpu::{Device, Function, Source, checks, definitions, files};
 
 use super::abi::{
-    Arrays, Binned, Body, Box, Control, Disc, Failure, History, Loss, Motion, Output, Parameters,
-    Place, PlacedBody, PointMean, Position, RareLoss, Rest, STEPS, Surroundings,
+    Arrays, Binned, Body, Box, Control, Disc, Extent, Failure, History, Loss, Motion, Output,
+    Parameters, Place, PlacedBody, PointMean, Position, Rest, STEPS, Surroundings,
 };
 use super::energy::SumEnergy;
 use super::error::CudaAssemblyError;
@@ -15,7 +15,7 @@ use super::losses::SumLosses;
 use super::means::{BinGrains, Means, OrderBins};
 use super::output::WriteOutput;
 use super::search::{Begin, Bins, Finish, List};
-use super::sleep::{LookAtRest, Quiet};
+use super::sleep::Quiet;
 use super::sort::{Columns, Count, Places, Reorder, Scan, Starts};
 use super::step::Step;
 use crate::assembly::SAMPLES;
@@ -24,16 +24,18 @@ use crate::grains::Grains;
 
 /// Threads of a block of a step.
 pub(super) const THREADS: u32 = 256;
+/// Threads of the blocks of searches and copies.
+pub(super) const COPY_THREADS: u32 = 128;
 
 const FILES: &str = files!(
     "../real.cuh",
     "../contact.cuh",
     "assembly.cuh",
+    "losses.cu",
     "sleep.cu",
     "step.cu",
     "search.cu",
     "sort.cu",
-    "losses.cu",
     "output.cu",
     "means.cu",
     "energy.cu"
@@ -47,13 +49,13 @@ pub fn source<R: CudaReal>() -> String {
         Disc<R>,
         Position<R>,
         History<R>,
-        Loss<R>,
-        RareLoss<R>,
+        Loss,
         Rest<R>,
         Binned<R>,
         Body,
         PlacedBody<R>,
         Output<R>,
+        Extent<R>,
         Box,
         Surroundings,
         PointMean,
@@ -68,7 +70,6 @@ pub fn source<R: CudaReal>() -> String {
         Bins<R>,
         List<R>,
         Finish<R>,
-        LookAtRest<R>,
         Quiet<R>,
         Count<R>,
         Scan,
@@ -92,6 +93,7 @@ pub fn defines<R: CudaReal>(rows: usize, rolling: bool, sleep: bool) -> Vec<Stri
     [
         ("REAL_BITS", R::BITS),
         ("THREADS", THREADS as usize),
+        ("COPY_THREADS", COPY_THREADS as usize),
         ("BLOCKS", if R::BITS == 32 { 5 } else { 2 }),
         ("ROWS", rows),
         ("STEPS", STEPS),
@@ -124,7 +126,6 @@ pub(super) struct Kernels<R: CudaReal> {
     pub bins: Function<Bins<R>>,
     pub list: Function<List<R>>,
     pub finish: Function<Finish<R>>,
-    pub look: Function<LookAtRest<R>>,
     pub quiet: Function<Quiet<R>>,
     pub count: Function<Count<R>>,
     pub scan: Function<Scan>,
@@ -156,7 +157,6 @@ impl<R: CudaReal> Kernels<R> {
             bins: Function::load(device, &module)?,
             list: Function::load(device, &module)?,
             finish: Function::load(device, &module)?,
-            look: Function::load(device, &module)?,
             quiet: Function::load(device, &module)?,
             count: Function::load(device, &module)?,
             scan: Function::load(device, &module)?,

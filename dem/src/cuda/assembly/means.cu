@@ -5,10 +5,13 @@
 constexpr double REACH = 3.0;
 constexpr double PI = 3.141592653589793;
 
-// Puts every grain into its bin. A full one leaves grains out: the next search reports it.
-extern "C" __global__ void assembly_mean_bins(Arrays a, Parameters p, const Output* grain, unsigned grains, unsigned* count) {
+// Puts every grain into its bin, and writes how far it extends. A full bin leaves grains out: the next search reports
+// it.
+extern "C" __global__ void assembly_mean_bins(Arrays a, Parameters p, const Output* grain, unsigned grains,
+                                              unsigned* count, Extent* extent) {
     const unsigned i = blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= grains) return;
+    extent[i] = {grain[i].x, grain[i].r};
     const unsigned bin = bin_index(p, bin_x(p, grain[i].x), bin_y(p, grain[i].y));
     const unsigned slot = atomicAdd(&count[bin], 1u);
     if (slot < p.capacity) {
@@ -30,7 +33,16 @@ extern "C" __global__ void assembly_mean_order(Arrays a, Parameters p, const uns
     }
 }
 
-// Solid fraction and velocity gradient around a place: CoarseGraining::flow_at.
+// Lanes of a warp that share the surroundings of one sample.
+constexpr unsigned SHARE = LANES / SAMPLES;
+
+// The sum over the lanes of a share, in a fixed order.
+__device__ inline double share_sum(double x) {
+    for (unsigned d = SHARE / 2; d > 0; d /= 2) x += __shfl_xor_sync(ALL, x, int(d));
+    return x;
+}
+
+// Solid fraction and velocity gradient around a place, for all lanes of a share: CoarseGraining::flow_at.
 struct Flow {
     double solid_fraction;
     double gradient[4];
@@ -49,34 +61,40 @@ __device__ inline Flow flow_at(const Arrays& a, const Parameters& p, const Surro
     const auto last = [&](Fraction s, unsigned tiles) {
         return min(unsigned(s * bins + reach_in_bins), tiles * TILE - 1);
     };
+    const unsigned left = first(x), bottom = first(y);
+    const unsigned columns = last(x, p.tiles[0]) - left + 1;
+    const unsigned rows = last(y, p.tiles[1]) - bottom + 1;
     double mass = 0, area = 0, momentum[2] = {}, mass_moment[2] = {}, momentum_moment[4] = {};
-    for (unsigned by = first(y); by <= last(y, p.tiles[1]); ++by) {
-        for (unsigned bx = first(x); bx <= last(x, p.tiles[0]); ++bx) {
-            const unsigned bin = bin_index(p, bx, by);
-            const unsigned grains = min(count[bin], p.capacity);
-            for (unsigned n = 0; n < grains; ++n) {
-                const Binned other = a.binned[size_t(bin) * p.capacity + n];
-                const double lx = unit * double(Signed(x - other.x));
-                const double ly = unit * double(Signed(y - other.y));
-                const double square = lx * lx + ly * ly;
-                if (square >= reach * reach) continue;
-                const Output& moving = grain[unsigned(other.disc)];
-                const double weight = peak * exp(-0.5 * square / width2);
-                const double r = double(other.r);
-                const double m = weight / double(moving.inv_mass);
-                mass += m;
-                area += weight * PI * r * r;
-                momentum[0] += m * moving.vx;
-                momentum[1] += m * moving.vy;
-                mass_moment[0] += m * lx;
-                mass_moment[1] += m * ly;
-                momentum_moment[0] += m * moving.vx * lx;
-                momentum_moment[1] += m * moving.vx * ly;
-                momentum_moment[2] += m * moving.vy * lx;
-                momentum_moment[3] += m * moving.vy * ly;
-            }
+    for (unsigned k = threadIdx.x % SHARE; k < columns * rows; k += SHARE) {
+        const unsigned bin = bin_index(p, left + k % columns, bottom + k / columns);
+        const unsigned grains = min(count[bin], p.capacity);
+        for (unsigned n = 0; n < grains; ++n) {
+            const Binned other = a.binned[size_t(bin) * p.capacity + n];
+            const double lx = unit * double(Signed(x - other.x));
+            const double ly = unit * double(Signed(y - other.y));
+            const double square = lx * lx + ly * ly;
+            if (square >= reach * reach) continue;
+            const Output& moving = grain[unsigned(other.disc)];
+            const double weight = peak * exp(-0.5 * square / width2);
+            const double r = double(other.r);
+            const double m = weight / double(moving.inv_mass);
+            mass += m;
+            area += weight * PI * r * r;
+            momentum[0] += m * moving.vx;
+            momentum[1] += m * moving.vy;
+            mass_moment[0] += m * lx;
+            mass_moment[1] += m * ly;
+            momentum_moment[0] += m * moving.vx * lx;
+            momentum_moment[1] += m * moving.vx * ly;
+            momentum_moment[2] += m * moving.vy * lx;
+            momentum_moment[3] += m * moving.vy * ly;
         }
     }
+    mass = share_sum(mass);
+    area = share_sum(area);
+    for (int k = 0; k < 2; ++k) momentum[k] = share_sum(momentum[k]);
+    for (int k = 0; k < 2; ++k) mass_moment[k] = share_sum(mass_moment[k]);
+    for (int k = 0; k < 4; ++k) momentum_moment[k] = share_sum(momentum_moment[k]);
     Flow flow = {area, {}};
     for (int k = 0; k < 4; ++k) {
         const double difference = momentum[k / 2] / mass * mass_moment[k % 2] - momentum_moment[k];
@@ -134,9 +152,11 @@ extern "C" __global__ void assembly_means(Arrays a, Parameters p, Surroundings a
     }
     const unsigned step = (members + SAMPLES - 1) / SAMPLES;
     double sampled = 0, occupied = 0, gradient[4] = {};
-    if (lane * step < members) {
-        const Output& g = grain[own[lane * step]];
-        const Flow flow = flow_at(a, p, around, grain, count, g.x, g.y);
+    // All lanes take part in the sums: those without a sample of their own repeat the first one.
+    const unsigned sample = lane / SHARE * step;
+    const Output& g = grain[own[sample < members ? sample : 0]];
+    const Flow flow = flow_at(a, p, around, grain, count, g.x, g.y);
+    if (lane % SHARE == 0 && sample < members) {
         const double free = free_share(around, box, position_of(p, g.x, 0), position_of(p, g.y, 1));
         sampled = PI * double(g.r) * double(g.r);
         occupied = sampled * free / flow.solid_fraction;

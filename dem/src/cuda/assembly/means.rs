@@ -3,12 +3,12 @@
 use gpu::{ConstPointer, Pointer, kernel};
 use nalgebra::{Matrix2, Vector2};
 
-use super::abi::{self, Arrays, Box, Output, Parameters};
+use super::abi::{self, Arrays, Box, Extent, Output, Parameters};
 use crate::assembly::PointMean;
 use crate::cuda::real::CudaReal;
 
 kernel! {
-    /// Puts every grain into its bin.
+    /// Puts every grain into its bin, and writes its extent.
     pub(super) struct BinGrains<R: CudaReal>: assembly_mean_bins {
         /// The bins.
         pub a: Arrays<R>,
@@ -20,6 +20,8 @@ kernel! {
         pub grains: u32,
         /// Grains in each bin, from zero.
         pub count: Pointer<u32>,
+        /// Extent of each grain.
+        pub extent: Pointer<Extent<R>>,
     }
 
     /// Sorts the grains of every bin by identity.

@@ -1,12 +1,13 @@
 //! Constants and control of an assembly, and the memory it takes.
 
 use super::abi::{
-    Binned, Control, Disc, History, Loss, NEAR_BODIES, Output, Parameters, Position, RareLoss,
-    Rest, STEPS,
+    Binned, Control, Disc, History, Loss, NEAR_BODIES, Output, Parameters, Position, Rest, STEPS,
 };
 use super::grid::{Grid, row_length};
+use super::losses::units_per_joule;
 use crate::assembly::{Assembly, Sleep};
 use crate::cuda::real::CudaReal;
+use crate::cuda::shape::WARP;
 
 impl<R: CudaReal> Control<R> {
     /// A sequence of `steps` steps from `time` (s) on, after the sequence `last`.
@@ -49,6 +50,15 @@ impl<R: CudaReal> Control<R> {
     }
 }
 
+impl<R: CudaReal> Parameters<R> {
+    /// Sets the part of the skin up to which a disc counts as not moved: so much older than a list may a reference be.
+    pub fn set_stayed(&mut self, part: f64) {
+        let skin = self.skin.to_f64();
+        self.stayed = R::from_f64(part * skin);
+        self.allowed = R::from_f64((0.5 - part) * skin);
+    }
+}
+
 /// The constants of an assembly.
 pub(super) fn parameters<R: CudaReal>(
     assembly: &Assembly<R>,
@@ -63,7 +73,7 @@ pub(super) fn parameters<R: CudaReal>(
     let real = R::from_f64;
     let discs = assembly.discs.len();
     let all = [0, discs as u32];
-    Parameters {
+    let mut p = Parameters {
         dt,
         origin: assembly.region.origin,
         side: assembly.region.side,
@@ -79,8 +89,10 @@ pub(super) fn parameters<R: CudaReal>(
         unit: real(unit),
         per_unit: real(dt / unit),
         skin: real(grid.skin),
-        allowed: real(0.5 * grid.skin),
+        allowed: R::default(),
+        stayed: R::default(),
         overlap_limit: real(grains.overlap_limit),
+        per_joule: real(units_per_joule(grains)),
         margin: R::Fraction::default(),
         discs: discs as u32,
         row: row_length(discs) as u32,
@@ -105,11 +117,15 @@ pub(super) fn parameters<R: CudaReal>(
         patches: sleep.map_or(1, |sleep| sleep.patches(assembly.region.side) as u32),
         audited: sleep.map_or(0, Sleep::audited),
         seed: sleep.map_or(0, |sleep| sleep.seed),
-    }
+    };
+    p.set_stayed(if discs > CACHED { STAYED } else { 0.0 });
+    p
 }
 
+/// Part of the skin up to which a disc counts as not moved. It pays where searches are bound by what they read.
+const STAYED: f64 = 0.1;
 /// Discs whose state stays in the L2 cache from step to step: 50 MB, at some 200 bytes.
-const CACHED: usize = 250_000;
+pub(super) const CACHED: usize = 250_000;
 /// What the blocks advance in a microsecond, which memory takes to answer, several times over.
 const AHEAD: u32 = 32_768;
 
@@ -125,12 +141,11 @@ pub(super) fn bytes<R: CudaReal>(discs: usize, grid: &Grid) -> usize {
         + bodies
         + size_of::<Rest<R>>();
     let discs = row_length(discs);
-    let losses = size_of::<Loss<R>>() + size_of::<RareLoss<R>>();
     let once = size_of::<Position<R>>()
         + size_of::<R::Fraction>()
         + size_of::<Output<R>>()
         + 2 * size_of::<u32>()
-        + losses;
+        + size_of::<Loss>() / WARP;
     let bin = 3 * size_of::<u32>() + grid.capacity as usize * size_of::<Binned<R>>();
     discs * (2 * disc + once) + grid.count() * bin
 }

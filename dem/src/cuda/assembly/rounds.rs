@@ -6,18 +6,14 @@ use gpu::{ConstPointer, Launch, Pointer};
 
 use super::abi::{Control, Parameters, STEPS};
 use super::error::CudaAssemblyError;
-use super::kernels::THREADS;
-use super::losses::{SUM_THREADS, SumLosses};
+use super::kernels::{COPY_THREADS, THREADS};
 use super::search::{Begin, Bins, Finish, List};
 use super::shared::{Shared, bounds};
-use super::sleep::{LookAtRest, Quiet};
+use super::sleep::Quiet;
 use super::sort::{CHUNK, Columns, Count, Places, Reorder, SCAN_THREADS, Scan, Starts};
 use super::state::{CudaAssembly, over};
 use super::step::Step;
 use crate::cuda::real::CudaReal;
-
-/// Threads of the blocks of searches and copies.
-pub(super) const COPY_THREADS: u32 = 128;
 
 impl<R: CudaReal> CudaAssembly<R> {
     /// Puts discs in the order of bins.
@@ -38,9 +34,6 @@ impl<R: CudaReal> CudaAssembly<R> {
         // SAFETY: arrays are as long as the numbers of discs, bins and chunks say.
         unsafe {
             k.begin.launch(&stream, Launch::blocks(1, 32), &Begin { a, p })?;
-            // Losses are by place.
-            let total = Pointer::to(&self.lost, &stream);
-            k.losses.launch(&stream, self.over_all(SUM_THREADS), &SumLosses { a, p, total })?;
             k.bins.launch(&stream, each, &Bins { a, p, force: 1 })?;
             k.count.launch(&stream, blocks, &Count { a, p, chunk })?;
             k.scan.launch(&stream, Launch::blocks(1, SCAN_THREADS), &Scan { chunk, chunks })?;
@@ -163,18 +156,11 @@ impl<R: CudaReal> CudaAssembly<R> {
     }
 
     fn queue_round(&self) -> Result<(), CudaAssemblyError> {
-        let stream = self.device.stream();
-        let (a, p) = (self.arrays(), self.p);
         for k in 0..STEPS {
             match &self.shared {
                 Some(shared) => self.shared_step(shared, k)?,
-                None => self.step(stream, p, k)?,
+                None => self.step(self.device.stream(), self.p, k)?,
             }
-        }
-        if self.sleeps {
-            let launch = over(p.own, COPY_THREADS).early(true);
-            // SAFETY: arrays are as long as the numbers of discs say.
-            unsafe { self.kernels.look.launch(stream, launch, &LookAtRest { a, p }) }?;
         }
         self.search(0)
     }

@@ -1,5 +1,10 @@
-// Search for neighbours: twin of dem/src/assembly/search.rs. Bins are filled with the discs of the window,
-// and every own disc lists the discs within reach in the bins around it.
+// Search for neighbours: twin of dem/src/assembly/search.rs. Bins are filled with the discs of the window, and every own
+// disc lists the discs within reach in the bins around it, if any of those in these bins has moved since its reference
+// was taken.
+//
+// Lists miss no contact: discs make no step once one is further than `allowed` from its reference. Since a list was made,
+// each of a pair has then moved by `allowed + stayed` at most, as references that were kept were at most `stayed` away,
+// and the skin is twice that. Discs in bins that are not neighbours are a skin apart at any search.
 
 // Whether a search is due after the present round: the lists are outdated, or would be within another
 // round of the same motion.
@@ -12,7 +17,7 @@ __device__ inline bool is_due(const Control& c, const Parameters& p, unsigned fo
 
 // Bins of a tile follow each other, and tiles column by column: a part of memory is a vertical slab.
 __device__ inline unsigned bin_index(const Parameters& p, unsigned x, unsigned y) {
-    return ((x / TILE * p.tiles[1] + y / TILE) * TILE + y % TILE) * TILE + x % TILE;
+    return x / TILE * p.tiles[1] * TILE * TILE + y * TILE + x % TILE;
 }
 
 __device__ inline unsigned bins_in_all(const Parameters& p) {
@@ -27,7 +32,7 @@ __device__ inline unsigned bin_y(const Parameters& p, Fraction s) {
     return min(unsigned(bin_of(s, int(p.bins))), p.tiles[1] * TILE - 1);
 }
 
-// In the count of a bin, a disc that has moved since the last search: beyond any number of discs.
+// In the count of a bin, a disc that has moved since its reference was taken: beyond any number of discs.
 constexpr unsigned MOVED = 1u << 16;
 
 __device__ inline unsigned* counts(const Arrays& a, const Parameters& p, unsigned searches) {
@@ -44,93 +49,138 @@ extern "C" __global__ void assembly_begin(Arrays a, Parameters p) {
     }
 }
 
-// Puts every disc of the window into its bin.
+// Ends the steps of a round for every disc of the window: looks whether it rests, and puts it into its bin where a
+// search is due.
 extern "C" __global__ void assembly_bins(Arrays a, Parameters p, unsigned force) {
     await_turn();
     Control& c = *a.control;
     const unsigned i = p.window[0] + blockIdx.x * blockDim.x + threadIdx.x;
-    if (has_failed(c) || has_drifted(c, p) || !is_due(c, p, force) || i >= p.window[1]) return;
-    const Place place = discs_after(a, p, c.steps + c.done)[i].place;
+    if (has_failed(c) || i >= p.window[1]) return;
+    Disc& disc = discs_after(a, p, c.steps + c.done)[i];
+#if SLEEP
+    if (c.done != 0) look(a, p, disc, i);
+#endif
+    if (has_drifted(c, p) || !is_due(c, p, force)) return;
+    const Place place = disc.place;
     if (p.margin != 0 && p.own[0] <= i && i < p.own[1]) {
         const Signed drift = Signed(place.x - a.sorted[i]);
         const Fraction distance = Fraction(drift < 0 ? -drift : drift);
         if (distance > c.drift) atomicMax(&c.drift, distance);
     }
     const unsigned bin = bin_index(p, bin_x(p, place.x), bin_y(p, place.y));
-    unsigned one = 1;
-#if SLEEP
     const Position last = a.reference[i];
-    if (place.x != last.x || place.y != last.y) one += MOVED;
-#endif
+    const Real x = p.unit * Real(Signed(place.x - last.x));
+    const Real y = p.unit * Real(Signed(place.y - last.y));
+    const bool moved = force != 0 || x * x + y * y > p.stayed * p.stayed;
+    if (moved) a.reference[i] = {place.x, place.y};
+    const unsigned one = moved ? 1 + MOVED : 1;
     const unsigned slot = atomicAdd(&counts(a, p, c.searches)[bin], one) % MOVED;
     if (slot < p.capacity) {
         a.binned[size_t(bin) * p.capacity + slot] = {place.x, place.y, place.r, i};
     } else {
         fail(c, c.steps + c.done, BIN_FULL, a.id[i]);
     }
-    a.reference[i] = {place.x, place.y};
+}
+
+// The bins around a disc, row by row.
+struct Around {
+    unsigned bin[9];
+    unsigned discs[9];
+    // Whether a disc in them has moved.
+    bool moved;
+};
+
+__device__ inline Around bins_around(const Arrays& a, const Parameters& p, const Place& place) {
+    const unsigned* count = counts(a, p, a.control->searches);
+    const unsigned x = bin_x(p, place.x);
+    const unsigned y = bin_y(p, place.y);
+    const unsigned columns = p.tiles[0] * TILE;
+    const unsigned rows = p.tiles[1] * TILE;
+    Around around;
+    unsigned all = 0;
+#pragma unroll
+    for (unsigned k = 0; k < 9; ++k) {
+        // Below zero wraps round to beyond the last one.
+        const unsigned bx = x + k % 3 - 1;
+        const unsigned by = y + k / 3 - 1;
+        around.bin[k] = bin_index(p, bx, by);
+        const unsigned discs = bx < columns && by < rows ? count[around.bin[k]] : 0;
+        around.discs[k] = min(discs % MOVED, p.capacity);
+        all |= discs;
+    }
+    around.moved = all >= MOVED;
+    return around;
 }
 
 // A disc within reach, and in the upper half how near it is, in the order of floating-point numbers.
 using Near = unsigned long long;
 constexpr Near NOBODY = ~Near(0);
 
-__device__ inline Near near(Real distance2, Real touch, unsigned disc) {
-    const unsigned bits = __float_as_uint(float(distance2 - touch * touch));
+__device__ inline Near near(float distance2, unsigned disc) {
+    const unsigned bits = __float_as_uint(distance2);
     const unsigned ordered = bits ^ (bits >> 31 ? 0xffffffffu : 0x80000000u);
     return Near(ordered) << 32 | disc;
 }
 
-// Collects the discs within reach, the nearest first: rows of a warp then touch alike, and the order does
-// not depend on that of the bins. Returns their number, which may be more than there is room for.
-__device__ inline unsigned collect(const Arrays& a, const Parameters& p, const Place& place,
-                                   unsigned i, Near (&list)[ROWS]) {
-    const unsigned* count = counts(a, p, a.control->searches);
-    const unsigned x = bin_x(p, place.x);
-    const unsigned y = bin_y(p, place.y);
-    unsigned found = 0;
+// Puts the entries of a list in ascending order: Batcher's odd-even merge sort, all of whose comparisons are known
+// to the compiler.
+__device__ inline void sort_list(Near (&list)[ROWS]) {
 #pragma unroll
-    for (unsigned row = 0; row < ROWS; ++row) list[row] = NOBODY;
-    for (unsigned by = max(y, 1u) - 1; by <= min(y + 1, p.tiles[1] * TILE - 1); ++by) {
-        for (unsigned bx = max(x, 1u) - 1; bx <= min(x + 1, p.tiles[0] * TILE - 1); ++bx) {
-            const unsigned bin = bin_index(p, bx, by);
-            const unsigned discs = min(count[bin] % MOVED, p.capacity);
-            for (unsigned n = 0; n < discs; ++n) {
-                const Binned other = a.binned[size_t(bin) * p.capacity + n];
-                const Real lx = p.unit * Real(Signed(other.x - place.x));
-                const Real ly = p.unit * Real(Signed(other.y - place.y));
-                const Real touch = place.r + other.r;
-                const Real distance2 = lx * lx + ly * ly;
-                if (distance2 >= (touch + p.skin) * (touch + p.skin)) continue;
-                if (unsigned(other.disc) == i) continue;
-                ++found;
-                // Insertion, without indices that are not known to the compiler.
-                Near entry = near(distance2, touch, unsigned(other.disc));
+    for (unsigned p = 1; p < ROWS; p *= 2) {
 #pragma unroll
-                for (unsigned row = 0; row < ROWS; ++row) {
-                    if (row >= found) break;
-                    const Near larger = max(entry, list[row]);
-                    list[row] = min(entry, list[row]);
-                    entry = larger;
-                }
+        for (unsigned k = p; k > 0; k /= 2) {
+#pragma unroll
+            for (unsigned n = k % p; n + k < ROWS; ++n) {
+                if ((n - k % p) / k % 2 != 0 || n / (2 * p) != (n + k) / (2 * p)) continue;
+                const Near first = list[n];
+                const Near second = list[n + k];
+                const bool swap = second < first;
+                list[n] = swap ? second : first;
+                list[n + k] = swap ? first : second;
             }
         }
     }
-    return found;
 }
 
-// Whether a disc in the bins around has moved since the last search.
-__device__ inline bool has_motion_near(const Arrays& a, const Parameters& p, const Place& place) {
-    const unsigned* count = counts(a, p, a.control->searches);
-    const unsigned x = bin_x(p, place.x);
-    const unsigned y = bin_y(p, place.y);
-    unsigned moved = p.bodies_move;
-    for (unsigned by = max(y, 1u) - 1; by <= min(y + 1, p.tiles[1] * TILE - 1); ++by) {
-        for (unsigned bx = max(x, 1u) - 1; bx <= min(x + 1, p.tiles[0] * TILE - 1); ++bx) {
-            moved |= count[bin_index(p, bx, by)] / MOVED;
+// A disc within reach as it is met, by how much further than touch (m²).
+struct Met {
+    float distance2;
+    unsigned disc;
+};
+
+// Collects the discs within reach, the nearest first: rows of a warp then touch alike, and the order does
+// not depend on that of the bins. Returns their number, which may be more than there is room for.
+__device__ inline unsigned collect(const Arrays& a, const Parameters& p, const Around& around,
+                                   const Place& place, unsigned i, Near (&list)[ROWS]) {
+    // Of each thread its own, in the order of the bins: registers have no index that varies.
+    __shared__ Met met[ROWS][COPY_THREADS];
+    const Real reach = place.r + p.skin;
+    unsigned found = 0;
+#pragma unroll
+    for (unsigned k = 0; k < 9; ++k) {
+        const Binned* binned = a.binned + size_t(around.bin[k]) * p.capacity;
+#pragma unroll 1
+        for (unsigned n = 0; n < around.discs[k]; ++n) {
+            const Binned other = binned[n];
+            const Real lx = p.unit * Real(Signed(other.x - place.x));
+            const Real ly = p.unit * Real(Signed(other.y - place.y));
+            const Real within = reach + other.r;
+            const Real distance2 = lx * lx + ly * ly;
+            if (distance2 >= within * within || unsigned(other.disc) == i) continue;
+            const Real touch = place.r + other.r;
+            if (found < ROWS) {
+                met[found][threadIdx.x] = {float(distance2 - touch * touch), unsigned(other.disc)};
+            }
+            ++found;
         }
     }
-    return moved != 0;
+#pragma unroll
+    for (unsigned row = 0; row < ROWS; ++row) {
+        const Met& one = met[row][threadIdx.x];
+        list[row] = row < found ? near(one.distance2, one.disc) : NOBODY;
+    }
+    sort_list(list);
+    return found;
 }
 
 // Lists the bodies within reach; returns whether there are any.
@@ -181,38 +231,41 @@ extern "C" __global__ void assembly_list(Arrays a, Parameters p, unsigned force)
     const Place place = now[i].place;
     if (place.inv_mass == Real(0)) return;
 
-    // Where nothing has moved since the last search, its lists hold.
-    if (SLEEP && force == 0 && !has_motion_near(a, p, place)) return;
+    // Where no disc has moved, the list holds.
+    const Around around = bins_around(a, p, place);
+    if (!around.moved && p.bodies_move == 0) return;
 
     Near list[ROWS];
-    unsigned found = collect(a, p, place, i, list);
+    unsigned found = collect(a, p, around, place, i, list);
     if (found > ROWS) {
         fail(c, step, LIST_FULL, a.id[i]);
         found = ROWS;
     }
 
     const unsigned info = unsigned(now[i].motion.info);
-    unsigned old_disc[ROWS];
-    Memory old_memory[ROWS];
-    unsigned old = 0;
+    // Memories of contacts, by their new row: all are read before any is written.
+    Memory kept[ROWS];
+    unsigned touching = 0;
     for (unsigned touched = info >> FIRST_ROW; touched != 0; touched &= touched - 1) {
         const size_t at = size_t(__ffs(int(touched)) - 1) * p.row + i;
-        old_disc[old] = a.list[at];
-        old_memory[old] = memory_at(p, a.history[at], ROWS);
-        ++old;
+        const unsigned disc = a.list[at];
+        const Memory memory = memory_at(p, a.history[at], ROWS);
+        unsigned now_at = ROWS;
+#pragma unroll
+        for (unsigned row = 0; row < ROWS; ++row) {
+            if (unsigned(list[row]) == disc) now_at = row;
+        }
+        if (now_at == ROWS) continue;
+        kept[now_at] = memory;
+        touching |= 1u << now_at;
     }
-    unsigned touching = 0;
 #pragma unroll
     for (unsigned row = 0; row < ROWS; ++row) {
-        if (row >= found) continue;
-        const size_t at = size_t(row) * p.row + i;
-        const unsigned disc = unsigned(list[row]);
-        a.list[at] = disc;
-        for (unsigned k = 0; k < old; ++k) {
-            if (old_disc[k] != disc) continue;
-            remember(p, a.history[at], ROWS, old_memory[k]);
-            touching |= 1u << row;
-        }
+        if (row < found) a.list[size_t(row) * p.row + i] = unsigned(list[row]);
+    }
+    for (unsigned rows = touching; rows != 0; rows &= rows - 1) {
+        const unsigned row = unsigned(__ffs(int(rows)) - 1);
+        remember(p, a.history[size_t(row) * p.row + i], ROWS, kept[row]);
     }
     const bool had = (info & BODIES_NEAR) != 0;
     const bool bodies = list_bodies(a, p, place, i, step, had);

@@ -14,7 +14,7 @@ kernel! {
         pub p: Parameters<R>,
     }
 
-    /// Puts every disc into its bin.
+    /// Looks whether discs rest, and puts every disc into its bin.
     pub(super) struct Bins<R: CudaReal>: assembly_bins {
         /// The discs.
         pub a: Arrays<R>,

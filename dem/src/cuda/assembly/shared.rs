@@ -9,10 +9,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use cudarc::driver::{CudaSlice, CudaStream};
-use gpu::ranks::{Extreme, Ranks, RanksError};
+use gpu::ranks::{Ranks, RanksError, Reduction};
 use gpu::{Device, DeviceRepr, Pointer};
 
-use super::abi::{Arrays, Control, Disc, NEAR_BODIES, Parameters};
+use super::abi::{Arrays, Control, Disc, Loss, NEAR_BODIES, Parameters};
 use super::error::CudaAssemblyError;
 use super::grid::{Grid, TILE, row_length};
 use super::slabs::{Message, Slabs, displacement_within, margin_for};
@@ -158,7 +158,7 @@ impl Shared {
         let moved = offset_of!(Control<R>, moved) + (k + 1) * size_of::<R::Fraction>();
         // SAFETY: a field of the control, which lives as long as the assembly.
         self.ranks.group(|| unsafe {
-            self.ranks.reduce(field::<R, R::Fraction>(a, moved), Extreme::Largest)
+            self.ranks.reduce(field::<R, R::Fraction>(a, moved), Reduction::Largest)
         })
     }
 
@@ -169,9 +169,9 @@ impl Shared {
             // SAFETY: fields of the control, which lives as long as the assembly.
             unsafe {
                 let failed = field::<R, u64>(a, offset_of!(Control<R>, failed));
-                ranks.reduce(failed, Extreme::Least)?;
+                ranks.reduce(failed, Reduction::Least)?;
                 for offset in [offset_of!(Control<R>, overlap), offset_of!(Control<R>, drift)] {
-                    ranks.reduce(field::<R, R::Fraction>(a, offset), Extreme::Largest)?;
+                    ranks.reduce(field::<R, R::Fraction>(a, offset), Reduction::Largest)?;
                 }
             }
             Ok(())
@@ -185,9 +185,24 @@ impl Shared {
 
     /// Queues that all ranks get all that a rank has of its discs, at the end of a round.
     pub fn gather_all<R: CudaReal>(&self, a: &Arrays<R>) -> Result<(), RanksError> {
-        let discs = self.slabs.discs;
-        let losses = rows(a.loss, discs, 1).chain(rows(a.rare_loss, discs, 1));
-        self.gather(self.state(a).chain(losses))
+        self.gather(self.state(a))
+    }
+
+    /// Queues that the totals of all ranks are added up.
+    pub fn add_losses(&self, total: Pointer<Loss>) -> Result<(), RanksError> {
+        let fields = [
+            offset_of!(Loss, dashpots),
+            offset_of!(Loss, friction),
+            offset_of!(Loss, damping),
+            offset_of!(Loss, boxes),
+        ];
+        self.ranks.group(|| {
+            fields.iter().try_for_each(|&offset| {
+                let number = Pointer::<u64>::from_address(total.address() + offset as u64);
+                // SAFETY: a field of the totals, which live as long as the assembly.
+                unsafe { self.ranks.reduce(number, Reduction::Sum) }
+            })
+        })
     }
 
     /// At the first call, gives all ranks the discs of rank 0: preparations elsewhere may differ in round-off.

@@ -79,18 +79,15 @@ __device__ inline unsigned look_at(const Parameters& p, Rest& rest, const Disc& 
     return patch_hash(p.seed, x, y) < p.audited ? WATCHED : DROWSY;
 }
 
-// Looks which discs rest, after a round with steps.
-extern "C" __global__ void assembly_look(Arrays a, Parameters p) {
-    await_turn();
-    const Control& c = *a.control;
-    if (has_failed(c) || c.done == 0) return;
-    const unsigned i = blockIdx.x * blockDim.x + threadIdx.x;
-    if (i >= p.discs || is_quiet(a, i)) return;
-    Disc& place = discs_after(a, p, c.steps + c.done)[i];
+// Looks whether disc `i`, which is at `place` in memory, rests: after a round with steps.
+__device__ inline void look(const Arrays& a, const Parameters& p, Disc& place, unsigned i) {
+    if (is_quiet(a, i)) return;
     const Disc disc = place;
     if (disc.place.inv_mass == Real(0)) return;
     const unsigned before = state_of(disc.motion.info);
-    const unsigned state = look_at(p, a.rest[i], disc, before);
+    Rest rest = a.rest[i];
+    const unsigned state = look_at(p, rest, disc, before);
+    a.rest[i] = rest;
     if (state == before) return;
     const Fraction others = disc.motion.info & ~Fraction(STATE_MASK);
     place.motion.info = others | Fraction(state << STATE_SHIFT);
@@ -98,7 +95,7 @@ extern "C" __global__ void assembly_look(Arrays a, Parameters p) {
     const Motion& u = disc.motion;
     const Real rim = disc.place.r * u.w;
     const Real energy = (u.x * u.x + u.y * u.y + Real(0.5) * rim * rim) / disc.place.inv_mass;
-    a.rare_loss[i].damping += Real(0.5) * energy;
+    atomicAdd(&a.loss[i / LANES].damping, (unsigned long long)units_of(p, Real(0.5) * energy));
     place.motion.x = Real(0);
     place.motion.y = Real(0);
     place.motion.w = Real(0);

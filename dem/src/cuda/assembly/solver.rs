@@ -1,12 +1,15 @@
 //! The advance of an assembly on a GPU.
 
+use gpu::Pointer;
+
 use super::abi::{Control, Failure, STEPS};
 use super::error::CudaAssemblyError;
+use super::parameters::CACHED;
 use super::state::CudaAssembly;
 use crate::assembly::{AssemblyError, GrainFailure, Region};
 use crate::cuda::real::CudaReal;
 
-/// Rounds queued beyond those that the last steps took.
+/// Rounds queued beyond those that the last steps took, where they cost less than to wait for the host.
 const SPARE_ROUNDS: usize = 2;
 
 impl<R: CudaReal> CudaAssembly<R> {
@@ -23,6 +26,15 @@ impl<R: CudaReal> CudaAssembly<R> {
             // Graphs hold the arguments of their kernels.
             self.graphs = [None, None];
         }
+    }
+
+    /// Sets the part of the skin, below a half, up to which a disc counts as not moved since the last search. Lists are
+    /// made anew only around discs that have moved, and more often, as less of the skin is left for them. By default 0.1
+    /// for scenes that do not fit into the cache, otherwise 0.
+    pub fn set_stayed(&mut self, part: f64) {
+        self.p.set_stayed(part);
+        // As above.
+        self.graphs = [None, None];
     }
 
     /// Queues `steps` DEM steps; [`finish`](Self::finish) waits for them and makes those that searches have
@@ -53,7 +65,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         };
         match self.last {
             // Ranks exchange even where no step is made.
-            Some(last) if self.shared.is_some() => as_last(last),
+            Some(last) if self.shared.is_some() || self.p.discs as usize > CACHED => as_last(last),
             Some(last) => as_last(last) + SPARE_ROUNDS,
             None => least + least / 4 + 1,
         }
@@ -81,14 +93,25 @@ impl<R: CudaReal> CudaAssembly<R> {
                 self.searches += u64::from(control.searches - self.parity_searches());
                 self.time += f64::from(control.made()) * self.p.dt;
                 self.last = Some(control);
-                if let Some(shared) = &self.shared {
-                    shared.gather_all(&self.arrays())?;
-                }
+                self.gather()?;
                 return Ok(());
             }
             let left = (control.target - control.steps) as usize;
             self.rounds(left.div_ceil(STEPS) + 1)?;
         }
+    }
+
+    /// Gives the first of several ranks what all have.
+    fn gather(&mut self) -> Result<(), CudaAssemblyError> {
+        let Some(shared) = &self.shared else { return Ok(()) };
+        shared.gather_all(&self.arrays())?;
+        self.sum_losses()?;
+        let stream = self.device.stream().clone();
+        shared.add_losses(Pointer::to(&self.lost, &stream))?;
+        if !shared.is_first() {
+            stream.memset_zeros(&mut self.lost)?;
+        }
+        Ok(())
     }
 
     /// Advances by `steps` DEM steps.

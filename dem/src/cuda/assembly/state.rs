@@ -7,7 +7,7 @@ use gpu::{ConstPointer, Device, Launch, Pointer};
 
 use super::abi::{
     Arrays, Binned, Body, Control, Disc, History, Loss, NEAR_BODIES, Output, Parameters,
-    PlacedBody, Position, RareLoss, Rest,
+    PlacedBody, Position, Rest,
 };
 use super::grid::{Grid, row_length};
 use super::kernels::Kernels;
@@ -33,10 +33,9 @@ pub struct CudaAssembly<R: CudaReal> {
     pub(super) reference: CudaSlice<Position<R>>,
     pub(super) body: CudaSlice<Body>,
     pub(super) placed: CudaSlice<PlacedBody<R>>,
-    pub(super) loss: CudaSlice<Loss<R>>,
-    pub(super) rare_loss: CudaSlice<RareLoss<R>>,
-    /// By block of [`SUM_THREADS`] discs, since the last fetch.
-    pub(super) lost: CudaSlice<f64>,
+    pub(super) loss: CudaSlice<Loss>,
+    /// One entry: of all discs, since the last fetch.
+    pub(super) lost: CudaSlice<Loss>,
     /// Of each warp, the discs that steps leave out.
     pub(super) quiet: CudaSlice<u32>,
     /// Whether discs that rest are held.
@@ -51,9 +50,9 @@ pub struct CudaAssembly<R: CudaReal> {
     pub(super) output: CudaSlice<Output<R>>,
     /// The same on the host, and the sums in `lost`, of the last fetch.
     pub(super) fetched: PinnedHostSlice<Output<R>>,
-    pub(super) fetched_losses: PinnedHostSlice<f64>,
+    pub(super) fetched_losses: PinnedHostSlice<Loss>,
     /// The points whose means are wanted.
-    pub(super) points: Option<DevicePoints>,
+    pub(super) points: Option<DevicePoints<R>>,
     /// The end of a fetch under way.
     pub(super) fetch: Option<CudaEvent>,
     /// A round of steps, for each of the two sets of discs.
@@ -132,7 +131,6 @@ impl<R: CudaReal> CudaAssembly<R> {
             body: ConstPointer::to(&self.body, stream),
             placed: Pointer::to(&self.placed, stream),
             loss: Pointer::to(&self.loss, stream),
-            rare_loss: Pointer::to(&self.rare_loss, stream),
             bin_count: Pointer::to(&self.bin_count, stream),
             binned: Pointer::to(&self.binned, stream),
             sorted: Pointer::to(&self.sorted, stream),

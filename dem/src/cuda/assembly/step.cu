@@ -77,10 +77,7 @@ __device__ inline void prefetch(const Arrays& a, const Parameters& p, const Disc
     } else if (lane == LISTED + TOUCHING) {
         from = a.reference + first;
         bytes = LANES * sizeof(Position);
-    } else if (lane == LISTED + TOUCHING + 1) {
-        from = a.loss + first;
-        bytes = LANES * sizeof(Loss);
-    } else if (lane > LISTED + TOUCHING + 2) {
+    } else if (lane > LISTED + TOUCHING + 1) {
         return;
     }
     asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" ::"l"(from), "r"(bytes));
@@ -191,17 +188,14 @@ __device__ inline void hold(const Arrays& a, const Parameters& p, const Sums& su
 #endif
 }
 
-// Adds to the losses of a disc in this sequence of steps (J).
-__device__ inline void add_losses(const Arrays& a, const Parameters& p, unsigned i, const Sums& sum,
-                                  Real lost) {
-    if (sum.dashpots != Real(0) || sum.friction != Real(0)) {
-        Loss& loss = a.loss[i];
-        loss = {loss.dashpots + p.step * sum.dashpots, loss.friction + p.step * sum.friction};
-    }
-    if (lost != Real(0) || sum.boxes != Real(0)) {
-        RareLoss& loss = a.rare_loss[i];
-        loss = {loss.damping + p.step * lost, loss.boxes + p.step * sum.boxes};
-    }
+// Adds to the losses of a warp of discs from `first` on in this sequence of steps. `lost` is the power of damping (W).
+__device__ inline void add_losses(const Arrays& a, const Parameters& p, unsigned first,
+                                  const Sums& sum, Real lost) {
+    Loss& loss = a.loss[first / LANES];
+    add_energy(p, p.step * sum.dashpots, loss.dashpots);
+    add_energy(p, p.step * sum.friction, loss.friction);
+    add_energy(p, p.step * lost, loss.damping);
+    add_energy(p, p.step * sum.boxes, loss.boxes);
 }
 
 // Notes the displacement of a disc since the search. Exact at the end of a round; before it, only what
@@ -272,19 +266,19 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
 #else
     constexpr bool left_out = false;
 #endif
+    Sums sum = {};
+    Real lost = 0;
     if (i < p.own[1] && !left_out) {
         const Disc* now = discs_before(a, p, step, k);
         prefetch(a, p, now, i - threadIdx.x % LANES + p.ahead);
         Disc disc = now[i];
         if (disc.place.inv_mass != Real(0)) {
-            Sums sum = {};
             unsigned info = unsigned(disc.motion.info);
             const unsigned touching = touch_discs(a, p, now, disc, i, sum);
             if ((info & BODIES_NEAR) != 0 && !touch_bodies(a, p, disc, i, step, sum)) {
                 fail_step(c, step, k, LEAK, a.id[i]);
             }
             info = (info & (ROWS_MASK | BODIES_NEAR | STATE_MASK)) | touching << FIRST_ROW;
-            Real lost = 0;
             if (SLEEP && is_held(state_of(info))) {
                 hold(a, p, sum, disc, i);
             } else {
@@ -297,7 +291,6 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
             }
             if (sum.overlap > real_of(c.overlap)) atomicMax(&c.overlap, bits_of(sum.overlap));
             if (sum.overlap > p.overlap_limit) fail_step(c, step, k, OVERLAP, a.id[i]);
-            add_losses(a, p, i, sum, lost);
             const Position r = a.reference[i];
             const Real x = p.unit * Real(Signed(disc.place.x - r.x));
             const Real y = p.unit * Real(Signed(disc.place.y - r.y));
@@ -305,5 +298,6 @@ extern "C" __global__ void __launch_bounds__(THREADS, BLOCKS)
         }
         discs_before(a, p, step + 1, k + 1)[i] = disc;
     }
+    add_losses(a, p, i - threadIdx.x % LANES, sum, lost);
     note_move(c, p, k, moved2);
 }

@@ -3,13 +3,12 @@
 use gpu::{ConstPointer, Launch, Pointer};
 use rayon::prelude::*;
 
-use super::abi::{self, Box, Output};
-use super::energy::{ENERGIES, SumEnergy};
+use super::abi::{self, Box, Extent};
+use super::energy::{ENERGIES, SUM_THREADS, SumEnergy};
 use super::error::CudaAssemblyError;
-use super::losses::SUM_THREADS;
+use super::kernels::COPY_THREADS;
 use super::means::{BinGrains, Means, OrderBins};
 use super::points::DevicePoints;
-use super::rounds::COPY_THREADS;
 use super::state::CudaAssembly;
 use crate::assembly::{Assembly, Energy, Members, PointMean, Surroundings};
 use crate::cuda::real::CudaReal;
@@ -25,9 +24,10 @@ impl<R: CudaReal> CudaAssembly<R> {
         Ok(())
     }
 
-    /// As [`queue_states`](Self::queue_states), together with the means over the grains of the
-    /// [points](Self::set_points), for [`point_means`](Self::point_means), and the energy of the grains of
-    /// `assembly`, which was uploaded.
+    /// Queues that the means over the grains of the [points](Self::set_points), for
+    /// [`point_means`](Self::point_means), are copied to the host, with the energy of the grains of `assembly`, which
+    /// was uploaded, and their [extents](Self::extents); where `states` are kept, as
+    /// [`queue_states`](Self::queue_states) too.
     ///
     /// # Errors
     /// A kernel failed.
@@ -35,10 +35,18 @@ impl<R: CudaReal> CudaAssembly<R> {
         &mut self,
         assembly: &Assembly<R>,
         around: &Surroundings,
+        states: bool,
     ) -> Result<(), CudaAssemblyError> {
-        self.queue_states()?;
-        let Some(points) = &self.points else { return Ok(()) };
+        if states {
+            self.queue_states()?;
+        } else {
+            self.write_output()?;
+        }
         let stream = self.device.stream().clone();
+        let Some(points) = &self.points else {
+            self.fetch = Some(stream.record_event(None)?);
+            return Ok(());
+        };
         let (a, p) = (self.arrays(), self.p);
         let grains = self.output.len() as u32;
         let grain = ConstPointer::to(&self.output, &stream);
@@ -70,13 +78,14 @@ impl<R: CudaReal> CudaAssembly<R> {
             mean: Pointer::to(&points.mean, &stream),
         };
         let energy = Pointer::to(&points.energy, &stream);
+        let extent = Pointer::to(&points.extent, &stream);
         let per_grain = |threads| Launch::each(grains as usize, threads);
         let per_bin = Launch::each(self.grid.count(), COPY_THREADS);
         let per_point = Launch::each(WARP * points.mean.len(), COPY_THREADS);
         let k = &self.kernels;
         // SAFETY: arrays are as long as the numbers of grains, bins and points say, and members are grains.
         unsafe {
-            let bins = BinGrains { a, p, grain, grains, count };
+            let bins = BinGrains { a, p, grain, grains, count, extent };
             k.bin_grains.launch(&stream, per_grain(COPY_THREADS), &bins)?;
             k.order_bins.launch(&stream, per_bin, &OrderBins { a, p, count: count.into() })?;
             k.means.launch(&stream, per_point, &means)?;
@@ -86,6 +95,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         if let Some(points) = &mut self.points {
             stream.memcpy_dtoh(&points.mean, &mut points.fetched)?;
             stream.memcpy_dtoh(&points.energy, &mut points.fetched_energy)?;
+            stream.memcpy_dtoh(&points.extent, &mut points.fetched_extents)?;
         }
         self.fetch = Some(stream.record_event(None)?);
         Ok(())
@@ -106,8 +116,8 @@ impl<R: CudaReal> CudaAssembly<R> {
         Ok((points.fetched.as_slice()?.iter().map(PointMean::from).collect(), energy))
     }
 
-    /// Horizontal position (m) and radius (m) of each grain that was last fetched. `assembly` is the one that was
-    /// uploaded.
+    /// Horizontal position (m) and radius (m) of each grain, as of the means that were last fetched. `assembly` is the
+    /// one that was uploaded.
     ///
     /// # Errors
     /// The device failed.
@@ -116,7 +126,11 @@ impl<R: CudaReal> CudaAssembly<R> {
         assembly: &Assembly<R>,
     ) -> Result<impl IndexedParallelIterator<Item = (f64, f64)>, CudaAssemblyError> {
         let region = assembly.region;
-        let extent = move |o: &Output<R>| (region.decode::<R>([o.x, o.y])[0], o.r.to_f64());
-        Ok(self.fetched.as_slice()?.par_iter().map(extent))
+        let fetched: &[Extent<R>] = match &self.points {
+            Some(points) => points.fetched_extents.as_slice()?,
+            None => &[],
+        };
+        let extent = move |e: &Extent<R>| (region.decode::<R>([e.x, e.x])[0], e.r.to_f64());
+        Ok(fetched.par_iter().map(extent))
     }
 }

@@ -17,7 +17,7 @@ use super::columns::filled;
 use super::grid;
 use super::means::PointMeans;
 use super::members::members;
-use super::running::{Running, SceneAssembly, extents, front_of};
+use super::running::{Frame, Running, SceneAssembly, extents, front_of};
 use crate::memory;
 use crate::scene::{Discs, Precision, Scene};
 use crate::simulation::error::SimulationError;
@@ -157,8 +157,8 @@ impl DiscModel {
         points: &mut Points,
     ) -> Result<(usize, Duration), SimulationError> {
         let start = Instant::now();
-        let around = self.surroundings(scene, span.first + span.to_frame);
-        let steps = self.discs.advance(span, self.substeps, &around)?;
+        let frame = self.frame(scene, span.first + span.to_frame);
+        let steps = self.discs.advance(span, self.substeps, &frame)?;
         if steps == span.to_frame && self.has_frames() {
             self.update(scene, span.first + steps, points)?;
         }
@@ -173,9 +173,7 @@ impl DiscModel {
         points: &mut Points,
     ) -> Result<(), SimulationError> {
         let start = Instant::now();
-        let kept = scene.grains_every > 0 || scene.grid.is_some();
-        let around = self.surroundings(scene, step);
-        let summary = self.discs.summary(&self.members, &around, kept)?;
+        let summary = self.discs.summary(&self.members, &self.frame(scene, step))?;
         self.means = PointMeans::update(&summary.means, points);
         self.connected_front = summary.front;
         self.states = summary.states;
@@ -183,6 +181,12 @@ impl DiscModel {
         self.steps = step * self.substeps;
         self.averaging += start.elapsed();
         Ok(())
+    }
+
+    /// What is wanted of the grains after a step.
+    fn frame(&self, scene: &Scene, step: usize) -> Frame {
+        let kept = scene.grains_every > 0 || scene.grid.is_some();
+        Frame { around: self.surroundings(scene, step), kept }
     }
 
     /// What surrounds the grains at a step.

@@ -57,24 +57,19 @@ pub(super) trait Running {
     fn has_states(&self) -> bool;
 
     /// Advances by a macro step of `substeps` DEM steps on the CPU, or to the next frame on a GPU, which may
-    /// then go on; `around` is as of that frame. Returns the macro steps made.
+    /// then go on. Returns the macro steps made.
     fn advance(
         &mut self,
         span: &Span,
         substeps: usize,
-        around: &Surroundings,
+        frame: &Frame,
     ) -> Result<usize, SimulationError>;
 
     /// The states of all grains and their energy; on a GPU, as of the last frame.
     fn states(&self) -> Result<(Vec<GrainState>, Energy), SimulationError>;
 
-    /// What the grains of a frame come to; on a GPU, with their states only where they are to be `kept`.
-    fn summary(
-        &self,
-        members: &Members,
-        around: &Surroundings,
-        kept: bool,
-    ) -> Result<Summary, SimulationError>;
+    /// What the grains of a frame come to; on a GPU, with their states only where they are kept.
+    fn summary(&self, members: &Members, frame: &Frame) -> Result<Summary, SimulationError>;
 
     /// Brings the state for a checkpoint up to date.
     fn record(&mut self) -> Result<(), SimulationError>;
@@ -96,6 +91,14 @@ pub(super) trait Running {
 
     /// Largest displacement of a disc that was computed though it would have been held (m).
     fn audit(&self) -> f64;
+}
+
+/// What is wanted of the grains of a frame.
+pub(super) struct Frame {
+    /// What surrounds them.
+    pub around: Surroundings,
+    /// Whether their states are kept.
+    pub kept: bool,
 }
 
 /// What the grains of a frame come to.
@@ -165,7 +168,7 @@ where
         &mut self,
         span: &Span,
         substeps: usize,
-        around: &Surroundings,
+        frame: &Frame,
     ) -> Result<usize, SimulationError> {
         // Not a running sum: a resumed run has the same times.
         let time = |step: usize| step as f64 * span.dt;
@@ -180,7 +183,7 @@ where
         }
         assembly.finish()?;
         if assembly.is_first() {
-            assembly.queue_means(&self.assembly, around)?;
+            assembly.queue_means(&self.assembly, &frame.around, frame.kept)?;
         }
         *ahead = span.ahead > 0;
         if *ahead {
@@ -200,18 +203,14 @@ where
         }
     }
 
-    fn summary(
-        &self,
-        members: &Members,
-        around: &Surroundings,
-        kept: bool,
-    ) -> Result<Summary, SimulationError> {
+    fn summary(&self, members: &Members, frame: &Frame) -> Result<Summary, SimulationError> {
+        let Frame { around, kept } = frame;
         // Grains are coarse grained over their mean diameter.
         let diameter = around.width;
         if let Some(Twin { assembly, .. }) = &self.twin {
             let front = front_of(assembly.extents(&self.assembly)?, diameter);
             let (means, energy) = assembly.point_means()?;
-            let states = if kept { assembly.states(&self.assembly)?.0 } else { Vec::new() };
+            let states = if *kept { assembly.states(&self.assembly)?.0 } else { Vec::new() };
             return Ok(Summary { means, energy, front, states });
         }
         let (states, energy) = self.states()?;
