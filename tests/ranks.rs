@@ -1,13 +1,15 @@
 //! `dempm run` as several ranks. Most of it needs two GPUs and NCCL.
 
 mod common;
+#[path = "common/port.rs"]
+mod port;
 
-use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use common::{bits, dempm, kill, wait_for_frames};
 use dempm::trajectory::Trajectory;
+use port::port;
 use tempfile::TempDir;
 
 /// A collapse of 35 points: slices of 18 and 17.
@@ -39,7 +41,7 @@ fn run(directory: &Path, output: &str) -> Command {
 
 /// Starts `count` ranks as a launcher does.
 fn start(directory: &Path, count: usize, output: &str, more: &[&str]) -> Vec<Child> {
-    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let port = port();
     let rank = |rank: usize| {
         let mut command = run(directory, output);
         let words = [("RANK", rank), ("LOCAL_RANK", rank), ("WORLD_SIZE", count)];

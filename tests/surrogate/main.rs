@@ -3,6 +3,8 @@
 mod errors;
 mod expected_error;
 mod helpers;
+#[path = "../common/port.rs"]
+mod port;
 mod ranks;
 mod rollouts;
 mod start_checks;

@@ -1,6 +1,5 @@
 //! Several processes that train one network, on processors and (where there are two) on GPUs.
 
-use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
@@ -10,6 +9,7 @@ use rstest::rstest;
 use tempfile::TempDir;
 
 use crate::helpers::{column, config, data, succeeds, train};
+use crate::port::port;
 
 /// What launchers call the rank, the number of ranks and the rank on the host.
 const TORCHRUN: [&str; 3] = ["RANK", "WORLD_SIZE", "LOCAL_RANK"];
@@ -25,11 +25,6 @@ fn there_is(device: &str) -> bool {
         return false;
     }
     true
-}
-
-/// A port that was free a moment ago.
-fn port() -> u16 {
-    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
 /// Two trainings, each with a configuration, as a launcher starts them.

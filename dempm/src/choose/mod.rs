@@ -25,7 +25,7 @@ pub use candidate::{Candidate, candidates, discs_on_grids};
 pub use choice::{Choice, ChoiceError, Entry};
 pub use conformal::quantile;
 pub use error_model::{ErrorModel, Expected, LEVEL, Prediction};
-pub use evaluation::{Evaluation, FACTOR, Outcome, evaluate, outcomes};
+pub use evaluation::{Evaluation, FACTOR, Outcome, Trial};
 pub use family::Family;
 pub use features::{Features, features};
 pub use judgement::Judgement;

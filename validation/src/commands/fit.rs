@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use dempm::choose::{ErrorModel, Evaluation, FACTOR, Outcome, evaluate, outcomes};
-use files::{announce, out, refuse_input, write_text};
+use dempm::choose::{Case, ErrorModel, Evaluation, FACTOR, Outcome, Trial};
+use files::{PrintError, announce, out, refuse_input, write_text};
 use miette::{IntoDiagnostic, miette};
 
 use crate::library;
@@ -19,6 +19,9 @@ const WITHIN: [f64; 4] = [0.5, 0.2, 0.1, 0.05];
 pub struct FitArgs {
     /// Table of measured cases (CSV), as `validation library` writes it
     table: PathBuf,
+    /// Table of other scenes: print how well the model of TABLE predicts them
+    #[arg(long, value_name = "TABLE")]
+    fresh: Option<PathBuf>,
     /// Write the model here (JSON); `dempm/src/choose/error-model.json` is the one that is built in
     #[arg(short, long)]
     output: Option<PathBuf>,
@@ -30,37 +33,24 @@ pub struct FitArgs {
 /// Prints how well scenes are predicted from others, and writes the model of all.
 ///
 /// # Errors
-/// If the table cannot be read or has too few scenes, or the model cannot be written.
+/// If a table cannot be read or has too few scenes, or the model cannot be written.
 pub fn fit(args: &FitArgs) -> miette::Result<ExitCode> {
     let cases = library::read(&args.table)?;
+    let fresh = match &args.fresh {
+        Some(path) => Some((path, library::read(path)?)),
+        None => None,
+    };
     let wrong = |why: String| miette!("{}: {why}", args.table.display());
-    let failed = cases.iter().filter(|case| case.distance.is_none()).count();
-    let found = evaluate(&cases).map_err(wrong)?;
-    out!(
-        "{} cases, {failed} of them failed. Each fifth of the scenes predicted from the others:\n",
-        cases.len()
-    )?;
-    out!(
-        "| kind | distance | cases | below the bound | within a factor of {FACTOR} | bound over median |"
-    )?;
-    out!("|---|---|---|---|---|---|")?;
-    for Evaluation { family, what, cases, covered, near, width } in &found {
-        let family = family.map_or("all", |family| family.name());
-        let [covered, near] = [covered, near].map(|share| percent(*share));
-        out!("| {family} | {what} | {cases} | {covered} | {near} | {width:.2} |")?;
-    }
-    out!("\nThe cheapest candidate whose bound is within a distance, for the same scenes:\n")?;
-    out!(
-        "| within | scenes | promised | kept | below its bound | time of the promised | of their discs |"
-    )?;
-    out!("|---|---|---|---|---|---|---|")?;
-    for Outcome { within, scenes, promised, kept, below, seconds } in
-        outcomes(&cases, &WITHIN).map_err(wrong)?
-    {
-        let [own, discs] = seconds;
-        out!(
-            "| {within} m | {scenes} | {promised} | {kept} | {below} | {own:.0} s | {discs:.0} s |"
+    print_head(&cases, "Each fifth of the scenes predicted from the others")?;
+    print_trial(&Trial::left_out(&cases).map_err(wrong)?)?;
+    if let Some((path, fresh)) = &fresh {
+        let model = ErrorModel::fit(&cases, String::new()).map_err(wrong)?;
+        out!("")?;
+        print_head(
+            fresh,
+            &format!("Scenes of {}, predicted from all of the above", path.display()),
         )?;
+        print_trial(&Trial::fresh(model, fresh))?;
     }
     if let Some(output) = &args.output {
         refuse_input(output, [&args.table])?;
@@ -74,4 +64,34 @@ pub fn fit(args: &FitArgs) -> miette::Result<ExitCode> {
         announce!("{}", output.display());
     }
     Ok(ExitCode::SUCCESS)
+}
+
+fn print_head(cases: &[Case], what: &str) -> Result<(), PrintError> {
+    let failed = cases.iter().filter(|case| case.distance.is_none()).count();
+    out!("{} cases, {failed} of them failed. {what}:\n", cases.len())
+}
+
+/// Prints how well a trial went, as tables.
+fn print_trial(trial: &Trial<'_>) -> Result<(), PrintError> {
+    out!(
+        "| kind | distance | cases | below the bound | within a factor of {FACTOR} | bound over median |"
+    )?;
+    out!("|---|---|---|---|---|---|")?;
+    for Evaluation { family, what, cases, covered, near, width } in trial.evaluate() {
+        let family = family.map_or("all", |family| family.name());
+        let [covered, near] = [covered, near].map(percent);
+        out!("| {family} | {what} | {cases} | {covered} | {near} | {width:.2} |")?;
+    }
+    out!("\nThe cheapest candidate whose bound is within a distance, for the same scenes:\n")?;
+    out!(
+        "| within | scenes | promised | kept | below its bound | time of the promised | of their discs |"
+    )?;
+    out!("|---|---|---|---|---|---|---|")?;
+    for Outcome { within, scenes, promised, kept, below, seconds } in trial.outcomes(&WITHIN) {
+        let [own, discs] = seconds;
+        out!(
+            "| {within} m | {scenes} | {promised} | {kept} | {below} | {own:.0} s | {discs:.0} s |"
+        )?;
+    }
+    Ok(())
 }
