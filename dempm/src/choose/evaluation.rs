@@ -188,7 +188,7 @@ mod tests {
         }
     }
 
-    /// The model of some scenes on others: every bound it states was not met with them. Its own scenes it predicts better.
+    /// The model of half of the scenes states bounds for the others that most of them keep. Its own scenes it predicts better.
     #[test]
     fn fresh_scenes_are_predicted() {
         let cases = read(include_str!("library.csv")).unwrap();

@@ -35,6 +35,9 @@ pub struct FitArgs {
 /// # Errors
 /// If a table cannot be read or has too few scenes, or the model cannot be written.
 pub fn fit(args: &FitArgs) -> miette::Result<ExitCode> {
+    if let Some(output) = &args.output {
+        refuse_input(output, std::iter::once(&args.table).chain(&args.fresh))?;
+    }
     let cases = library::read(&args.table)?;
     let fresh = match &args.fresh {
         Some(path) => Some((path, library::read(path)?)),
@@ -43,25 +46,22 @@ pub fn fit(args: &FitArgs) -> miette::Result<ExitCode> {
     let wrong = |why: String| miette!("{}: {why}", args.table.display());
     print_head(&cases, "Each fifth of the scenes predicted from the others")?;
     print_trial(&Trial::left_out(&cases).map_err(wrong)?)?;
-    if let Some((path, fresh)) = &fresh {
-        let model = ErrorModel::fit(&cases, String::new()).map_err(wrong)?;
-        out!("")?;
-        print_head(
-            fresh,
-            &format!("Scenes of {}, predicted from all of the above", path.display()),
-        )?;
-        print_trial(&Trial::fresh(model, fresh))?;
-    }
+
+    let mut scenes: Vec<&str> = cases.iter().map(|case| case.scene.as_str()).collect();
+    scenes.dedup();
+    let source = format!("{} {}", scenes.len(), args.source);
+    let model = ErrorModel::fit(&cases, source).map_err(wrong)?;
     if let Some(output) = &args.output {
-        refuse_input(output, [&args.table])?;
-        let mut scenes: Vec<&str> = cases.iter().map(|case| case.scene.as_str()).collect();
-        scenes.dedup();
-        let source = format!("{} {}", scenes.len(), args.source);
-        let model = ErrorModel::fit(&cases, source).map_err(wrong)?;
         // A row of features a line.
         let text = serde_json::to_string(&model).into_diagnostic()?.replace("],[", "],\n[");
         write_text(output, &(text + "\n"))?;
         announce!("{}", output.display());
+    }
+    if let Some((path, fresh)) = &fresh {
+        out!("")?;
+        let what = format!("Scenes of {}, predicted from all of the above", path.display());
+        print_head(fresh, &what)?;
+        print_trial(&Trial::fresh(model, fresh))?;
     }
     Ok(ExitCode::SUCCESS)
 }

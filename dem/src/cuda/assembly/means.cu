@@ -35,6 +35,7 @@ extern "C" __global__ void assembly_mean_order(Arrays a, Parameters p, const uns
 
 // Lanes of a warp that share the surroundings of one sample.
 constexpr unsigned SHARE = LANES / SAMPLES;
+static_assert(SHARE * SAMPLES == LANES, "every sample has as many lanes");
 
 // The sum over the lanes of a share, in a fixed order.
 __device__ inline double share_sum(double x) {

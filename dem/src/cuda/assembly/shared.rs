@@ -189,7 +189,7 @@ impl Shared {
     }
 
     /// Queues that the totals of all ranks are added up.
-    pub fn add_losses(&self, total: Pointer<Loss>) -> Result<(), RanksError> {
+    pub fn reduce_losses(&self, total: Pointer<Loss>) -> Result<(), RanksError> {
         let fields = [
             offset_of!(Loss, dashpots),
             offset_of!(Loss, friction),

@@ -64,7 +64,7 @@ impl<R: CudaReal> CudaAssembly<R> {
             (steps * last.rounds as usize).div_ceil(last.made().max(1) as usize).max(least)
         };
         match self.last {
-            // Ranks exchange even where no step is made.
+            // Ranks exchange even where no step is made; of many discs, kernels that do nothing take longer than the host.
             Some(last) if self.shared.is_some() || self.p.discs as usize > CACHED => as_last(last),
             Some(last) => as_last(last) + SPARE_ROUNDS,
             None => least + least / 4 + 1,
@@ -107,7 +107,7 @@ impl<R: CudaReal> CudaAssembly<R> {
         shared.gather_all(&self.arrays())?;
         self.sum_losses()?;
         let stream = self.device.stream().clone();
-        shared.add_losses(Pointer::to(&self.lost, &stream))?;
+        shared.reduce_losses(Pointer::to(&self.lost, &stream))?;
         if !shared.is_first() {
             stream.memset_zeros(&mut self.lost)?;
         }

@@ -19,7 +19,12 @@ impl<R: CudaReal> CudaAssembly<R> {
     ///
     /// # Errors
     /// Too little memory.
+    ///
+    /// # Panics
+    /// If a point has no grains.
     pub fn set_points(&mut self, members: &Members) -> Result<(), CudaAssemblyError> {
+        // Kernels read the first grain of every point.
+        assert_eq!(members.first_empty(), None, "a point without grains");
         self.points = Some(DevicePoints::new(&self.device, members, self.output.len())?);
         Ok(())
     }

@@ -92,7 +92,7 @@ impl DiscModel {
         state: DiscState,
     ) -> Result<Self, SimulationError> {
         let mut model = Self::of(scene, discs, state);
-        (model.states, model.energy) = model.discs.states()?;
+        (model.states, model.energy) = model.discs.states();
         model.connected_front = front_of(extents(&model.states), discs.grains.mean_diameter());
         Ok(model)
     }

@@ -65,8 +65,8 @@ pub(super) trait Running {
         frame: &Frame,
     ) -> Result<usize, SimulationError>;
 
-    /// The states of all grains and their energy; on a GPU, as of the last frame.
-    fn states(&self) -> Result<(Vec<GrainState>, Energy), SimulationError>;
+    /// The states of all grains and their energy; on a GPU, as of the last checkpoint.
+    fn states(&self) -> (Vec<GrainState>, Energy);
 
     /// What the grains of a frame come to; on a GPU, with their states only where they are kept.
     fn summary(&self, members: &Members, frame: &Frame) -> Result<Summary, SimulationError>;
@@ -196,11 +196,8 @@ where
         Ok(span.to_frame)
     }
 
-    fn states(&self) -> Result<(Vec<GrainState>, Energy), SimulationError> {
-        match &self.twin {
-            Some(twin) => Ok(twin.assembly.states(&self.assembly)?),
-            None => Ok(self.assembly.states_and_energy()),
-        }
+    fn states(&self) -> (Vec<GrainState>, Energy) {
+        self.assembly.states_and_energy()
     }
 
     fn summary(&self, members: &Members, frame: &Frame) -> Result<Summary, SimulationError> {
@@ -213,7 +210,7 @@ where
             let states = if *kept { assembly.states(&self.assembly)?.0 } else { Vec::new() };
             return Ok(Summary { means, energy, front, states });
         }
-        let (states, energy) = self.states()?;
+        let (states, energy) = self.states();
         let means = point_means(&states, members, around);
         let front = front_of(extents(&states), diameter);
         Ok(Summary { means, energy, front, states })
