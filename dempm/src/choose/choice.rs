@@ -409,6 +409,7 @@ mod tests {
         let quick = Learned {
             name: "network".to_owned(),
             scene: String::new(),
+            frame_interval: 0.02,
             error: Some(LearnedError { end: expected, largest: expected }),
             seconds: Some(1.0e-6),
             memory: None,
@@ -426,12 +427,14 @@ mod tests {
         let beyond =
             Some(LearnedError { end: expected, largest: Expected { bound: 0.06, ..expected } });
         let far = Learned { error: beyond, ..quick.clone() };
-        let out = Learned { out: Some("other frames".to_owned()), ..quick };
+        let out = Learned { out: Some("other frames".to_owned()), ..quick.clone() };
         assert_ne!(of("", &slow).taken().family, Family::Learned);
         assert_eq!(of(throw, &far).taken, 0);
         let choice = of(throw, &out);
         let network = choice.candidates.last().unwrap();
         assert_eq!((choice.taken, network.out.as_deref()), (0, Some("other frames")));
+        assert_eq!(quick.clone().with_frames(0.02).out, None);
+        assert!(quick.with_frames(0.01).out.unwrap().contains("those of the data set 0.01 s"));
     }
 
     #[test]

@@ -9,6 +9,9 @@ use super::error_model::{Expected, Prediction};
 use super::family::Family;
 use crate::scene::Scene;
 
+/// Relative tolerance on equal times.
+const ROUNDING: f64 = 1e-6;
+
 /// What a learned model says of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Learned {
@@ -16,6 +19,8 @@ pub struct Learned {
     pub name: String,
     /// The scene that it predicts: its grains as discs, averaged over squares as in training (TOML).
     pub scene: String,
+    /// Time between its frames (s), a multiple of that of the scene.
+    pub frame_interval: f64,
     /// The distance (m) from the discs to expect; `None` if it has not been predicted.
     pub error: Option<LearnedError>,
     /// Wall time of the prediction with its first frames (s).
@@ -36,6 +41,17 @@ pub struct LearnedError {
 }
 
 impl Learned {
+    /// Leaves it out where all frames have to be `interval` (s) apart and its own are further.
+    pub fn with_frames(mut self, interval: f64) -> Self {
+        let own = self.frame_interval;
+        if own > interval * (1.0 + ROUNDING) {
+            let why =
+                || format!("its frames are {own} s apart, those of the data set {interval} s");
+            self.out.get_or_insert_with(why);
+        }
+        self
+    }
+
     /// The candidate of the scene called `scene`.
     pub(super) fn candidate(&self, scene: &str) -> Candidate {
         let scene = Scene::parse(&self.scene, scene).map(Box::new);

@@ -149,6 +149,7 @@ fn choose_models(
     let mut predicted = HashSet::new();
     for case in cases {
         let learned = network.map(|network| network.expect(&case.scene)).transpose()?;
+        let learned = learned.map(|learned| learned.with_frames(case.scene.frame_interval));
         let mut choice = chooser.choice(&case.scene, within, learned.as_ref())?;
         if let Some(folder) = args.output.as_deref().filter(|_| args.resume) {
             choice = choice.continued(&case.file(folder));

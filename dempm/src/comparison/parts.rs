@@ -1,8 +1,6 @@
 //! The parts of the material by which two runs are compared.
 
-use std::collections::BTreeMap;
-
-use super::squares::{Square, by_square, means};
+use super::squares::{by_square, means, starts};
 use crate::trajectory::{Trajectory, TrajectoryError};
 
 /// Relative tolerance on equal distances between points.
@@ -20,7 +18,7 @@ pub struct Parts {
 
 impl Parts {
     /// Points of the same number and size one by one. Of others, the finer points that start in the square of a
-    /// coarser one are averaged; squares begin at the lower left end of the material. `None` if the two do not
+    /// coarser one are averaged; squares begin at the lower left corner of each column. `None` if the two do not
     /// start with the same material.
     ///
     /// # Errors
@@ -34,7 +32,7 @@ impl Parts {
             let alone = || (0..count).map(|point| vec![point]).collect();
             return Ok(Some(Self { groups: [alone(), alone()], mass: mass.clone(), side }));
         }
-        let [a, b] = [squares(one, side)?, squares(other, side)?];
+        let [a, b] = [by_square(&starts(one)?, side), by_square(&starts(other)?, side)];
         if !a.keys().eq(b.keys()) {
             return Ok(None);
         }
@@ -77,13 +75,4 @@ impl Parts {
         let total: f64 = self.mass.iter().sum();
         (squares.map(|(square, mass)| mass * square).sum::<f64>() / total).sqrt()
     }
-}
-
-/// The points by the square that they start in.
-fn squares(file: &Trajectory, side: f64) -> Result<BTreeMap<Square, Vec<usize>>, TrajectoryError> {
-    let start = if file.frames() > 0 { file.frame(0)?.position } else { Vec::new() };
-    let half = 0.5 * file.header().point_spacing;
-    let end = [0, 1].map(|k| start.iter().map(|x| x[k]).fold(f64::INFINITY, f64::min) - half);
-    let shifted: Vec<[f64; 2]> = start.iter().map(|x| [x[0] - end[0], x[1] - end[1]]).collect();
-    Ok(by_square(&shifted, side))
 }

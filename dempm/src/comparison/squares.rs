@@ -1,16 +1,54 @@
-//! Points by the square that they start in, to compare runs with points of different sizes.
+//! Points by the square of material that they start in, to compare runs with points of different sizes.
 
 use std::collections::BTreeMap;
 
-/// A square of side s: the integers (i, j) of [i s, (i + 1) s) x [j s, (j + 1) s).
-pub type Square = [i64; 2];
+use crate::scene::Scene;
+use crate::trajectory::{Trajectory, TrajectoryError};
+
+/// A square of side s: the column, and the integers (i, j) of [i s, (i + 1) s) x [j s, (j + 1) s) from its lower left
+/// corner.
+pub type Square = [i64; 3];
+
+/// Where a point starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Index of its column.
+    pub column: u32,
+    /// Its place from the lower left corner of the column, m.
+    pub place: [f64; 2],
+}
+
+/// Where the points of a run start: on the lattices of the columns of its scene. Of a run whose points are not those of
+/// its scene, as an imported one, the positions in its first frame, as of one column.
+///
+/// # Errors
+/// If that frame cannot be read.
+pub fn starts(file: &Trajectory) -> Result<Vec<Start>, TrajectoryError> {
+    let header = file.header();
+    if let Ok(scene) = Scene::parse(&header.scene, "scene")
+        && scene.point_count() == file.points().mass.len()
+    {
+        let points = scene.points();
+        let start = |(position, &column): (&[f64; 2], &u32)| {
+            let corner = scene.columns[column as usize].place.corner;
+            Start { column, place: [position[0] - corner[0], position[1] - corner[1]] }
+        };
+        return Ok(points.position.iter().zip(&points.column).map(start).collect());
+    }
+    let first = if file.frames() > 0 { file.frame(0)?.position } else { Vec::new() };
+    let half = 0.5 * header.point_spacing;
+    let end = [0, 1].map(|k| first.iter().map(|x| x[k]).fold(f64::INFINITY, f64::min) - half);
+    let start = |x: &[f64; 2]| Start { column: 0, place: [x[0] - end[0], x[1] - end[1]] };
+    Ok(first.iter().map(start).collect())
+}
 
 /// Indices of points by the square of side `side` (m) that they start in.
-pub fn by_square(start: &[[f64; 2]], side: f64) -> BTreeMap<Square, Vec<usize>> {
+pub fn by_square(starts: &[Start], side: f64) -> BTreeMap<Square, Vec<usize>> {
     let mut squares: BTreeMap<Square, Vec<usize>> = BTreeMap::new();
-    for (point, x) in start.iter().enumerate() {
+    for (point, start) in starts.iter().enumerate() {
         // Points are inside of squares, so rounding cannot move one to the next.
-        squares.entry(x.map(|x| (x / side).floor() as i64)).or_default().push(point);
+        let [i, j] = start.place.map(|x| (x / side).floor() as i64);
+        squares.entry([i64::from(start.column), i, j]).or_default().push(point);
     }
     squares
 }
@@ -34,12 +72,14 @@ mod tests {
 
     #[test]
     fn finer_points_are_averaged_over_the_square_of_a_coarser_one() {
-        // Four points of spacing 1 in the square of one point of spacing 2, and one beside it.
-        let start = [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 0.5]];
-        let groups = by_square(&start, 2.0);
-        let expected = [([0, 0], vec![0, 1, 2, 3]), ([1, 0], vec![4])];
+        // Four points of spacing 1 in the square of one point of spacing 2, one beside it and one in another column.
+        let start = [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 0.5], [0.5, 0.5]];
+        let column = [0, 0, 0, 0, 0, 1];
+        let starts = [0, 1, 2, 3, 4, 5].map(|k| Start { column: column[k], place: start[k] });
+        let groups = by_square(&starts, 2.0);
+        let expected = [([0, 0, 0], vec![0, 1, 2, 3]), ([0, 1, 0], vec![4]), ([1, 0, 0], vec![5])];
         assert_eq!(groups, BTreeMap::from(expected));
         let moved = start.map(|[x, y]| [x + 1.0, y]);
-        assert_eq!(means(&moved, groups.values()), [[2.0, 1.0], [3.5, 0.5]]);
+        assert_eq!(means(&moved, groups.values()), [[2.0, 1.0], [3.5, 0.5], [1.5, 0.5]]);
     }
 }

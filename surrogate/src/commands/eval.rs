@@ -13,8 +13,8 @@ use super::rollout::select_device;
 use crate::data::trajectories_in;
 use crate::diagnostics::Accuracy;
 use crate::evaluation::{
-    AgainstTruth, Case, Summary, against_truth, chart, compare, frames_table, group_by_scene,
-    noise_floor, report, summaries, summary_table, truth_csv, truth_report,
+    AgainstTruth, Case, Seeds, Summary, against_truth, chart, check_others, compare, frames_table,
+    group_by_scene, noise_floor, report, summaries, summary_table, truth_csv, truth_report,
 };
 use crate::network::Precision;
 use crate::simulator::Simulator;
@@ -149,11 +149,14 @@ fn eval_truth(args: &EvalArgs, simulator: &Simulator, paths: &[PathBuf]) -> miet
     let output = args.output.join("truth.csv");
     refuse_input(&output, paths.iter().chain([&args.model]))?;
     let scenes = group_by_scene(paths)?;
-    let compared = for_all(simulator, &scenes, |simulator, seeds| {
+    let others = |seeds: &Seeds| -> Vec<PathBuf> {
         let name = seeds.files[0].file_name().unwrap_or_default();
-        let others: Vec<PathBuf> =
-            args.beside.iter().map(|(_, folder)| folder.join(name)).collect();
-        against_truth(simulator, seeds, &others)
+        args.beside.iter().map(|(_, folder)| folder.join(name)).collect()
+    };
+    // Before the rollouts, which take longer.
+    scenes.iter().try_for_each(|seeds| check_others(seeds, &others(seeds)))?;
+    let compared = for_all(simulator, &scenes, |simulator, seeds| {
+        against_truth(simulator, seeds, &others(seeds))
     })?;
     let compared: Vec<Option<AgainstTruth>> = compared.into_iter().collect::<Result<_, _>>()?;
     let single = compared.iter().filter(|scene| scene.is_none()).count();

@@ -10,7 +10,7 @@ use dempm::memory;
 use dempm::scene::Scene;
 
 use crate::diagnostics::{ErrorFeatures, ErrorModel, ExpectedError, FlowState, start_checks};
-use crate::rollout::{InitialFrames, InitialFramesError, Rollout};
+use crate::rollout::{InitialFrames, InitialFramesError, Rollout, stride};
 use crate::simulator::Simulator;
 
 /// What the error has to be the distance from.
@@ -30,6 +30,7 @@ pub fn candidate(
     let mut found = Learned {
         name: format!("network {name}"),
         scene: scene.text.clone(),
+        frame_interval: simulator.training.frame_interval,
         error: None,
         seconds: None,
         memory: None,
@@ -68,11 +69,11 @@ fn on_grid_of_training(simulator: &Simulator, scene: &Scene) -> Scene {
     nearest.map_or_else(|| scene.clone(), |(_, scene)| scene)
 }
 
-/// The calibration of a network whose frames are those of the scene, or why it does not serve.
+/// The calibration of a network whose frames are some of those of the scene, or why it does not serve.
 fn error_model<'a>(simulator: &'a Simulator, scene: &Scene) -> Result<&'a ErrorModel, String> {
     let training = &simulator.training;
     let (own, asked) = (training.frame_interval, scene.frame_interval);
-    if !training.is_interval(asked) {
+    if stride(own, asked, String::new).is_err() {
         return Err(format!("its frames are {own} s apart, those of the scene {asked} s"));
     }
     let unknown = "its error is unknown: `surrogate calibrate-error` measures it";

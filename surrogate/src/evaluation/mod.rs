@@ -19,5 +19,5 @@ pub use metrics::{Errors, FrameError, Measure, mean_square_distance};
 pub use profile::overlaps;
 pub use seeds::{Seeds, group_by_scene};
 pub use tables::{Summary, chart, frames_table, report, summaries, summary_table};
-pub use truth::{AgainstTruth, TruthRow, against_truth};
+pub use truth::{AgainstTruth, TruthRow, against_truth, check_others};
 pub use truth_table::{truth_csv, truth_report};

@@ -77,6 +77,15 @@ impl AgainstTruth {
     }
 }
 
+/// Checks that other runs of a scene, where they exist, start with its material.
+///
+/// # Errors
+/// If one does not, or cannot be read.
+pub fn check_others(seeds: &Seeds, others: &[PathBuf]) -> Result<(), EvaluationError> {
+    let existing = others.iter().filter(|path| path.exists());
+    existing.map(|path| common_parts(path, &seeds.files[0]).map(|_| ())).collect()
+}
+
 /// Compares rollouts from each seed of a scene, and other runs of it, with the mean of the other seeds. `None` of
 /// a single seed.
 ///
@@ -188,10 +197,7 @@ fn distances_of(
     first: &Run,
     without: &[Vec<Vec<[f64; 2]>>],
 ) -> Result<Vec<Option<f64>>, EvaluationError> {
-    let [own, reference] = [Trajectory::open(path)?, Trajectory::open(truth)?];
-    let other_scene =
-        || EvaluationError::OtherScene { path: truth.to_owned(), other: path.to_owned() };
-    let parts = Parts::of(&own, &reference)?.ok_or_else(other_scene)?;
+    let (own, parts) = common_parts(path, truth)?;
     let mut distances = vec![None; first.times.len()];
     for frames in common_frames(&[own.time(), &first.times]) {
         let [mine, truths] = [frames[0], frames[1]];
@@ -205,6 +211,15 @@ fn distances_of(
         distances[truths] = Some(without.iter().map(square).sum::<f64>().sqrt());
     }
     Ok(distances)
+}
+
+/// A run, and the parts of the material that it has in common with the truth.
+fn common_parts(path: &Path, truth: &Path) -> Result<(Trajectory, Parts), EvaluationError> {
+    let [own, reference] = [Trajectory::open(path)?, Trajectory::open(truth)?];
+    let other_scene =
+        || EvaluationError::OtherScene { path: truth.to_owned(), other: path.to_owned() };
+    let parts = Parts::of(&own, &reference)?.ok_or_else(other_scene)?;
+    Ok((own, parts))
 }
 
 #[cfg(test)]

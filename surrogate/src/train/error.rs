@@ -66,20 +66,6 @@ pub enum TrainError {
         /// The error of the file system.
         source: std::io::Error,
     },
-    /// The weights to start from belong to frames another time apart.
-    #[error(
-        "`start` = {}: the network was trained on frames {trained} s apart, but the data have {found} s",
-        path.display()
-    )]
-    #[diagnostic(help("`data.stride` takes every n-th frame of the data"))]
-    OtherInterval {
-        /// The weights file.
-        path: PathBuf,
-        /// Time between frames of its training, s.
-        trained: f64,
-        /// Time between frames of the data, s.
-        found: f64,
-    },
     /// The weights to start from predict other accelerations.
     #[error("`start` = {}: the network was trained with `data.subtract_gravity` = {trained}", path.display())]
     OtherGravity {

@@ -10,7 +10,7 @@ use crate::network::Initialisation;
 use crate::simulator::Simulator;
 
 /// The model that a training starts from. The network keeps its normalisation, whatever the new
-/// data are.
+/// data are; frames further apart or closer together [stretch](Normalisation::stretched) it.
 pub struct Pretrained {
     path: PathBuf,
     /// Hash of the file.
@@ -35,19 +35,20 @@ impl Pretrained {
         }))
     }
 
-    /// Checks that the model predicts what is to be trained; `interval` is the time between frames
-    /// of the data (s).
+    /// Stretches the normalisation of the model to data with `interval` seconds between frames.
     ///
     /// # Errors
-    /// If the frames are another time apart, or accelerations relative to another fall.
-    pub fn check(&self, config: &TrainConfig, interval: f64) -> Result<(), TrainError> {
-        let (training, path) = (&self.simulator.training, self.path.clone());
-        if !training.is_interval(interval) {
-            let (trained, found) = (training.frame_interval, interval);
-            return Err(TrainError::OtherInterval { path, trained, found });
-        }
+    /// If the model predicts accelerations relative to another fall.
+    pub fn adapt(&mut self, config: &TrainConfig, interval: f64) -> Result<(), TrainError> {
+        let Simulator { training, normalisation, config: network, .. } = &mut self.simulator;
         if training.without_gravity != config.data.subtract_gravity {
-            return Err(TrainError::OtherGravity { path, trained: training.without_gravity });
+            let (path, trained) = (self.path.clone(), training.without_gravity);
+            return Err(TrainError::OtherGravity { path, trained });
+        }
+        if !training.is_interval(interval) {
+            let ratio = interval / training.frame_interval;
+            *normalisation = normalisation.stretched(&network.node_features, ratio);
+            training.frame_interval = interval;
         }
         Ok(())
     }

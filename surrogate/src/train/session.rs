@@ -175,11 +175,11 @@ impl Session {
         let frame_interval = data.set.frame_interval();
         let material = data.set.material().map(str::to_owned);
 
-        let pretrained = Pretrained::load(&config)?;
+        let mut pretrained = Pretrained::load(&config)?;
         let hash = pretrained.as_ref().map(|pretrained| pretrained.hash);
         let identity = Identity::of(&config, &data.set, shard.ranks, hash, &data.files.valid)?;
-        if let Some(pretrained) = &pretrained {
-            pretrained.check(&config, frame_interval)?;
+        if let Some(pretrained) = &mut pretrained {
+            pretrained.adapt(&config, frame_interval)?;
         }
         let lineage = Lineage::new(pretrained.as_ref(), identity.normalisation.clone(), data.range);
 

@@ -147,6 +147,8 @@ fn row(state: &State, model: &Seen, truths: &[&State], seen: &[Seen]) -> Option<
 
 #[cfg(test)]
 mod tests {
+    use dempm::comparison::Start;
+
     use super::*;
 
     /// A block of 16 x 8 points of side 0.0625 / `finer` m that has moved by `d` (m) after 1 s.
@@ -177,6 +179,7 @@ mod tests {
             gravity: [0.0, -9.81],
             spacing,
             mass: vec![1.0 / f64::from(finer * finer); start.len()],
+            starts: start.iter().map(|&place| Start { column: 0, place }).collect(),
             start_velocity: [0.0; 2],
             states: [0.0, 0.5, 1.0].map(state).to_vec(),
         }
@@ -243,7 +246,7 @@ mod tests {
     fn other_material_and_equal_seeds_are_refused() {
         let truth = Reference::of(vec![block(1, 1, [0.0, 0.0])]).unwrap();
         let mut other = block(9, 1, [0.0, 0.0]);
-        other.states[0].position.truncate(64);
+        other.starts.truncate(64);
         assert!(compare(&other, &truth).unwrap_err().contains("does not start with the material"));
         let same = vec![block(1, 1, [0.0, 0.0]), block(1, 1, [0.1, 0.0])];
         assert!(Reference::of(same).unwrap_err().contains("the same seed"));

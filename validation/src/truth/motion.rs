@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use dempm::comparison::{Square, by_square};
+use dempm::comparison::{Square, Start, by_square, starts};
 use dempm::trajectory::{Frame, Trajectory, TrajectoryError};
 
 use super::arrest::arrest;
@@ -28,6 +28,8 @@ pub struct Motion {
     pub spacing: f64,
     /// Masses of the points, kg/m.
     pub mass: Vec<f64>,
+    /// Where the points start.
+    pub starts: Vec<Start>,
     /// Mean velocity at the start, m/s.
     pub start_velocity: [f64; 2],
     /// The state at each frame.
@@ -78,6 +80,7 @@ impl Motion {
             gravity: header.gravity,
             spacing: header.point_spacing,
             mass,
+            starts: starts(&file)?,
             start_velocity,
             states,
         })
@@ -85,7 +88,7 @@ impl Motion {
 
     /// The points by the square of side `side` (m) that they start in.
     pub(super) fn squares(&self, side: f64) -> BTreeMap<Square, Vec<usize>> {
-        by_square(self.states.first().map_or(&[], |state| &state.position), side)
+        by_square(&self.starts, side)
     }
 
     /// When it comes to rest, s: see [`arrest`](super::arrest()).
