@@ -261,6 +261,18 @@ fn a_training_starts_from_a_model() {
         assert!((a - b).abs() <= 1e-7 * b.abs() + 1e-11, "{a} {b}");
     }
 
+    // Frames twice as far apart: twice the velocities, four times the accelerations a frame.
+    more("steps = 1\n[schedule]\nrate = 1.0e-12\nfinal_rate = 0.0\n[data]\nstride = 2");
+    succeeds(&mut train(here, &file, "longer"));
+    let longer = load("longer/last.safetensors");
+    assert!((longer.training.frame_interval - 2.0 * before.training.frame_interval).abs() < 1e-12);
+    let [was, is] = [&before, &longer].map(|simulator| &simulator.normalisation);
+    let times = |factor: f64, values: &[f64]| -> Vec<f64> {
+        values.iter().map(|value| factor * value).collect()
+    };
+    assert_eq!(is.velocity_std, times(2.0, &was.velocity_std));
+    assert_eq!(is.acceleration_std, times(4.0, &was.acceleration_std));
+
     more("steps = 50\n[schedule]\nrate = 1.0e-3");
     succeeds(&mut train(here, &file, "more"));
     let losses = |run: &str| column(&here.join(run).join("log.csv"), "loss");
@@ -283,7 +295,6 @@ fn a_training_starts_from_a_model() {
     };
     let weights = "first/last.safetensors";
     refused("network = \"msg0\"", &["more.toml", weights, "`width` is 128, not 16"]);
-    refused("[data]\nstride = 2", &[weights, "0.01 s", "0.02 s", "data.stride"]);
     refused("[data]\nsubtract_gravity = true", &[weights, "data.subtract_gravity", "false"]);
     std::fs::remove_file(here.join(weights)).unwrap();
     refused("", &["more.toml", "`start`", weights]);

@@ -40,7 +40,7 @@ impl Normalisation {
 
     /// The same normalisation for frames `ratio` times as far apart, with these node features: velocities per frame
     /// are `ratio` times as large, accelerations `ratio`² times. A network that has learnt the one is then a first
-    /// approximation to the other, exact where accelerations are constant.
+    /// approximation to the other: it sees the same velocities and accelerations, in a window `ratio` times as long.
     pub fn stretched(&self, node_features: &[NodeFeature], ratio: f64) -> Self {
         let times = |factor: f64, values: &[f64]| values.iter().map(|x| factor * x).collect();
         let mut stretched = Self {
