@@ -82,8 +82,8 @@ impl AgainstTruth {
 /// # Errors
 /// If one does not, or cannot be read.
 pub fn check_others(seeds: &Seeds, others: &[PathBuf]) -> Result<(), EvaluationError> {
-    let existing = others.iter().filter(|path| path.exists());
-    existing.map(|path| common_parts(path, &seeds.files[0]).map(|_| ())).collect()
+    let mut existing = others.iter().filter(|path| path.exists());
+    existing.try_for_each(|path| common_parts(path, &seeds.files[0]).map(|_| ()))
 }
 
 /// Compares rollouts from each seed of a scene, and other runs of it, with the mean of the other seeds. `None` of
