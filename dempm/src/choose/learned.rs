@@ -19,7 +19,7 @@ pub struct Learned {
     pub name: String,
     /// The scene that it predicts: its grains as discs, averaged over squares as in training (TOML).
     pub scene: String,
-    /// Time between its frames (s), a multiple of that of the scene.
+    /// Time between its frames (s): a multiple of that of the scene, unless it is `out`.
     pub frame_interval: f64,
     /// The distance (m) from the discs to expect; `None` if it has not been predicted.
     pub error: Option<LearnedError>,
