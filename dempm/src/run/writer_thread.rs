@@ -15,6 +15,8 @@ use crate::trajectory::{Frame, TrajectoryWriter};
 
 /// Frames that may wait for the thread before the simulation waits.
 const WAITING: usize = 8;
+/// Frames written together: the lengths of all datasets change with each batch.
+const TOGETHER: usize = 16;
 
 /// The simulation's end of the thread that writes trajectory and checkpoints.
 pub(super) struct WriterThread {
@@ -132,12 +134,18 @@ impl Files {
     fn work(mut self, queue: &Receiver<Job>, reports: &Sender<Report>) -> Result<(), WriterError> {
         // Frames are written ahead of the next checkpoint only while that succeeds.
         let mut ahead = false;
+        let mut unwritten = 0;
         for job in queue {
             let report = match job {
                 Job::Frame(frame) => {
                     // Frames of one simulation agree in their fields by construction.
                     self.writer.push(*frame).expect("frames agree");
-                    let drafted = if ahead { self.writer.draft() } else { Ok(()) };
+                    unwritten += 1;
+                    let due = ahead && unwritten >= TOGETHER;
+                    let drafted = if due { self.writer.draft() } else { Ok(()) };
+                    if due {
+                        unwritten = 0;
+                    }
                     drafted.err().map(|error| {
                         ahead = false;
                         Report::Failed(error.into())
@@ -156,6 +164,7 @@ impl Files {
                     let (state, monitor) = *saved;
                     let saved = self.save(&state, &monitor);
                     ahead = saved.is_ok();
+                    unwritten = 0;
                     Some(Report::Saved(saved.map(|()| start.elapsed())))
                 }
                 Job::Finish { status, wall_time } => {
@@ -247,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_is_reported_at_once_and_the_next_checkpoint_has_all_frames() {
+    fn a_failure_is_reported_and_the_next_checkpoint_has_all_frames() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("run.h5");
         let (mut simulation, mut output) = start(directory.path());
@@ -257,7 +266,9 @@ mod tests {
         // The file to add to is away for a while.
         let aside = directory.path().join("aside.h5");
         std::fs::rename(&path, &aside).unwrap();
-        next_frame(&mut simulation, &mut output);
+        for _ in 0..TOGETHER {
+            next_frame(&mut simulation, &mut output);
+        }
         let Report::Failed(error) = output.reports.recv().unwrap() else { panic!("no failure") };
         assert!(error.to_string().contains("run.h5"), "{error}");
         output.save(simulation.state(), Monitor::default());
@@ -269,7 +280,7 @@ mod tests {
         next_frame(&mut simulation, &mut output);
         output.save(simulation.state(), Monitor::default());
         saved(&mut output).unwrap();
-        assert_eq!(Trajectory::open(&path).unwrap().frames(), 3);
+        assert_eq!(Trajectory::open(&path).unwrap().frames(), 2 + TOGETHER);
 
         std::fs::rename(&path, &aside).unwrap();
         let end = output.finish("finished".to_owned(), BTreeMap::new());

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use files::{AtomicFile, WriteError, write_atomically};
 use hdf5::file::{FileAccessBuilder, LibraryVersion};
+use hdf5::sync::sync;
 use hdf5::{File, H5Type};
 use rayon::prelude::*;
 
@@ -37,6 +38,9 @@ use super::write_through::WriteThrough;
 /// Frames stay in memory until [`commit`](Self::commit) writes them to a copy of the file and gives it
 /// the name of the old one: readers find whole frames at any moment. The disk therefore needs room for
 /// the file twice. [`draft`](Self::draft) does most of the work ahead of the commit.
+///
+/// HDF5 has one lock for the whole program. It is held over all calls that belong together: threads that write many
+/// files would otherwise spend their time waiting for it, call by call.
 #[derive(Debug)]
 pub struct TrajectoryWriter {
     path: PathBuf,
@@ -118,13 +122,15 @@ impl TrajectoryWriter {
         write_atomically(path, |temporary| {
             let file = WriteThrough::create(temporary, version_110)
                 .map_err(TrajectoryError::writing(path, "the file"))?;
-            writer
-                .write_static(&file, header, points)
-                .and_then(|()| grains.map_or(Ok(()), |g| grain_datasets::create(&file, g)))
-                .and_then(|()| grid.map_or(Ok(()), |g| grid_datasets::create(&file, g)))
-                .map_err(TrajectoryError::writing(path, "the file"))?;
-            writer.update(&file)?;
-            file.close().map_err(TrajectoryError::writing(path, "the file"))
+            sync(|| {
+                writer
+                    .write_static(&file, header, points)
+                    .and_then(|()| grains.map_or(Ok(()), |g| grain_datasets::create(&file, g)))
+                    .and_then(|()| grid.map_or(Ok(()), |g| grid_datasets::create(&file, g)))
+                    .map_err(TrajectoryError::writing(path, "the file"))?;
+                writer.update(&file)?;
+                file.close().map_err(TrajectoryError::writing(path, "the file"))
+            })
         })?;
         Ok(writer)
     }
@@ -256,9 +262,11 @@ impl TrajectoryWriter {
     pub fn commit(&mut self) -> Result<()> {
         self.draft()?;
         if let Some(Drafted { file, draft, .. }) = self.drafted.take() {
-            self.append_scalars(&file)?;
-            self.update(&file)?;
-            file.close().map_err(TrajectoryError::writing(&self.path, "the file"))?;
+            sync(|| {
+                self.append_scalars(&file)?;
+                self.update(&file)?;
+                file.close().map_err(TrajectoryError::writing(&self.path, "the file"))
+            })?;
             draft.publish()?;
         }
         self.kept = self.frames();
@@ -314,17 +322,22 @@ impl TrajectoryWriter {
         if first == self.pending.len() {
             return Ok(());
         }
+        let frames = self.pending.iter().enumerate().skip(first);
+        let values: Vec<Values<'_>> =
+            frames.flat_map(|(index, frame)| self.values(self.kept + index, frame)).collect();
+        let chunks: Vec<Chunk> = values.par_iter().filter_map(Values::pack).collect();
+        sync(|| self.append_chunks(file, first, &chunks))
+    }
+
+    /// As [`append`](Self::append), with packed values.
+    fn append_chunks(&self, file: &File, first: usize, chunks: &[Chunk]) -> Result<()> {
         if let Some(shape) = self.shape.as_ref().filter(|_| self.kept + first == 0) {
             self.create_chosen(file, shape)
                 .map_err(TrajectoryError::writing(&self.path, "the file"))?;
         }
         self.set_frames(file, self.frames())?;
-        let frames = self.pending.iter().enumerate().skip(first);
-        let values: Vec<Values<'_>> =
-            frames.flat_map(|(index, frame)| self.values(self.kept + index, frame)).collect();
-        let chunks: Vec<Chunk> = values.par_iter().filter_map(Values::pack).collect();
         let mut datasets = BTreeMap::new();
-        for chunk in &chunks {
+        for chunk in chunks {
             let mut write = || {
                 let dataset = match datasets.entry(chunk.dataset) {
                     Entry::Occupied(dataset) => dataset.into_mut(),
