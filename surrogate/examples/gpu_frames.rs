@@ -12,7 +12,7 @@ use dempm::scene::Scene;
 use gpu::Device;
 use surrogate::cuda::{
     BLOCK, BatchBuilder, Capacity, CudaError, CudaNetwork, CudaRollout, FrameBuilder, FrameInput,
-    HostWindows, Integrator, Motion, Network, NewFrame, Past,
+    HostWindows, Integrator, Motion, Network, NewFrame, Start,
 };
 use surrogate::data::Batch;
 use surrogate::diagnostics::CrowdingLimit;
@@ -131,7 +131,7 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
     integrator.begin([&positions, &positions], 6)?;
     let output = device.zeros(2 * points)?;
     let mut moved = device.zeros(2 * points)?;
-    let integrate = time(device, || integrator.step(&output, &mut moved))?;
+    let integrate = time(device, || integrator.step(&output, &mut moved, 0))?;
 
     let still = &Normalisation { acceleration_std: vec![1e-15; 2], ..norm.clone() };
     let start = || (config.clone(), still, &motion, &window[..]);
@@ -178,8 +178,8 @@ fn rollout<N: Network>(
 ) -> Result<(f64, f64), Failure> {
     device.stream().synchronize()?;
     let (free, _) = device.context().mem_get_info()?;
-    let past = Past { window, statics: &[], next: window.len() };
-    let mut rollout = CudaRollout::new(device, &config, norm, motion, past, network)?;
+    let start = Start { motion: motion.clone(), window, statics: &[], next: window.len() };
+    let mut rollout = CudaRollout::new(device, &config, norm, vec![start], network)?;
     // All of its CUDA graphs are made in the first blocks.
     let warm_up = 2 * config.frames / BLOCK + 2;
     (0..warm_up).try_for_each(|_| rollout.block().map(|_| ()))?;

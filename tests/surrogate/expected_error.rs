@@ -69,20 +69,21 @@ fn a_rollout_states_its_error() {
     assert!(wrong.sqrt() < 3.0 * bound[last] && wrong.sqrt() > 0.1 * median[last]);
 }
 
-/// The same predictions as one by one, bit for bit.
+/// The same predictions as one by one, bit for bit on a CPU.
 #[test]
 fn many_scenes_are_predicted_at_a_time() {
     let directory = TempDir::new().unwrap();
     let here = directory.path();
     model(here);
     unseen(here, 5);
-    let many = ["rollout", "run/last.safetensors", "--scenes", "unseen", "-o", "many"];
+    let many =
+        ["rollout", "run/last.safetensors", "--scenes", "unseen", "-o", "many", "--device", "cpu"];
     let said = succeeds(surrogate(here).args(many));
     assert!(said.contains("5 scenes, 205 frames"), "{said}");
     let table = std::fs::read_to_string(here.join("many/rollouts.csv")).unwrap();
     assert_eq!(table.lines().filter(|line| line.ends_with(",finished")).count(), 5, "{table}");
     let one = ["rollout", "run/last.safetensors", "--from", "unseen/heap-004.h5", "-o", "one.h5"];
-    succeeds(surrogate(here).args(one));
+    succeeds(surrogate(here).args(one).args(["--device", "cpu"]));
     let last = |name: &str| Trajectory::open(&here.join(name)).unwrap().frame(40).unwrap().position;
     assert_eq!(last("one.h5"), last("many/heap-004.h5"));
     let error = fails(surrogate(here).args(many));

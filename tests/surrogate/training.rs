@@ -1,6 +1,6 @@
 //! From trajectories to a model, interrupted or not.
 
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -263,7 +263,9 @@ fn a_training_starts_from_a_model() {
 
     // Frames twice as far apart: twice the velocities, four times the accelerations a frame.
     more("steps = 1\n[schedule]\nrate = 1.0e-12\nfinal_rate = 0.0\n[data]\nstride = 2");
-    succeeds(&mut train(here, &file, "longer"));
+    let said = train(here, &file, "longer").stderr(Stdio::piped()).output().unwrap();
+    let said = String::from_utf8(said.stderr).unwrap();
+    assert!(said.contains("frames 0.01 s apart, the data have 0.02 s"), "{said}");
     let longer = load("longer/last.safetensors");
     assert!((longer.training.frame_interval - 2.0 * before.training.frame_interval).abs() < 1e-12);
     let [was, is] = [&before, &longer].map(|simulator| &simulator.normalisation);

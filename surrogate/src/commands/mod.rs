@@ -5,6 +5,7 @@ mod eval;
 mod expect;
 mod progress;
 mod rollout;
+mod rollout_group;
 mod rollout_many;
 mod stats;
 mod train;

@@ -6,40 +6,17 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
 use dempm::dataset;
-use dempm::scene::Scene;
 use files::{Interrupt, announce, csv_cell, note, refuse_input, write_text};
 use miette::bail;
 
 use super::progress::Progress;
+use super::rollout_group::{From, Job, Request, Row, predict};
 use crate::data::trajectories_in;
-use crate::diagnostics::start_checks;
-use crate::rollout::{InitialFrames, RecordedRollout, RecordingOptions, RolloutObserver, record};
 use crate::simulator::Simulator;
 use crate::workers::for_all;
 
-/// Where a rollout starts.
-enum Start {
-    /// A scene, whose first frames are simulated.
-    Scene(Box<Scene>),
-    /// A trajectory, whose first frames are read.
-    Trajectory(PathBuf),
-}
-
-/// A rollout to make.
-struct Job {
-    start: Start,
-    output: PathBuf,
-}
-
-/// What has become of it.
-struct Row {
-    points: usize,
-    recorded: RecordedRollout,
-    /// All frames that were asked for.
-    frames: usize,
-    outside: Option<String>,
-    warnings: Vec<String>,
-}
+/// Scenes that share a GPU frame by frame: together they keep it busy, alone most of it is idle.
+const ON_A_GPU: usize = 8;
 
 /// What is asked for.
 pub(super) struct Many<'a> {
@@ -74,12 +51,15 @@ pub(super) fn rollout_many(
     }
     let (began, done) = (Instant::now(), AtomicUsize::new(0));
     let progress = std::sync::Mutex::new(Progress::of_scenes(jobs.len() as u64));
-    let rows = for_all(simulator, &jobs, |simulator, job| {
-        let row = predict(many, simulator, job, interrupt);
+    let at_a_time = if simulator.gpu.is_some() { ON_A_GPU } else { 1 };
+    let request = Request { model: many.model, frames: many.frames };
+    let groups: Vec<&[Job]> = jobs.chunks(at_a_time).collect();
+    let rows = for_all(simulator, &groups, |simulator, group| {
+        let rows = predict(&request, simulator, group, interrupt);
         if let Ok(progress) = progress.lock() {
-            progress.set(done.fetch_add(1, Relaxed) as u64 + 1);
+            progress.set((done.fetch_add(group.len(), Relaxed) + group.len()) as u64);
         }
-        row
+        rows
     })?;
     if let Ok(progress) = progress.lock() {
         progress.finish();
@@ -88,7 +68,7 @@ pub(super) fn rollout_many(
     let mut table =
         "scene,points,frames,seconds,expected_error,error_bound,outside,status\n".to_owned();
     let (mut predicted, mut failed) = (0, Vec::new());
-    for (job, row) in jobs.iter().zip(rows) {
+    for (job, row) in jobs.iter().zip(rows.into_iter().flatten()) {
         let name = name_in(many.output, &job.output);
         match row {
             Ok(row) => {
@@ -125,41 +105,15 @@ fn jobs(many: &Many<'_>) -> miette::Result<Vec<Job>> {
     if many.list.is_dir() {
         let job = |path: PathBuf| Job {
             output: many.output.join(path.file_name().unwrap_or_default()),
-            start: Start::Trajectory(path),
+            from: From::Trajectory(path),
         };
         return Ok(trajectories_in(many.list)?.into_iter().map(job).collect());
     }
     let job = |case: dataset::Case| Job {
         output: case.file(many.output),
-        start: Start::Scene(Box::new(case.scene)),
+        from: From::Scene(Box::new(case.scene)),
     };
     Ok(dataset::cases(many.list)?.into_iter().map(job).collect())
-}
-
-fn predict(
-    many: &Many<'_>,
-    simulator: &Simulator,
-    job: &Job,
-    interrupt: &Interrupt,
-) -> miette::Result<Row> {
-    if interrupt.requested() {
-        bail!("interrupted");
-    }
-    let began = Instant::now();
-    let initial = match &job.start {
-        Start::Scene(scene) => InitialFrames::of_scene(scene, simulator)?,
-        Start::Trajectory(path) => InitialFrames::from_trajectory(path, 0, simulator)?,
-    };
-    let frames = many.frames.unwrap_or(initial.frames);
-    if frames < initial.positions.len() {
-        bail!("--frames {frames}: the model starts from {} frames", initial.positions.len());
-    }
-    let options = RecordingOptions { model: many.model, output: &job.output, frames, began };
-    let mut warnings = Warnings(Vec::new());
-    let recorded = record(simulator, &initial, &options, interrupt.flag(), &mut warnings)?;
-    let outside = start_checks(simulator, &initial);
-    let points = initial.points.mass.len();
-    Ok(Row { points, recorded, frames, outside, warnings: warnings.0 })
 }
 
 fn status(row: &Row) -> String {
@@ -185,15 +139,4 @@ fn line(name: &str, row: &Row, status: &str) -> String {
         csv_cell(status),
     ];
     cells.join(",") + "\n"
-}
-
-/// Keeps the warnings of a rollout.
-struct Warnings(Vec<String>);
-
-impl RolloutObserver for Warnings {
-    fn recorded(&mut self, _: usize) {}
-
-    fn warning(&mut self, text: &str) {
-        self.0.push(text.to_owned());
-    }
 }

@@ -128,6 +128,12 @@ fn print_summary(summary: &Summary) {
         "{parameters} parameters; {windows} windows in {train_files} training files, {valid_files} \
          validation files"
     );
+    if let Some(own) = summary.stretched_from {
+        inform!(
+            "start weights predict frames {own} s apart, the data have {} s: normalisation stretched",
+            summary.frame_interval
+        );
+    }
 }
 
 fn print(report: &Report, steps: u64, summary: &Summary) {

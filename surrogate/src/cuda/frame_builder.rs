@@ -333,6 +333,14 @@ impl FrameBuilder {
         standard
     }
 
+    /// See [`GraphBuilder::count_windows`].
+    ///
+    /// # Errors
+    /// The launch was refused.
+    pub fn count_windows(&mut self, frame: &FrameInput) -> Result<(), Error> {
+        self.graph.count_windows(&frame.graph)
+    }
+
     /// See [`GraphBuilder::copy_needed`].
     ///
     /// # Errors

@@ -45,7 +45,7 @@ pub struct GraphBuilder {
     /// Points of each window.
     windows: Vec<usize>,
     buffers: Buffers,
-    /// Most edges that a graph had (1).
+    /// Most edges that a graph had, and then each window of the graphs that were [counted](Self::count_windows).
     needed: CudaSlice<u64>,
 }
 
@@ -57,6 +57,8 @@ struct Buffers {
     points: usize,
     /// Window of each point.
     window: CudaSlice<u32>,
+    /// First point of each window, and the number of all.
+    window_start: CudaSlice<u32>,
     count: CudaSlice<u32>,
     first: CudaSlice<u32>,
     bucket: CudaSlice<u32>,
@@ -85,6 +87,7 @@ impl Buffers {
             windows,
             points,
             window: device.zeros(points)?,
+            window_start: device.zeros(windows + 1)?,
             count: device.zeros(frames * (buckets + 1))?,
             first: device.zeros(frames * buckets.max(1))?,
             bucket: device.zeros(frames * points)?,
@@ -116,7 +119,7 @@ impl GraphBuilder {
             windows: Vec::new(),
             buffers: Buffers::new(device, windows.len(), points, frames, &grid)?,
             grid,
-            needed: device.zeros(1)?,
+            needed: device.zeros(1 + windows.len())?,
             device: device.clone(),
         };
         builder.set_windows(windows)?;
@@ -144,8 +147,15 @@ impl GraphBuilder {
         let numbered = windows.iter().enumerate();
         let window: Vec<u32> =
             numbered.flat_map(|(k, &n)| std::iter::repeat_n(k as u32, n)).collect();
+        let mut start = vec![0];
+        start.extend(windows.iter().scan(0, |sum, &n| {
+            *sum += n as u32;
+            Some(*sum)
+        }));
+        let stream = self.device.stream();
+        stream.memcpy_htod(&start, &mut self.buffers.window_start.slice_mut(..start.len()))?;
         if !window.is_empty() {
-            self.device.stream().memcpy_htod(&window, &mut self.buffers.window)?;
+            stream.memcpy_htod(&window, &mut self.buffers.window)?;
         }
         self.grid.points = window.len() as u32;
         self.windows = windows.to_vec();
@@ -256,8 +266,26 @@ impl GraphBuilder {
         all
     }
 
-    /// Queues the copy of the most edges of a graph since the last time, for a caller that does not
-    /// wait as in [`needed`](Self::needed).
+    /// Queues the count of the edges of each window of a graph, for [`copy_needed`](Self::copy_needed).
+    ///
+    /// # Errors
+    /// The launch was refused.
+    pub fn count_windows(&mut self, graph: &DeviceGraph) -> Result<(), Error> {
+        if self.points() == 0 {
+            return Ok(());
+        }
+        let stream = self.device.stream();
+        self.kernels.window_edges(
+            ConstPointer::to(&graph.start, stream),
+            ConstPointer::to(&self.buffers.window_start, stream),
+            self.windows.len(),
+            Pointer::to(&self.needed, stream).offset(1),
+        )
+    }
+
+    /// Queues the copy of the most edges of a graph since the last time, and of each window of the graphs that were
+    /// [counted](Self::count_windows), for a caller that does not wait as in [`needed`](Self::needed). A graph that
+    /// had no room counts for the former alone.
     ///
     /// # Errors
     /// The copy was refused.

@@ -21,6 +21,7 @@ const ROWS: usize = 2 * BLOCK;
 const NO_FAILURE: u64 = u64::MAX;
 
 /// What moves the points besides the network, and when it must end.
+#[derive(Clone)]
 pub struct Motion {
     /// Walls and boxes.
     pub constraints: Constraints,
@@ -105,8 +106,9 @@ impl Integrator {
         Ok(())
     }
 
-    /// Queues a step with the network's output, points x 2; `position` gets the new frame in single
-    /// precision. With `mirror`, both have the images of the points behind the points.
+    /// Queues a step with the network's output, points x 2, of which those of this rollout begin at point `first`;
+    /// `position` gets the new frame in single precision. With `mirror`, both have the images of the points behind
+    /// the points.
     ///
     /// # Errors
     /// The launch was refused.
@@ -114,14 +116,15 @@ impl Integrator {
         &mut self,
         output: &CudaSlice<f32>,
         position: &mut CudaSlice<f32>,
+        first: usize,
     ) -> Result<(), Error> {
         let stream = self.device.stream();
         self.kernel.integrate(&Step {
             setup: self.setup,
             boxes: ConstPointer::to(&self.boxes, stream),
-            output: ConstPointer::to(output, stream),
+            output: ConstPointer::to(output, stream).offset(2 * first),
             history: Pointer::to(&self.history, stream),
-            position: Pointer::to(position, stream),
+            position: Pointer::to(position, stream).offset(2 * first),
             clock: Pointer::to(&self.clock, stream),
             failed: Pointer::to(&self.failed, stream),
         })

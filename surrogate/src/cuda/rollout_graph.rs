@@ -1,7 +1,6 @@
 //! Rollouts on the device: all state stays there, and a predicted frame is one launch of a captured
-//! CUDA graph.
+//! CUDA graph. Scenes that are rolled out together are parts of one graph without edges between them.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 use cudarc::driver::sys::{CUgraphInstantiate_flags, CUstreamCaptureMode};
@@ -11,12 +10,12 @@ use gpu::Device;
 use super::batch::EDGES_PER_POINT;
 use super::error::CudaError;
 use super::frame_builder::{FrameBuilder, NewFrame};
-use super::integrator::{BLOCK, Frames, Integrator, Landing, Motion};
+use super::integrator::{BLOCK, Frames};
+use super::member::{Member, Start};
 use super::network::CudaNetwork;
 use super::ops::frame_input::FrameInput;
 use super::support::Capacity;
-use crate::diagnostics::CrowdingLimit;
-use crate::features::{Normalisation, Obstacle, mirrored};
+use crate::features::Normalisation;
 use crate::network::{ModelConfig, ModelKind};
 use crate::rollout::RolloutError;
 
@@ -62,102 +61,97 @@ impl Network for CudaNetwork {
     }
 }
 
-/// What a rollout starts from.
-#[derive(Clone, Copy, Debug)]
-pub struct Past<'a> {
-    /// Positions (m) in a window of frames,
-    pub window: &'a [Vec<[f64; 2]>],
-    /// and the number of the frame that follows.
-    pub next: usize,
-    /// Features that never change, of each point.
-    pub statics: &'a [f32],
-}
-
-/// A rollout on the device.
+/// A rollout of scenes on the device.
 pub struct CudaRollout<N> {
     device: Arc<Device>,
     network: N,
     builder: FrameBuilder,
-    /// Boxes of each window as they are at the last frame that the host has seen.
-    obstacles: Vec<Vec<Obstacle>>,
-    integrator: Integrator,
-    packing: CrowdingLimit,
+    members: Vec<Member>,
     config: ModelConfig,
-    /// Width of the domain, if each frame is followed by its mirror image.
-    mirror: Option<f64>,
+    norm: Normalisation,
     /// The frames of the window take turns: the newest takes the place of the oldest.
     positions: Vec<CudaSlice<f32>>,
     /// The newest frame and the one before, in turn.
     inputs: Vec<FrameInput>,
-    /// The last frames that the host has seen, as many as the window has.
-    window: VecDeque<Vec<[f64; 2]>>,
-    /// Number of the frame that follows them.
-    frame: usize,
     /// Frames queued, and blocks returned to the caller, since [`begin`](Self::begin).
     queued: usize,
     returned: usize,
-    /// Where the blocks arrive in turn, with the most edges of their frames.
-    landings: [(Landing, PinnedHostSlice<u64>); 2],
+    /// Where the most edges of the frames of blocks arrive in turn, and those of each window.
+    needed: [PinnedHostSlice<u64>; 2],
     /// The work of a frame, for each phase of the buffers that take turns.
     graphs: Vec<Option<CudaGraph>>,
 }
 
 impl<N: Network> CudaRollout<N> {
-    /// A rollout that goes on from `past`.
+    /// A rollout of scenes in domains of one size.
     ///
     /// # Errors
     /// Too little memory, or no compiler.
+    ///
+    /// # Panics
+    /// Without scenes.
     pub fn new(
         device: &Arc<Device>,
         config: &ModelConfig,
         norm: &Normalisation,
-        motion: &Motion,
-        past: Past,
+        starts: Vec<Start<'_>>,
         network: N,
     ) -> Result<Self, CudaError> {
-        let Past { window, next, statics } = past;
-        let points = window[0].len();
-        let bounds = motion.constraints.domain().map(|length| [0.0, length]);
-        // The images are a second window beside the first.
-        let windows = if motion.mirror { 2 } else { 1 };
-        let mut builder =
-            FrameBuilder::new(device, config, norm, &bounds, &vec![points; windows], 1)?;
-        builder.set_statics(&statics.repeat(windows))?;
-        let now = motion.start + (next - 1) as f64 * motion.interval;
-        let obstacles = motion.constraints.obstacles(now, motion.interval);
-        let width = motion.constraints.domain()[0];
-        let images = obstacles.iter().map(|obstacle| obstacle.mirrored(width)).collect();
-        let obstacles = [obstacles, images][..windows].to_vec();
-        let integrator = Integrator::new(device, config, norm, motion, points)?;
-        let landing = || -> Result<_, CudaError> {
+        let members = starts.into_iter().map(|start| Member::new(device, config, norm, start));
+        let members = members.collect::<Result<_, _>>()?;
+        Self::of(device.clone(), config.clone(), norm.clone(), members, network)
+    }
+
+    /// The rollout of these scenes, from where they are.
+    fn of(
+        device: Arc<Device>,
+        config: ModelConfig,
+        norm: Normalisation,
+        members: Vec<Member>,
+        network: N,
+    ) -> Result<Self, CudaError> {
+        let bounds = members[0].domain().map(|length| [0.0, length]);
+        let points = members.iter().flat_map(|member| vec![member.points(); member.windows()]);
+        let points: Vec<usize> = points.collect();
+        let mut builder = FrameBuilder::new(&device, &config, &norm, &bounds, &points, 1)?;
+        builder.set_statics(&members.iter().flat_map(Member::statics).collect::<Vec<_>>())?;
+        let needed = || {
             // SAFETY: read after a copy has filled it only.
-            let needed = unsafe { device.context().alloc_pinned_with_flags(1, 0) }?;
-            Ok((integrator.landing()?, needed))
+            unsafe { device.context().alloc_pinned_with_flags(1 + points.len(), 0) }
         };
         let mut rollout = Self {
             network,
-            landings: [landing()?, landing()?],
-            integrator,
-            positions: window
-                .iter()
-                .map(|_| device.zeros(2 * windows * points))
+            needed: [needed()?, needed()?],
+            members,
+            positions: (0..config.window())
+                .map(|_| device.zeros(2 * builder.points()))
                 .collect::<Result<_, _>>()?,
             inputs: Vec::new(),
-            config: config.clone(),
-            packing: motion.packing,
-            mirror: motion.mirror.then(|| motion.constraints.domain()[0]),
             builder,
-            obstacles,
-            window: window.iter().cloned().collect(),
-            frame: next,
             queued: 0,
             returned: 0,
             graphs: Vec::new(),
-            device: device.clone(),
+            config,
+            norm,
+            device,
         };
         rollout.grow(EDGES_PER_POINT * rollout.builder.points())?;
         rollout.begin()?;
         Ok(rollout)
+    }
+
+    /// Goes on with some of the scenes, at least one, from the last frames that [`block`](Self::block) gave.
+    ///
+    /// # Errors
+    /// Too little memory.
+    ///
+    /// # Panics
+    /// Without scenes.
+    pub fn keep(self, keep: &[bool]) -> Result<Self, CudaError> {
+        self.device.stream().synchronize()?;
+        let kept = self.members.into_iter().zip(keep).filter(|(_, keep)| **keep);
+        let members = kept.map(|(member, _)| member).collect();
+        Self::of(self.device, self.config, self.norm, members, self.network)
     }
 
     /// Allocates frames and the network for so many edges.
@@ -175,16 +169,14 @@ impl<N: Network> CudaRollout<N> {
     /// Uploads the window that the host knows.
     fn begin(&mut self) -> Result<(), CudaError> {
         let stream = self.device.stream().clone();
-        let frames = self.window.len();
+        let frames = self.positions.len();
         (self.queued, self.returned) = (0, 0);
-        self.builder.set_obstacles(&self.obstacles)?;
-        self.integrator.begin([&self.window[frames - 2], &self.window[frames - 1]], self.frame)?;
-        for (position, frame) in self.positions.iter_mut().zip(&self.window) {
-            let mut single: Vec<f32> = frame.as_flattened().iter().map(|&x| x as f32).collect();
-            if let Some(width) = self.mirror {
-                single.extend(mirrored(&single, width));
-            }
-            stream.memcpy_htod(&single, position)?;
+        let obstacles: Vec<_> = self.members.iter().flat_map(Member::obstacles).collect();
+        self.builder.set_obstacles(&obstacles)?;
+        self.members.iter_mut().try_for_each(Member::begin)?;
+        for (frame, position) in self.positions.iter_mut().enumerate() {
+            let all = self.members.iter().flat_map(|member| member.positions(frame));
+            stream.memcpy_htod(&all.collect::<Vec<_>>(), position)?;
         }
         loop {
             for position in &self.positions {
@@ -237,9 +229,14 @@ impl<N: Network> CudaRollout<N> {
         let new = frames + self.queued;
         let [newest, before] = [1, 2].map(|k| &self.inputs[(new - k) % 2]);
         let output = self.network.accelerations(newest, before)?;
-        self.integrator.step(output, &mut self.positions[new % frames])?;
+        let mut first = 0;
+        for member in &mut self.members {
+            member.integrator.step(output, &mut self.positions[new % frames], first)?;
+            first += member.windows() * member.points();
+        }
         self.builder.next_frame()?;
-        self.input(new, 0)
+        self.input(new, 0)?;
+        Ok(self.builder.count_windows(&self.inputs[new % 2])?)
     }
 
     /// Queues one frame, as a CUDA graph but for the first, which loads the kernels.
@@ -274,57 +271,47 @@ impl<N: Network> CudaRollout<N> {
     fn queue_block(&mut self) -> Result<(), CudaError> {
         let block = self.queued / BLOCK;
         (0..BLOCK).try_for_each(|_| self.step())?;
-        let (landing, needed) = &mut self.landings[block % 2];
-        self.builder.copy_needed(needed)?;
-        Ok(self.integrator.copy_block(block, landing)?)
+        self.builder.copy_needed(&mut self.needed[block % 2])?;
+        for member in &mut self.members {
+            member.integrator.copy_block(block, &mut member.landings[block % 2])?;
+        }
+        Ok(())
     }
 
-    /// Predicts [`BLOCK`] frames; fewer if one makes no sense, and why. Meanwhile the device computes
-    /// the next block.
+    /// Predicts [`BLOCK`] frames of each scene; fewer if one makes no sense, and why. Meanwhile the device computes
+    /// the next block. A scene that has failed must be left out ([`keep`](Self::keep)).
     ///
     /// # Errors
     /// Too little memory for the edges, or a kernel failed.
-    pub fn block(&mut self) -> Result<(Frames, Option<RolloutError>), CudaError> {
-        let most = self.packing.most_edges(self.builder.points());
+    pub fn block(&mut self) -> Result<Vec<(Frames, Option<RolloutError>)>, CudaError> {
+        let most: usize = self.members.iter().map(|m| m.windows() * m.most_edges()).sum();
         // Images have the same edges but for rounding.
         let most_capacity = most + most / ROUNDING;
+        let turn = self.returned % 2;
         let needed = loop {
             while self.queued < (self.returned + 2) * BLOCK {
                 self.queue_block()?;
             }
-            let (landing, needed) = &self.landings[self.returned % 2];
-            landing.wait()?;
-            let needed = needed.as_slice()?[0];
-            let needed = usize::try_from(needed).unwrap_or(usize::MAX);
-            if needed <= self.capacity() || self.capacity() >= most_capacity {
+            // The copies queued last.
+            if let Some(last) = self.members.last() {
+                last.landings[turn].wait()?;
+            }
+            let needed = self.needed[turn].as_slice()?.to_vec();
+            let all = usize::try_from(needed[0]).unwrap_or(usize::MAX);
+            if all <= self.capacity() || self.capacity() >= most_capacity {
                 break needed;
             }
             // Again from the start of the block, with more memory.
-            self.grow(needed.saturating_add(needed / 4).min(most_capacity))?;
+            self.grow(all.saturating_add(all / 4).min(most_capacity))?;
             self.begin()?;
         };
-        let (mut frames, mut failure) =
-            self.integrator.block(&self.landings[self.returned % 2].0, self.frame)?;
-        if needed > most {
-            // One of them, or one after a failure. Those after it may have lacked memory.
-            let check = |(k, frame): (usize, &Vec<_>)| {
-                let error = self.packing.check(self.frame + k, frame).err()?;
-                Some((k, error))
-            };
-            if let Some((good, error)) = frames.iter().enumerate().find_map(check) {
-                frames.truncate(good);
-                failure = Some(error);
-            }
-        }
         self.returned += 1;
-        self.frame += frames.len();
-        for _ in &frames {
-            self.obstacles.iter_mut().flatten().for_each(Obstacle::advance);
-        }
-        for frame in frames.iter().rev().take(self.window.len()).rev() {
-            self.window.pop_front();
-            self.window.push_back(frame.clone());
-        }
-        Ok((frames, failure))
+        let (mut edges, uncounted) = (needed[1..].iter(), needed[0] > self.capacity() as u64);
+        let blocks = self.members.iter_mut().map(|member| {
+            let own = edges.next().is_some_and(|&edges| edges > member.most_edges() as u64);
+            edges.by_ref().take(member.windows() - 1).for_each(drop);
+            member.block(turn, own || uncounted)
+        });
+        Ok(blocks.collect::<Result<_, _>>()?)
     }
 }

@@ -121,16 +121,25 @@ pub fn against_truth(
         for frame in start..count {
             squares[frame] += share * mean_square_distance(&run.frames[frame], &mean[frame]);
         }
-        let mut rollout = Rollout::new(simulator, &run.initial);
-        let ended = rollout.up_to(count.saturating_sub(1), |rollout| {
-            let frame = rollout.frame();
-            let square = share * mean_square_distance(rollout.last(), &mean[frame]);
-            predicted[frame] = predicted[frame].map(|sum| sum + square);
-            Ok::<_, EvaluationError>(())
-        })?;
-        if let Some(error) = ended {
-            predicted[rollout.frame() + 1..].fill(None);
-            failure.get_or_insert_with(|| error.to_string());
+    }
+    let initial: Vec<&InitialFrames> = runs.iter().map(|run| &run.initial).collect();
+    let mut rollouts = Rollout::several(simulator, &initial);
+    for frame in start..count {
+        for (rollout, mean) in rollouts.iter_mut().zip(&without) {
+            match rollout.advance() {
+                Ok(positions) => {
+                    let square = share * mean_square_distance(positions, &mean[frame]);
+                    predicted[frame] = predicted[frame].map(|sum| sum + square);
+                }
+                Err(error) => {
+                    predicted[frame..].fill(None);
+                    failure.get_or_insert_with(|| error.to_string());
+                }
+            }
+        }
+        // Their mean ends with the first.
+        if failure.is_some() {
+            break;
         }
     }
     let mut rows: Vec<TruthRow> = (start..count)

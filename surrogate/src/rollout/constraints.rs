@@ -14,12 +14,14 @@ const PASSES: usize = 4;
 const SKIN: f64 = 1e-9;
 
 /// Walls and boxes that confine the points of a scene.
+#[derive(Clone)]
 pub struct Constraints {
     domain: [f64; 2],
     pub(crate) boxes: Vec<RigidBox>,
 }
 
 /// An obstacle or the plate.
+#[derive(Clone)]
 pub(crate) struct RigidBox {
     /// Position until `start`.
     pub place: Rectangle,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::constraints::Constraints;
 use super::error::RolloutError;
 use super::initial_frames::InitialFrames;
-use crate::cuda::{Capacity, CudaNetwork, CudaRollout, Motion, Past, RolloutThread};
+use crate::cuda::{Capacity, CudaNetwork, CudaRollout, Motion, PredictedFrames, Start};
 use crate::diagnostics::CrowdingLimit;
 use crate::features::{Obstacle, Window};
 use crate::inference::Inference;
@@ -18,7 +18,7 @@ enum Engine {
     /// On the processor.
     Cpu(Box<Inference>, CrowdingLimit),
     /// On a GPU, some frames ahead.
-    Cuda(RolloutThread),
+    Cuda(PredictedFrames),
 }
 
 /// A rollout under way.
@@ -42,14 +42,34 @@ pub struct Rollout<'a> {
 impl<'a> Rollout<'a> {
     /// Starts after the initial frames. On a GPU, returns once memory and kernels are ready.
     pub fn new(simulator: &'a Simulator, initial: &InitialFrames) -> Self {
+        let engine = match &simulator.gpu {
+            // One of one.
+            Some(device) => start_on_gpu(device, simulator, &[initial]).remove(0),
+            None => on_cpu(simulator, initial),
+        };
+        Self::with_engine(simulator, initial, engine)
+    }
+
+    /// Starts several rollouts. Those in domains of one size share a GPU, frame by frame, which takes less time than
+    /// one after the other: advance them in turn, since each waits for the others. Sums there are rounded in another
+    /// order than in a rollout alone.
+    pub fn several(simulator: &'a Simulator, starts: &[&InitialFrames]) -> Vec<Self> {
+        let alike =
+            |a: &&InitialFrames, b: &&InitialFrames| a.scene.domain.size == b.scene.domain.size;
+        let engines: Vec<Engine> = match &simulator.gpu {
+            Some(device) => {
+                let groups = starts.chunk_by(alike);
+                groups.flat_map(|group| start_on_gpu(device, simulator, group)).collect()
+            }
+            None => starts.iter().map(|initial| on_cpu(simulator, initial)).collect(),
+        };
+        let pairs = starts.iter().zip(engines);
+        pairs.map(|(initial, engine)| Self::with_engine(simulator, initial, engine)).collect()
+    }
+
+    fn with_engine(simulator: &'a Simulator, initial: &InitialFrames, engine: Engine) -> Self {
         let interval = simulator.training.frame_interval;
         let constraints = Constraints::new(&initial.scene);
-        let engine = match &simulator.gpu {
-            Some(device) => Engine::Cuda(start_on_gpu(device, simulator, initial)),
-            None => {
-                Engine::Cpu(Box::new(simulator.inference()), crowding_limit(simulator, initial))
-            }
-        };
         Self {
             simulator,
             engine,
@@ -91,7 +111,7 @@ impl<'a> Rollout<'a> {
     /// before.
     pub fn advance(&mut self) -> Result<&[[f64; 2]], RolloutError> {
         let next = match &mut self.engine {
-            Engine::Cuda(thread) => thread.next_frame()?,
+            Engine::Cuda(frames) => frames.next_frame()?,
             Engine::Cpu(network, limit) => {
                 let limit = *limit;
                 let frames = self.window.iter().flatten().flatten();
@@ -159,33 +179,49 @@ fn crowding_limit(simulator: &Simulator, initial: &InitialFrames) -> CrowdingLim
     CrowdingLimit::new(simulator.config.connection_radius, initial.scene.domain.spacing())
 }
 
-/// Starts a rollout on a GPU, on a thread of its own.
+fn on_cpu(simulator: &Simulator, initial: &InitialFrames) -> Engine {
+    Engine::Cpu(Box::new(simulator.inference()), crowding_limit(simulator, initial))
+}
+
+/// Starts rollouts in domains of one size on a GPU, on a thread of their own.
 fn start_on_gpu(
     device: &Arc<gpu::Device>,
     simulator: &Simulator,
-    initial: &InitialFrames,
-) -> RolloutThread {
+    starts: &[&InitialFrames],
+) -> Vec<Engine> {
+    let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
+    let weights = weights(&simulator.model);
+    let (device, precision) = (device.clone(), simulator.precision);
+    let interval = simulator.training.frame_interval;
+    let of_scene = |initial: &&InitialFrames| {
+        let window = initial.window(simulator.config.window(), interval);
+        let next = initial.positions.len();
+        (motion(simulator, initial), window, next, initial.statics.clone())
+    };
+    let scenes: Vec<_> = starts.iter().map(of_scene).collect();
+    let frames = PredictedFrames::start(scenes.len(), move || {
+        let points = scenes.iter().map(|(_, window, ..)| window[0].len()).sum();
+        let room = Capacity { points, edges: 1 };
+        let mut network = CudaNetwork::new(&device, &config, precision, room, false)?;
+        network.set_weights(&weights)?;
+        let starts = scenes.iter().map(|(motion, window, next, statics)| {
+            let (motion, next) = (motion.clone(), *next);
+            Start { motion, window, next, statics }
+        });
+        CudaRollout::new(&device, &config, &norm, starts.collect(), network)
+    });
+    frames.into_iter().map(Engine::Cuda).collect()
+}
+
+fn motion(simulator: &Simulator, initial: &InitialFrames) -> Motion {
     let interval = simulator.training.frame_interval;
     let relative = f64::from(u8::from(simulator.training.without_gravity));
-    let motion = Motion {
+    Motion {
         constraints: Constraints::new(&initial.scene),
         fall: initial.scene.gravity.map(|g| relative * (g * interval * interval)),
         start: initial.time,
         interval,
         mirror: simulator.mirror,
         packing: crowding_limit(simulator, initial),
-    };
-    let (config, norm) = (simulator.config.clone(), simulator.normalisation.clone());
-    let weights = weights(&simulator.model);
-    let window = initial.window(simulator.config.window(), interval);
-    let next = initial.positions.len();
-    let statics = initial.statics.clone();
-    let (device, precision) = (device.clone(), simulator.precision);
-    RolloutThread::start(move || {
-        let room = Capacity { points: window[0].len(), edges: 1 };
-        let mut network = CudaNetwork::new(&device, &config, precision, room, false)?;
-        network.set_weights(&weights)?;
-        let past = Past { window: &window, statics: &statics, next };
-        CudaRollout::new(&device, &config, &norm, &motion, past, network)
-    })
+    }
 }

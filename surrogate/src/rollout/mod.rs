@@ -16,4 +16,4 @@ pub use engine::Rollout;
 pub use error::RolloutError;
 pub use frames::FrameBuilder;
 pub use initial_frames::{InitialFrames, InitialFramesError, static_features_of, stride};
-pub use recorder::{RecordedRollout, RecordingOptions, RolloutObserver, record};
+pub use recorder::{RecordedRollout, Recording, RecordingOptions, RolloutObserver, record};

@@ -61,60 +61,121 @@ pub fn record(
     interrupted: &AtomicBool,
     observer: &mut dyn RolloutObserver,
 ) -> Result<RecordedRollout, TrajectoryError> {
-    let interval = simulator.training.frame_interval;
-    let header = header(simulator, initial, options.model);
-    let mut writer = TrajectoryWriter::create(options.output, &header, &initial.points)?;
-    let mut rollout = Rollout::new(simulator, initial);
-    let preparation = options.began.elapsed().as_secs_f64() - initial.simulated_in;
-    let builder = FrameBuilder::new(initial, interval);
-    let error = simulator.training.error.as_ref();
-    for mut frame in builder.initial() {
-        if error.is_some() {
-            // These are the truth's.
-            expect(&mut frame, ExpectedError { median: 0.0, bound: 0.0 });
-        }
-        writer.push(frame)?;
-    }
+    let rollout = Rollout::new(simulator, initial);
+    let mut recording = Recording::new(simulator, initial, options, rollout)?;
+    while !interrupted.load(Ordering::Relaxed) && recording.advance(observer)? {}
+    recording.finish()
+}
 
-    let began = Instant::now();
-    let mut monitor = Monitor::new(initial, interval, options.frames);
-    let mut features = error.map(|_| ErrorFeatures::new(simulator, initial));
-    let (mut failure, mut expected) = (None, None);
-    while writer.frames() < options.frames
-        && !interrupted.load(Ordering::Relaxed)
-        && failure.is_none()
-    {
-        match rollout.advance() {
-            Ok(_) => {
-                let (frame, before, now) = (rollout.frame(), rollout.before(), rollout.last());
-                for warning in monitor.observe(frame, before, now) {
-                    observer.warning(&warning);
-                }
-                let mut predicted = builder.predicted(frame, before, now);
-                if let (Some(error), Some(features)) = (error, &mut features) {
-                    features.observe(before, now);
-                    let part = frame as f64 / (options.frames - 1) as f64;
-                    let of_frame = error.expected(part, &features.at(frame, now));
-                    expect(&mut predicted, of_frame);
-                    expected = Some(of_frame);
-                }
-                writer.push(predicted)?;
+/// A rollout that is recorded, frame by frame.
+pub struct Recording<'a> {
+    simulator: &'a Simulator,
+    /// None once there is nothing more to predict, so that no other waits for it.
+    rollout: Option<Rollout<'a>>,
+    writer: TrajectoryWriter,
+    builder: FrameBuilder<'a>,
+    monitor: Monitor,
+    /// What the error is predicted from; none if the model knows none.
+    features: Option<ErrorFeatures>,
+    expected: Option<ExpectedError>,
+    failure: Option<RolloutError>,
+    /// Frames to record, the initial ones included.
+    frames: usize,
+    began: Instant,
+}
+
+impl<'a> Recording<'a> {
+    /// Writes the frames that `rollout` starts from.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn new(
+        simulator: &'a Simulator,
+        initial: &'a InitialFrames,
+        options: &RecordingOptions,
+        rollout: Rollout<'a>,
+    ) -> Result<Self, TrajectoryError> {
+        let interval = simulator.training.frame_interval;
+        let header = header(simulator, initial, options.model);
+        let mut writer = TrajectoryWriter::create(options.output, &header, &initial.points)?;
+        let builder = FrameBuilder::new(initial, interval);
+        let knows_error = simulator.training.error.is_some();
+        for mut frame in builder.initial() {
+            if knows_error {
+                // These are the truth's.
+                expect(&mut frame, ExpectedError { median: 0.0, bound: 0.0 });
             }
-            Err(error) => failure = Some(error),
+            writer.push(frame)?;
         }
-        observer.recorded(writer.frames());
+        let preparation = options.began.elapsed().as_secs_f64() - initial.simulated_in;
+        writer.set_wall_time("preparation", preparation);
+        writer.set_wall_time("start", initial.simulated_in);
+        Ok(Self {
+            monitor: Monitor::new(initial, interval, options.frames),
+            features: knows_error.then(|| ErrorFeatures::new(simulator, initial)),
+            expected: None,
+            failure: None,
+            frames: options.frames,
+            began: Instant::now(),
+            simulator,
+            rollout: (writer.frames() < options.frames).then_some(rollout),
+            writer,
+            builder,
+        })
     }
 
-    let (frames, seconds) = (writer.frames(), began.elapsed().as_secs_f64());
-    writer.set_wall_time("preparation", preparation);
-    writer.set_wall_time("start", initial.simulated_in);
-    writer.set_wall_time("surrogate", seconds);
-    match &failure {
-        Some(error) => writer.finish(&format!("failed: {error}"))?,
-        None if frames < options.frames => writer.finish("interrupted")?,
-        None => writer.finish("finished")?,
+    /// Predicts and records a frame. Returns whether there are more.
+    ///
+    /// # Errors
+    /// If the frame cannot be recorded.
+    pub fn advance(&mut self, observer: &mut dyn RolloutObserver) -> Result<bool, TrajectoryError> {
+        let Some(mut rollout) = self.rollout.take() else { return Ok(false) };
+        match rollout.advance() {
+            Ok(_) => self.push(&rollout, observer)?,
+            Err(error) => self.failure = Some(error),
+        }
+        observer.recorded(self.writer.frames());
+        let more = self.failure.is_none() && self.writer.frames() < self.frames;
+        self.rollout = more.then_some(rollout);
+        Ok(more)
     }
-    Ok(RecordedRollout { frames, seconds, failure, expected })
+
+    fn push(
+        &mut self,
+        rollout: &Rollout<'_>,
+        observer: &mut dyn RolloutObserver,
+    ) -> Result<(), TrajectoryError> {
+        let (frame, before, now) = (rollout.frame(), rollout.before(), rollout.last());
+        for warning in self.monitor.observe(frame, before, now) {
+            observer.warning(&warning);
+        }
+        let mut predicted = self.builder.predicted(frame, before, now);
+        if let (Some(error), Some(features)) = (&self.simulator.training.error, &mut self.features)
+        {
+            features.observe(before, now);
+            let part = frame as f64 / (self.frames - 1) as f64;
+            let of_frame = error.expected(part, &features.at(frame, now));
+            expect(&mut predicted, of_frame);
+            self.expected = Some(of_frame);
+        }
+        self.writer.push(predicted)
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish(self) -> Result<RecordedRollout, TrajectoryError> {
+        let Self { mut writer, failure, expected, .. } = self;
+        let (frames, seconds) = (writer.frames(), self.began.elapsed().as_secs_f64());
+        writer.set_wall_time("surrogate", seconds);
+        match &failure {
+            Some(error) => writer.finish(&format!("failed: {error}"))?,
+            None if frames < self.frames => writer.finish("interrupted")?,
+            None => writer.finish("finished")?,
+        }
+        Ok(RecordedRollout { frames, seconds, failure, expected })
+    }
 }
 
 /// States the error to expect in a frame.

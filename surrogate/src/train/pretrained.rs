@@ -35,22 +35,27 @@ impl Pretrained {
         }))
     }
 
-    /// Stretches the normalisation of the model to data with `interval` seconds between frames.
+    /// Stretches the normalisation of the model to data with `interval` seconds between frames. Returns the model's
+    /// own interval if that is another.
     ///
     /// # Errors
     /// If the model predicts accelerations relative to another fall.
-    pub fn adapt(&mut self, config: &TrainConfig, interval: f64) -> Result<(), TrainError> {
+    pub fn adapt(
+        &mut self,
+        config: &TrainConfig,
+        interval: f64,
+    ) -> Result<Option<f64>, TrainError> {
         let Simulator { training, normalisation, config: network, .. } = &mut self.simulator;
         if training.without_gravity != config.data.subtract_gravity {
             let (path, trained) = (self.path.clone(), training.without_gravity);
             return Err(TrainError::OtherGravity { path, trained });
         }
-        if !training.is_interval(interval) {
-            let ratio = interval / training.frame_interval;
-            *normalisation = normalisation.stretched(&network.node_features, ratio);
-            training.frame_interval = interval;
+        if training.is_interval(interval) {
+            return Ok(None);
         }
-        Ok(())
+        let own = std::mem::replace(&mut training.frame_interval, interval);
+        *normalisation = normalisation.stretched(&network.node_features, interval / own);
+        Ok(Some(own))
     }
 }
 

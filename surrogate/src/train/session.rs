@@ -56,6 +56,10 @@ pub struct Summary {
     pub train_files: usize,
     /// Files to validate with.
     pub valid_files: usize,
+    /// Time between frames of the data, s.
+    pub frame_interval: f64,
+    /// Time between frames of the pretrained model, s, if it was stretched to that of the data.
+    pub stretched_from: Option<f64>,
     /// Steps made before, of a resumed training.
     pub step: u64,
 }
@@ -178,9 +182,10 @@ impl Session {
         let mut pretrained = Pretrained::load(&config)?;
         let hash = pretrained.as_ref().map(|pretrained| pretrained.hash);
         let identity = Identity::of(&config, &data.set, shard.ranks, hash, &data.files.valid)?;
-        if let Some(pretrained) = &mut pretrained {
-            pretrained.adapt(&config, frame_interval)?;
-        }
+        let stretched_from = match &mut pretrained {
+            Some(pretrained) => pretrained.adapt(&config, frame_interval)?,
+            None => None,
+        };
         let lineage = Lineage::new(pretrained.as_ref(), identity.normalisation.clone(), data.range);
 
         let device = open_device(options.device, &environment)?;
@@ -209,6 +214,8 @@ impl Session {
             windows: data.set.len(),
             train_files: data.files.train.len(),
             valid_files: data.files.valid.len(),
+            frame_interval,
+            stretched_from,
             step,
         };
         let recipe = recipe(&config, &model, shard, &lineage);

@@ -3,7 +3,8 @@
 use burn::backend::Flex;
 use dempm::scene::{Plate, Rectangle, Scene};
 use rstest::rstest;
-use surrogate::cuda::{BLOCK, Capacity, CudaNetwork, CudaRollout, Frames, Motion, Past};
+use surrogate::cuda::{BLOCK, Capacity, CudaNetwork, CudaRollout, Frames, Motion, Start};
+use surrogate::diagnostics::CrowdingLimit;
 use surrogate::features::{Obstacle, Window};
 use surrogate::network::parameters::weights;
 use surrogate::network::{Model, ModelConfig, Precision};
@@ -34,8 +35,8 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
     let room = Capacity { points: 1, edges: 1 };
     let mut network = CudaNetwork::new(&device, &config, precision, room, false).unwrap();
     network.set_weights(&weights(&model)).unwrap();
-    let past = Past { window: &window, statics, next: window.len() };
-    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
+    let start = Start { motion: motion.clone(), window: &window, statics, next: window.len() };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, vec![start], network).unwrap();
     let training = Training::untrained(motion.interval, true);
     let simulator = Simulator { mirror, ..Simulator::new(model, config, norm, training) };
     let mut network = simulator.inference();
@@ -44,7 +45,7 @@ fn roll_out(config: ModelConfig, precision: Precision, mirror: bool, blocks: usi
     let tolerance = if precision == Precision::F32 { 1e-4 } else { 0.2 };
     let mut frame = window.len();
     for _ in 0..blocks {
-        let (frames, failure) = rollout.block().unwrap();
+        let (frames, failure) = rollout.block().unwrap().remove(0);
         assert_eq!(failure, None);
         for found in frames {
             let positions = &single(&window);
@@ -97,12 +98,12 @@ fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spre
     let mut window = start(points, config.frames, spread);
     let network = StandIn::new(&device, &config, points, scale);
     let norm = normalisation_for(&config);
-    let past = Past { window: &window, statics: &[], next: window.len() };
-    let mut rollout = CudaRollout::new(&device, &config, &norm, &motion, past, network).unwrap();
+    let past = Start { motion: motion.clone(), window: &window, statics: &[], next: window.len() };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, vec![past], network).unwrap();
     let mut frame = window.len();
     let mut obstacles = boxes_before(&motion, frame);
     for _ in 0..3 {
-        let (frames, failure) = rollout.block().unwrap();
+        let (frames, failure) = rollout.block().unwrap().remove(0);
         assert_eq!((frames.len(), failure), (BLOCK, None));
         for found in frames {
             let expected = advance(&window, &mut obstacles, &motion, frame, scale);
@@ -112,6 +113,120 @@ fn rollouts_match(#[values(1, 200, 600)] points: usize, #[values(1.0, 0.2)] spre
             frame += 1;
         }
     }
+}
+
+/// A scene of a rollout of several, as the CPU makes it.
+struct Twin {
+    motion: Motion,
+    window: Vec<Vec<[f64; 2]>>,
+    obstacles: Vec<Obstacle>,
+    frame: usize,
+}
+
+impl Twin {
+    fn new(points: usize, spread: f64, motion: Motion) -> Self {
+        let window = start(points, 4, spread);
+        Self { obstacles: boxes_before(&motion, 4), window, frame: 4, motion }
+    }
+
+    fn start(&self) -> Start<'_> {
+        let (motion, window, next) = (self.motion.clone(), &self.window[..], self.frame);
+        Start { motion, window, next, statics: &[] }
+    }
+
+    /// Checks a block to the bit.
+    fn check(&mut self, (frames, failure): (Frames, Option<RolloutError>), scale: f32) {
+        assert_eq!((frames.len(), failure), (BLOCK, None));
+        for found in frames {
+            let expected =
+                advance(&self.window, &mut self.obstacles, &self.motion, self.frame, scale);
+            assert_eq!(found, expected, "frame {} of {} points", self.frame, found.len());
+            self.window.remove(0);
+            self.window.push(found);
+            self.frame += 1;
+        }
+    }
+}
+
+/// Scenes of different points, boxes and falls, side by side: each is to the bit what the CPU makes of it alone, also
+/// after another one is left out.
+#[test]
+fn scenes_side_by_side_match() {
+    let Some(device) = gpu::for_tests() else { return };
+    let (config, scale) = (stand_in_config(4), 0.05);
+    let free = Scene { obstacles: Vec::new(), plate: None, ..scene() };
+    let free = Motion { constraints: Constraints::new(&free), start: 0.3, ..motion() };
+    let aside = Motion { fall: [2e-4, -5e-4], ..motion() };
+    let mut twins = [
+        Twin::new(200, 1.0, motion()),
+        Twin::new(1, 1.0, motion()),
+        // Close together: the room for edges grows.
+        Twin::new(333, 0.2, free),
+        Twin::new(64, 0.7, aside),
+    ];
+    let points = twins.iter().map(|twin| twin.window[0].len()).sum();
+    let network = StandIn::new(&device, &config, points, scale);
+    let norm = normalisation_for(&config);
+    let starts = twins.iter().map(Twin::start).collect();
+    let mut rollout = CudaRollout::new(&device, &config, &norm, starts, network).unwrap();
+    for _ in 0..3 {
+        let blocks = rollout.block().unwrap();
+        assert_eq!(blocks.len(), twins.len());
+        twins.iter_mut().zip(blocks).for_each(|(twin, block)| twin.check(block, scale));
+    }
+    let keep = [true, true, false, true];
+    let mut rollout = rollout.keep(&keep).unwrap();
+    for _ in 0..2 {
+        let blocks = rollout.block().unwrap();
+        assert_eq!(blocks.len(), 3);
+        let kept = twins.iter_mut().zip(keep).filter(|(_, keep)| *keep);
+        kept.zip(blocks).for_each(|((twin, _), block)| twin.check(block, scale));
+    }
+}
+
+/// A scene whose points are crowded fails alone, in the frame in which it does by itself, and so does one that leaves
+/// its domain.
+#[test]
+fn scenes_fail_alone() {
+    let Some(device) = gpu::for_tests() else { return };
+    let (config, norm) = (stand_in_config(4), normalisation_for(&stand_in_config(4)));
+    // Without a network points fly straight on: these meet in the middle, and those leave.
+    let still = |fall| Motion { fall, packing: CrowdingLimit::new(0.25, 0.2), ..motion() };
+    let mut meeting = Twin::new(150, 1.0, still([0.0; 2]));
+    let places = meeting.window[3].clone();
+    for (k, frame) in meeting.window.iter_mut().enumerate() {
+        for (x, place) in frame.iter_mut().zip(&places) {
+            let towards = [2.0 - place[0], 1.6 - place[1]];
+            *x = [0, 1].map(|axis| place[axis] + towards[axis] * (k as f64 - 3.0) / 30.0);
+        }
+    }
+    let twins =
+        [Twin::new(100, 1.0, still([0.0; 2])), meeting, Twin::new(50, 1.0, still([0.02, 0.0]))];
+    let alone = |twin: &Twin| failing(&twin.motion, &twin.window, 0.0).unwrap();
+    let (met, left) = (alone(&twins[1]), alone(&twins[2]));
+    assert!(matches!(met.1, RolloutError::Crowded { .. }), "{}", met.1);
+    assert!(matches!(left.1, RolloutError::Left { .. }), "{}", left.1);
+
+    let network = StandIn::new(&device, &config, 300, 0.0);
+    let starts = twins.iter().map(Twin::start).collect();
+    let mut rollout = CudaRollout::new(&device, &config, &norm, starts, network).unwrap();
+    let mut found: Vec<(Frames, Option<RolloutError>)> = vec![(Vec::new(), None); 3];
+    while found[1..].iter().any(|(_, failure)| failure.is_none()) {
+        assert!(found[0].0.len() < 100, "no failure");
+        let running = found.iter_mut().filter(|(_, failure)| failure.is_none());
+        let mut keep = Vec::new();
+        for ((frames, end), (more, failure)) in running.zip(rollout.block().unwrap()) {
+            frames.extend(more);
+            keep.push(failure.is_none());
+            *end = failure;
+        }
+        if keep.contains(&false) {
+            rollout = rollout.keep(&keep).unwrap();
+        }
+    }
+    assert_eq!(found[0].1, None);
+    assert_eq!(found[1], (met.0, Some(met.1)));
+    assert_eq!(found[2], (left.0, Some(left.1)));
 }
 
 /// What a rollout gives before it fails, and why it does.
@@ -124,11 +239,11 @@ fn failing(
     let config = stand_in_config(window.len());
     let network = StandIn::new(&device, &config, window[0].len(), scale);
     let norm = normalisation_for(&config);
-    let past = Past { window, statics: &[], next: window.len() };
-    let mut rollout = CudaRollout::new(&device, &config, &norm, motion, past, network).unwrap();
+    let past = Start { motion: motion.clone(), window, statics: &[], next: window.len() };
+    let mut rollout = CudaRollout::new(&device, &config, &norm, vec![past], network).unwrap();
     let mut good = Vec::new();
     while good.len() < 100 {
-        let (frames, failure) = rollout.block().unwrap();
+        let (frames, failure) = rollout.block().unwrap().remove(0);
         good.extend(frames);
         if let Some(failure) = failure {
             return Some((good, failure));

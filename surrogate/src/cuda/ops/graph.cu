@@ -264,6 +264,16 @@ extern "C" __global__ void __launch_bounds__(ROWS * LANES) fill_edges(
     }
 }
 
+// The most edges that each window has had; none of a graph that was left without. `first` are the windows' first
+// points, and the number of all points.
+extern "C" __global__ void window_edges(
+    const unsigned* start, const unsigned* first, unsigned windows, unsigned long long* most) {
+    const unsigned window = blockIdx.x * blockDim.x + threadIdx.x;
+    if (window < windows) {
+        atomicMax(most + window, (unsigned long long)(start[first[window + 1]] - start[first[window]]));
+    }
+}
+
 // The reverse of an edge, found by bisection in the sender's row.
 extern "C" __global__ void reverse_edges(const __grid_constant__ Frames frames) {
     const Graph& graph = frames.of[blockIdx.y].graph;

@@ -132,13 +132,28 @@ kernel! {
     struct ReverseEdges: reverse_edges {
         frames: Frames,
     }
+
+    struct WindowEdges: window_edges {
+        /// First edge of each point, and the number of edges.
+        start: ConstPointer<u32>,
+        first: ConstPointer<u32>,
+        windows: u32,
+        most: Pointer<u64>,
+    }
 }
 
 /// The source of the kernels.
 pub fn graph_source() -> Source {
     let definitions = definitions![Grid, Graph, Frame, Frames, Cells];
-    let checks =
-        checks![CountBuckets, PlaceBuckets, SortPoints, CountEdges, FillEdges, ReverseEdges];
+    let checks = checks![
+        CountBuckets,
+        PlaceBuckets,
+        SortPoints,
+        CountEdges,
+        FillEdges,
+        ReverseEdges,
+        WindowEdges
+    ];
     let text = [&definitions, files!["graph.cu"], &checks].concat();
     Source { name: "graph.cu", text, defines: Vec::new() }
         .define("DIMENSIONS", DIMENSIONS)
@@ -169,6 +184,7 @@ pub(in crate::cuda) struct GraphKernels {
     count_edges: Function<CountEdges>,
     fill_edges: Function<FillEdges>,
     reverse_edges: Function<ReverseEdges>,
+    window_edges: Function<WindowEdges>,
 }
 
 impl GraphKernels {
@@ -182,6 +198,7 @@ impl GraphKernels {
             count_edges: Function::load(device, module)?,
             fill_edges: Function::load(device, module)?,
             reverse_edges: Function::load(device, module)?,
+            window_edges: Function::load(device, module)?,
             device: device.clone(),
         })
     }
@@ -225,6 +242,19 @@ impl GraphKernels {
     pub fn reverse_edges(&self, all: &GraphFrames, capacity: usize) -> Result<(), Error> {
         let launch = one_thread_each(capacity, all.count);
         self.launch(&self.reverse_edges, launch, &ReverseEdges { frames: all.frames })
+    }
+
+    /// Counts the edges of `windows` windows, whose first points are given, from the `start` of the points' rows;
+    /// `most` become the most that they had.
+    pub fn window_edges(
+        &self,
+        start: ConstPointer<u32>,
+        first: ConstPointer<u32>,
+        windows: usize,
+        most: Pointer<u64>,
+    ) -> Result<(), Error> {
+        let arguments = WindowEdges { start, first, windows: windows as u32, most };
+        self.launch(&self.window_edges, one_thread_each(windows, 1), &arguments)
     }
 
     fn launch<K: Kernel>(
