@@ -15,6 +15,9 @@ use crate::rollout::{
 };
 use crate::simulator::Simulator;
 
+/// Most points of scenes that are predicted together: half a GiB of a GPU in bf16, 1 GiB in f32.
+const POINTS: usize = 10_000;
+
 /// Where a rollout starts from.
 pub(super) enum From {
     /// A scene, whose first frames are simulated.
@@ -49,6 +52,7 @@ pub(super) struct Request<'a> {
 
 /// What a scene starts from, and the frames to record.
 struct Start {
+    began: Instant,
     initial: InitialFrames,
     frames: usize,
 }
@@ -63,6 +67,7 @@ impl Start {
         if interrupt.requested() {
             bail!("interrupted");
         }
+        let began = Instant::now();
         let initial = match &job.from {
             From::Scene(scene) => {
                 // Others simulate theirs at the same time.
@@ -76,7 +81,11 @@ impl Start {
         if frames < initial.positions.len() {
             bail!("--frames {frames}: the model starts from {} frames", initial.positions.len());
         }
-        Ok(Self { initial, frames })
+        Ok(Self { began, initial, frames })
+    }
+
+    fn points(&self) -> usize {
+        self.initial.points.mass.len()
     }
 }
 
@@ -112,9 +121,9 @@ impl<'a> Prediction<'a> {
         if let Some(error) = self.error {
             return Err(error.into());
         }
-        let Start { initial, frames } = self.start;
+        let Start { initial, frames, .. } = self.start;
         Ok(Row {
-            points: initial.points.mass.len(),
+            points: self.start.points(),
             recorded: self.recording.finish()?,
             frames: *frames,
             outside: start_checks(simulator, initial),
@@ -123,32 +132,59 @@ impl<'a> Prediction<'a> {
     }
 }
 
-/// Predicts some scenes together, frame by frame.
+/// Predicts some scenes, as many together as there are points for.
 pub(super) fn predict(
     request: &Request<'_>,
     simulator: &Simulator,
     jobs: &[Job],
     interrupt: &Interrupt,
 ) -> Vec<miette::Result<Row>> {
-    let began = Instant::now();
     let starts: Vec<miette::Result<Start>> =
         jobs.par_iter().map(|job| Start::find(request, simulator, job, interrupt)).collect();
-    let ready: Vec<(&Job, &Start)> = jobs
-        .iter()
-        .zip(&starts)
-        .filter_map(|(job, start)| Some((job, start.as_ref().ok()?)))
-        .collect();
-    let initial: Vec<&InitialFrames> = ready.iter().map(|(_, start)| &start.initial).collect();
+    let mut ready: Vec<(&Job, &Start)> = Vec::new();
+    for (job, start) in jobs.iter().zip(&starts) {
+        ready.extend(start.as_ref().ok().map(|start| (job, start)));
+    }
+    let mut rows = Vec::new();
+    let mut left = &ready[..];
+    while !left.is_empty() {
+        let (group, others) = left.split_at(together(left));
+        rows.extend(predict_together(request, simulator, group, interrupt));
+        left = others;
+    }
+    let mut rows = rows.into_iter();
+    let row = |start| match start {
+        Ok(_) => rows.next(),
+        Err(error) => Some(Err(error)),
+    };
+    starts.into_iter().filter_map(row).collect()
+}
+
+/// How many of the first scenes have no more than [`POINTS`] points; at least one.
+fn together(scenes: &[(&Job, &Start)]) -> usize {
+    let mut points = 0;
+    let fits = |(_, start): &&(&Job, &Start)| {
+        points += start.points();
+        points <= POINTS
+    };
+    scenes.iter().take_while(fits).count().max(1)
+}
+
+/// Predicts scenes frame by frame.
+fn predict_together(
+    request: &Request<'_>,
+    simulator: &Simulator,
+    scenes: &[(&Job, &Start)],
+    interrupt: &Interrupt,
+) -> Vec<miette::Result<Row>> {
+    let initial: Vec<&InitialFrames> = scenes.iter().map(|(_, start)| &start.initial).collect();
     let rollouts = Rollout::several(simulator, &initial);
-    let mut predictions: Vec<miette::Result<Prediction<'_>>> = ready
-        .into_iter()
-        .zip(rollouts)
-        .map(|((job, start), rollout)| {
-            let (output, frames) = (&*job.output, start.frames);
-            let options = RecordingOptions { model: request.model, output, frames, began };
-            Prediction::begin(simulator, start, rollout, &options)
-        })
-        .collect();
+    let mut predictions: Vec<miette::Result<Prediction<'_>>> = Vec::new();
+    for ((job, start), rollout) in scenes.iter().zip(rollouts) {
+        let &Start { began, frames, .. } = *start;
+        let options = RecordingOptions { model: request.model, output: &job.output, frames, began };
+        predictions.push(Prediction::begin(simulator, start, rollout, &options));
+    }
     // Each waits for the others.
     let advance = |prediction: &mut miette::Result<Prediction<'_>>| {
         prediction.as_mut().is_ok_and(Prediction::advance)
@@ -157,13 +193,7 @@ pub(super) fn predict(
         && predictions.par_iter_mut().map(advance).reduce(|| false, |a, b| a || b)
     {}
     let finish = |prediction: miette::Result<Prediction<'_>>| prediction?.finish(simulator);
-    let rows: Vec<miette::Result<Row>> = predictions.into_par_iter().map(finish).collect();
-    let mut rows = rows.into_iter();
-    let row = |start| match start {
-        Ok(_) => rows.next(),
-        Err(error) => Some(Err(error)),
-    };
-    starts.into_iter().filter_map(row).collect()
+    predictions.into_par_iter().map(finish).collect()
 }
 
 /// Keeps the warnings of a rollout.

@@ -183,7 +183,7 @@ fn on_cpu(simulator: &Simulator, initial: &InitialFrames) -> Engine {
     Engine::Cpu(Box::new(simulator.inference()), crowding_limit(simulator, initial))
 }
 
-/// Starts rollouts in domains of one size on a GPU, on a thread of their own.
+/// Starts rollouts in domains of one size on a GPU, on a thread and a stream of their own.
 fn start_on_gpu(
     device: &Arc<gpu::Device>,
     simulator: &Simulator,
@@ -200,6 +200,7 @@ fn start_on_gpu(
     };
     let scenes: Vec<_> = starts.iter().map(of_scene).collect();
     let frames = PredictedFrames::start(scenes.len(), move || {
+        let device = device.with_own_stream()?;
         let points = scenes.iter().map(|(_, window, ..)| window[0].len()).sum();
         let room = Capacity { points, edges: 1 };
         let mut network = CudaNetwork::new(&device, &config, precision, room, false)?;
