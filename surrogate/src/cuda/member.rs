@@ -118,8 +118,8 @@ impl Member {
     ///
     /// # Errors
     /// A kernel failed.
-    pub fn block(
-        &mut self,
+    pub fn landed(
+        &self,
         landing: usize,
         crowded: bool,
     ) -> Result<(Frames, Option<RolloutError>), Error> {
@@ -135,13 +135,17 @@ impl Member {
                 failure = Some(error);
             }
         }
+        Ok((frames, failure))
+    }
+
+    /// Takes frames as those that the host has seen last.
+    pub fn advance(&mut self, frames: &Frames) {
         self.frame += frames.len();
-        for _ in &frames {
+        for _ in frames {
             self.obstacles.iter_mut().for_each(Obstacle::advance);
         }
         let known = self.window.len();
         self.window.extend(frames.iter().skip(frames.len().saturating_sub(known)).cloned());
         self.window.drain(..self.window.len() - known);
-        Ok((frames, failure))
     }
 }

@@ -278,8 +278,9 @@ impl<N: Network> CudaRollout<N> {
         Ok(())
     }
 
-    /// Predicts [`BLOCK`] frames of each scene; fewer if one makes no sense, and why. Meanwhile the device computes
-    /// the next block. A scene that has failed must be left out ([`keep`](Self::keep)).
+    /// Predicts [`BLOCK`] frames of each scene; fewer if one makes no sense, and why, or if those after them have to be
+    /// computed again. Meanwhile the device computes the next block. A scene that has failed must be left out
+    /// ([`keep`](Self::keep)).
     ///
     /// # Errors
     /// Too little memory for the edges, or a kernel failed.
@@ -287,11 +288,11 @@ impl<N: Network> CudaRollout<N> {
         let most: usize = self.members.iter().map(|m| m.windows() * m.most_edges()).sum();
         // Images have the same edges but for rounding.
         let most_capacity = most + most / ROUNDING;
-        let turn = self.returned % 2;
-        let needed = loop {
+        let (turn, needed) = loop {
             while self.queued < (self.returned + 2) * BLOCK {
                 self.queue_block()?;
             }
+            let turn = self.returned % 2;
             // The copies queued last.
             if let Some(last) = self.members.last() {
                 last.landings[turn].wait()?;
@@ -299,19 +300,39 @@ impl<N: Network> CudaRollout<N> {
             let needed = self.needed[turn].as_slice()?.to_vec();
             let all = usize::try_from(needed[0]).unwrap_or(usize::MAX);
             if all <= self.capacity() || self.capacity() >= most_capacity {
-                break needed;
+                break (turn, needed);
             }
             // Again from the start of the block, with more memory.
             self.grow(all.saturating_add(all / 4).min(most_capacity))?;
             self.begin()?;
         };
         self.returned += 1;
-        let (mut edges, uncounted) = (needed[1..].iter(), needed[0] > self.capacity() as u64);
-        let blocks = self.members.iter_mut().map(|member| {
+        // A graph with more edges than any that makes sense was left without.
+        let (mut edges, overflow) = (needed[1..].iter(), needed[0] > self.capacity() as u64);
+        let blocks = self.members.iter().map(|member| {
             let own = edges.next().is_some_and(|&edges| edges > member.most_edges() as u64);
             edges.by_ref().take(member.windows() - 1).for_each(drop);
-            member.block(turn, own || uncounted)
+            member.landed(turn, own || overflow)
         });
-        Ok(blocks.collect::<Result<_, _>>()?)
+        let mut blocks: Vec<(Frames, Option<RolloutError>)> = blocks.collect::<Result<_, _>>()?;
+        if overflow {
+            // Frames after the first that is too crowded lacked edges, those of the other scenes too.
+            let good = blocks.iter().map(|(frames, _)| frames.len()).min().unwrap_or(0);
+            for (frames, failure) in &mut blocks {
+                if frames.len() > good {
+                    frames.truncate(good);
+                    *failure = None;
+                }
+            }
+        }
+        self.members
+            .iter_mut()
+            .zip(&blocks)
+            .for_each(|(member, (frames, _))| member.advance(frames));
+        if overflow {
+            self.grow(self.capacity())?;
+            self.begin()?;
+        }
+        Ok(blocks)
     }
 }

@@ -129,6 +129,19 @@ impl Twin {
         Self { obstacles: boxes_before(&motion, 4), window, frame: 4, motion }
     }
 
+    /// Points that would all meet at one place so many frames later.
+    fn meeting(points: usize, frames: f64, motion: Motion) -> Self {
+        let mut twin = Self::new(points, 1.0, motion);
+        let places = twin.window[3].clone();
+        for (k, frame) in twin.window.iter_mut().enumerate() {
+            for (x, place) in frame.iter_mut().zip(&places) {
+                let towards = [2.0 - place[0], 1.6 - place[1]];
+                *x = [0, 1].map(|axis| place[axis] + towards[axis] * (k as f64 - 3.0) / frames);
+            }
+        }
+        twin
+    }
+
     fn start(&self) -> Start<'_> {
         let (motion, window, next) = (self.motion.clone(), &self.window[..], self.frame);
         Start { motion, window, next, statics: &[] }
@@ -136,7 +149,7 @@ impl Twin {
 
     /// Checks a block to the bit.
     fn check(&mut self, (frames, failure): (Frames, Option<RolloutError>), scale: f32) {
-        assert_eq!((frames.len(), failure), (BLOCK, None));
+        assert_eq!(failure, None);
         for found in frames {
             let expected =
                 advance(&self.window, &mut self.obstacles, &self.motion, self.frame, scale);
@@ -174,6 +187,7 @@ fn scenes_side_by_side_match() {
         assert_eq!(blocks.len(), twins.len());
         twins.iter_mut().zip(blocks).for_each(|(twin, block)| twin.check(block, scale));
     }
+    assert!(twins.iter().all(|twin| twin.frame == 4 + 3 * BLOCK));
     let keep = [true, true, false, true];
     let mut rollout = rollout.keep(&keep).unwrap();
     for _ in 0..2 {
@@ -184,6 +198,23 @@ fn scenes_side_by_side_match() {
     }
 }
 
+/// The room for edges becomes too small in the first, second or third block, which is computed again.
+#[rstest]
+fn room_grows_on_the_way(#[values(8.0, 12.0, 22.0)] frames: f64) {
+    let Some(device) = gpu::for_tests() else { return };
+    let (config, scale) = (stand_in_config(4), 0.05);
+    let mut twins = [Twin::meeting(300, frames, motion()), Twin::new(40, 1.0, motion())];
+    let network = StandIn::new(&device, &config, 340, scale);
+    let norm = normalisation_for(&config);
+    let starts = twins.iter().map(Twin::start).collect();
+    let mut rollout = CudaRollout::new(&device, &config, &norm, starts, network).unwrap();
+    for _ in 0..4 {
+        let blocks = rollout.block().unwrap();
+        twins.iter_mut().zip(blocks).for_each(|(twin, block)| twin.check(block, scale));
+    }
+    assert!(twins.iter().all(|twin| twin.frame == 4 + 4 * BLOCK));
+}
+
 /// A scene whose points are crowded fails alone, in the frame in which it does by itself, and so does one that leaves
 /// its domain.
 #[test]
@@ -192,14 +223,7 @@ fn scenes_fail_alone() {
     let (config, norm) = (stand_in_config(4), normalisation_for(&stand_in_config(4)));
     // Without a network points fly straight on: these meet in the middle, and those leave.
     let still = |fall| Motion { fall, packing: CrowdingLimit::new(0.25, 0.2), ..motion() };
-    let mut meeting = Twin::new(150, 1.0, still([0.0; 2]));
-    let places = meeting.window[3].clone();
-    for (k, frame) in meeting.window.iter_mut().enumerate() {
-        for (x, place) in frame.iter_mut().zip(&places) {
-            let towards = [2.0 - place[0], 1.6 - place[1]];
-            *x = [0, 1].map(|axis| place[axis] + towards[axis] * (k as f64 - 3.0) / 30.0);
-        }
-    }
+    let meeting = Twin::meeting(150, 30.0, still([0.0; 2]));
     let twins =
         [Twin::new(100, 1.0, still([0.0; 2])), meeting, Twin::new(50, 1.0, still([0.02, 0.0]))];
     let alone = |twin: &Twin| failing(&twin.motion, &twin.window, 0.0).unwrap();
@@ -227,6 +251,31 @@ fn scenes_fail_alone() {
     assert_eq!(found[0].1, None);
     assert_eq!(found[1], (met.0, Some(met.1)));
     assert_eq!(found[2], (left.0, Some(left.1)));
+}
+
+/// Points that meet have more edges than there is ever room for, so that no scene has any in that frame: what another
+/// scene makes of it is not used.
+#[test]
+fn scenes_beside_a_crowd_keep_their_edges() {
+    let Some(device) = gpu::for_tests() else { return };
+    let (config, scale) = (stand_in_config(4), 0.05);
+    let motion = || Motion { packing: CrowdingLimit::new(0.25, 0.1), ..motion() };
+    let mut twin = Twin::new(200, 0.7, motion());
+    let meeting = Twin::meeting(300, 4.0, motion());
+    let network = StandIn::new(&device, &config, 500, scale);
+    let norm = normalisation_for(&config);
+    let starts = vec![twin.start(), meeting.start()];
+    let mut rollout = CudaRollout::new(&device, &config, &norm, starts, network).unwrap();
+    let mut blocks = rollout.block().unwrap();
+    let (frames, failure) = blocks.remove(1);
+    assert!(frames.len() < BLOCK && matches!(failure, Some(RolloutError::Crowded { .. })));
+    assert_eq!(blocks[0].0.len(), frames.len());
+    twin.check(blocks.remove(0), scale);
+    let mut rollout = rollout.keep(&[true, false]).unwrap();
+    for _ in 0..2 {
+        twin.check(rollout.block().unwrap().remove(0), scale);
+    }
+    assert_eq!(twin.frame, 4 + frames.len() + 2 * BLOCK);
 }
 
 /// What a rollout gives before it fails, and why it does.
