@@ -8,7 +8,7 @@ use cudarc::driver::{CudaSlice, CudaView, PinnedHostSlice};
 use gpu::{ConstPointer, Device, Error, Pointer};
 
 use super::error::CudaError;
-use super::graph_builder::GraphBuilder;
+use super::graph_builder::{GraphBuilder, starts};
 use super::ops::features::{
     FeatureFrames, FeatureKernels, Frame, Frames, Obstacle as DeviceObstacle, Obstacles, PAST,
     Scales, Standard, SurfaceStandard,
@@ -167,11 +167,7 @@ impl FrameBuilder {
         if !self.config.sees_boxes() {
             return Ok(());
         }
-        let mut first = vec![0];
-        first.extend(windows.iter().scan(0, |sum, window| {
-            *sum += window.len() as u32;
-            Some(*sum)
-        }));
+        let first = starts(windows.iter().map(Vec::len));
         let all: Vec<_> = windows.iter().flatten().map(DeviceObstacle::from).collect();
         self.obstacle_count = all.len();
         if all.len() > self.obstacles.len() {

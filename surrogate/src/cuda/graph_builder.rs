@@ -34,6 +34,15 @@ fn grid(radius: f32, points: usize, largest_window: usize) -> Grid {
     }
 }
 
+/// Where lists of these lengths start if they follow each other, and where the last one ends.
+pub(super) fn starts(lengths: impl Iterator<Item = usize>) -> Vec<u32> {
+    let mut starts = vec![0];
+    for length in lengths {
+        starts.push(starts[starts.len() - 1] + length as u32);
+    }
+    starts
+}
+
 /// Builds the radius graphs of frames of the same points.
 ///
 /// Launches do not depend on the number of edges, and nothing is read back, so they can be captured
@@ -147,11 +156,7 @@ impl GraphBuilder {
         let numbered = windows.iter().enumerate();
         let window: Vec<u32> =
             numbered.flat_map(|(k, &n)| std::iter::repeat_n(k as u32, n)).collect();
-        let mut start = vec![0];
-        start.extend(windows.iter().scan(0, |sum, &n| {
-            *sum += n as u32;
-            Some(*sum)
-        }));
+        let start = starts(windows.iter().copied());
         let stream = self.device.stream();
         stream.memcpy_htod(&start, &mut self.buffers.window_start.slice_mut(..start.len()))?;
         if !window.is_empty() {
@@ -304,5 +309,16 @@ impl GraphBuilder {
         let needed = self.device.stream().clone_dtoh(&self.needed)?[0];
         self.device.stream().memset_zeros(&mut self.needed)?;
         Ok(usize::try_from(needed).unwrap_or(usize::MAX))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::starts;
+
+    #[test]
+    fn lists_start_where_the_last_one_ends() {
+        assert_eq!(starts([3, 0, 2].into_iter()), [0, 3, 3, 5]);
+        assert_eq!(starts(std::iter::empty()), [0]);
     }
 }
