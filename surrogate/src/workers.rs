@@ -1,11 +1,11 @@
-//! Many rollouts at a time: on a GPU on streams of their own, on the CPU on threads.
+//! Many rollouts, or groups of them, at a time: on a GPU on streams of their own, on the CPU on threads.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::simulator::Simulator;
 
-/// Rollouts at a time on a GPU: scenes of some thousand points leave most of it idle.
+/// Pieces of work at a time on a GPU: while some are computed there, others read, write or start.
 const ON_A_GPU: usize = 8;
 
 /// Work that could not be shared out.

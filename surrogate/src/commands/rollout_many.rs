@@ -16,7 +16,7 @@ use crate::simulator::Simulator;
 use crate::workers::for_all;
 
 /// Scenes that share a GPU frame by frame: together they keep it busy, alone most of it is idle.
-const ON_A_GPU: usize = 8;
+const TOGETHER: usize = 8;
 
 /// What is asked for.
 pub(super) struct Many<'a> {
@@ -51,7 +51,7 @@ pub(super) fn rollout_many(
     }
     let (began, done) = (Instant::now(), AtomicUsize::new(0));
     let progress = std::sync::Mutex::new(Progress::of_scenes(jobs.len() as u64));
-    let at_a_time = if simulator.gpu.is_some() { ON_A_GPU } else { 1 };
+    let at_a_time = if simulator.gpu.is_some() { TOGETHER } else { 1 };
     let request = Request { model: many.model, frames: many.frames };
     let groups: Vec<&[Job]> = jobs.chunks(at_a_time).collect();
     let rows = for_all(simulator, &groups, |simulator, group| {

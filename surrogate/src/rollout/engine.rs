@@ -42,12 +42,8 @@ pub struct Rollout<'a> {
 impl<'a> Rollout<'a> {
     /// Starts after the initial frames. On a GPU, returns once memory and kernels are ready.
     pub fn new(simulator: &'a Simulator, initial: &InitialFrames) -> Self {
-        let engine = match &simulator.gpu {
-            // One of one.
-            Some(device) => start_on_gpu(device, simulator, &[initial]).remove(0),
-            None => on_cpu(simulator, initial),
-        };
-        Self::with_engine(simulator, initial, engine)
+        // One of one.
+        Self::several(simulator, &[initial]).remove(0)
     }
 
     /// Starts several rollouts. Those in domains of one size share a GPU, frame by frame, which takes less time than
