@@ -145,9 +145,9 @@ impl Chart {
         if let Some((floor, meaning)) = &self.floor
             && *floor > y.start
         {
-            // At the left end, just below the edge of the shade.
-            let text = Text::new(meaning.clone(), (6, 4), style(TEXT - 1));
-            chart.draw_series([EmptyElement::at((x.start, floor.min(y.end))) + text])?;
+            // At the left end, just above the axis: what is within the shade is mostly near its edge.
+            let text = Text::new(meaning.clone(), (6, -14), style(TEXT - 1));
+            chart.draw_series([EmptyElement::at((x.start, y.start)) + text])?;
         }
         Ok(())
     }
