@@ -42,6 +42,7 @@ const MU_I: &str = r#"duration = 0.1
 frame_interval = 0.005
 [domain]
 size = [1.0, 0.5]
+cell = 0.125
 [[column]]
 corner = [0.0, 0.0]
 size = [0.25, 0.375]
