@@ -10,7 +10,7 @@ const ENERGY_TOLERANCE: f64 = 0.05;
 /// A place is crowded if its points are this many times as dense as initially.
 const DENSER: f64 = 2.0;
 /// Tolerated fraction of the points in crowded places. Points of discs are means over grains, which mix: of those of 36
-/// falls up to 9.5 % are in such places.
+/// falls, four coarse grains each, up to 9.5 % are in such places.
 const CROWDED: f64 = 0.1;
 /// Motion slower than this fraction of sqrt(g H), for a pile of height H, ends by friction within
 /// 0.05 sqrt(H/g) / mu, an instant: if it lasts, it is no flow.
