@@ -23,6 +23,8 @@ fn scene(directory: &Path, duration: f64) -> PathBuf {
         cell = 0.125
         [[column]]
         size = [0.25, 0.375]
+        [material]
+        packings = 4
         [rve]
         discs = 60
         [output]

@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::campaign::{Finding, Promise, empty, workplace};
 use crate::program::{program, signal};
 
-/// A column of packings before a plate and an obstacle, a tenth of a second to run.
+/// A column of packings before a plate and an obstacle, a tenth of a second to run. Its two packings take another.
 const SCENE: &str = r#"title = "Tiny column"
 duration = 0.04
 frame_interval = 0.005
@@ -29,6 +29,8 @@ size = [0.25, 0.25]
 velocity = [0.0, -0.5]
 [grains]
 radius_min = 2.5e-3
+[material]
+packings = 2
 [rve]
 discs = 20
 [rve.preparation]

@@ -221,7 +221,7 @@ fn resumes_bitwise(steps: u64, device: &str) {
 #[test]
 #[cfg(unix)]
 fn an_interrupted_training_resumes_bitwise() {
-    resumes_bitwise(900, "cpu");
+    resumes_bitwise(300, "cpu");
 }
 
 #[test]

@@ -40,8 +40,7 @@ fn brute_force<R: Real>(scene: &Assembly<R>, boundary: &Boundary, p: &Grains) ->
 /// that it has by brute force, but those of less than 1e-8 m.
 #[rstest]
 fn no_contact_is_missed(
-    #[values(Floor::Rough, Floor::Flat)] floor: Floor,
-    #[values(1, 2)] seed: u64,
+    #[values((Floor::Rough, 1), (Floor::Flat, 2))] (floor, seed): (Floor, u64),
     #[values(0.02, 0.3, 1.0)] skin: f64,
 ) {
     let p = Grains { skin, damping_ratio: 0.02, ..Grains::default() };

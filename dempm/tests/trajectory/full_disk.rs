@@ -8,7 +8,7 @@ use dempm::trajectory::Trajectory;
 
 /// Eleven frames, so that the disk can fill up at any of them.
 const SCENE: &str = "duration = 0.05\nframe_interval = 0.005\n[domain]\nsize = [4.0, 2.0]\n\
-                     [[column]]\nsize = [1.0, 1.0]\n[material]\nkind = \"mu-i\"\n";
+                     cell = 0.0625\n[[column]]\nsize = [1.0, 1.0]\n[material]\nkind = \"mu-i\"\n";
 
 /// Runs `dempm` where no file may be longer than so many blocks of 512 bytes.
 fn dempm(folder: &Path, blocks: usize, words: &str) -> Output {
