@@ -95,7 +95,7 @@ fn learned() -> [Learned; 5] {
     [
         Learned {
             title: "Learned: length of the rollout",
-            lead: "Rollouts four times as long as the training trajectories.",
+            lead: "Rollouts that go on long after a collapse has come to rest.",
             study: learned::rollout_length::study,
             seconds: 25.0,
         },

@@ -2,13 +2,13 @@
 
 use surrogate::simulator::Simulator;
 
-use super::rollout::{Direct, WRONG, beside, column, difference, roll, text};
+use super::rollout::{Direct, Teacher, WRONG, beside, column, difference, roll};
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
 use crate::studies::stability::threshold::Threshold;
 use crate::suite::Suite;
 
-/// A bed that moves faster than this (m/s) more than the direct solver's does is not at rest.
+/// A bed that moves faster than this (m/s) more than the teacher's does is not at rest.
 const CREEP: f64 = 0.01;
 /// Width and depth of the bed (m), and of the plate.
 const BED: [f64; 2] = [2.0, 0.5];
@@ -21,8 +21,8 @@ struct Case {
 }
 
 /// A bed between walls that carries its own weight.
-fn bed(depth: f64, interval: f64, frames: usize) -> Result<Direct, StudyError> {
-    let scene = text([BED[0], 2.0], &column([0.0, 0.0], [BED[0], depth], [0.0, 0.0]));
+fn bed(teacher: Teacher, depth: f64, interval: f64, frames: usize) -> Result<Direct, StudyError> {
+    let scene = teacher.scene([BED[0], 2.0], &column([0.0, 0.0], [BED[0], depth], [0.0, 0.0]));
     Direct::run("bed", &scene, interval, frames)
 }
 
@@ -47,7 +47,7 @@ fn rest(simulator: &Simulator, depth: f64, direct: &Direct) -> Result<Case, Stud
 }
 
 /// A plate pushed 0.25 m deep into the bed, once `given` frames are over.
-fn pushed(speed: f64, interval: f64, given: usize) -> Result<Direct, StudyError> {
+fn pushed(teacher: Teacher, speed: f64, interval: f64, given: usize) -> Result<Direct, StudyError> {
     let frames = given + (0.25 / speed / interval).round() as usize;
     let start = (given - 1) as f64 * interval;
     let plate = format!(
@@ -57,7 +57,7 @@ fn pushed(speed: f64, interval: f64, given: usize) -> Result<Direct, StudyError>
         BED[1],
         -speed
     );
-    let scene = text([BED[0], 2.0], &(column([0.0, 0.0], BED, [0.0, 0.0]) + &plate));
+    let scene = teacher.scene([BED[0], 2.0], &(column([0.0, 0.0], BED, [0.0, 0.0]) + &plate));
     Direct::run("plate", &scene, interval, frames)
 }
 
@@ -75,13 +75,13 @@ fn push(simulator: &Simulator, speed: f64, direct: &Direct) -> Result<Case, Stud
 /// # Errors
 /// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
-    let interval = simulator.training.frame_interval;
+    let (teacher, interval) = (Teacher::of(simulator), simulator.training.frame_interval);
     let frames = (suite.pick(0.5, 2.0) / interval) as usize + 1;
     let depths = suite.pick(vec![0.25, 0.5, 1.0], vec![0.125, 0.25, 0.5, 1.0, 1.5]);
     let speeds = suite.pick(vec![5.0, 1.0, 0.5], vec![5.0, 2.0, 1.0, 0.5, 0.2, 0.1]);
     let given = simulator.first_frames();
-    let still = beside(&depths, |&depth| bed(depth, interval, frames))?;
-    let moved = beside(&speeds, |&speed| pushed(speed, interval, given))?;
+    let still = beside(&depths, |&depth| bed(teacher, depth, interval, frames))?;
+    let moved = beside(&speeds, |&speed| pushed(teacher, speed, interval, given))?;
     let beds = depths.iter().zip(&still).map(|(&depth, direct)| rest(simulator, depth, direct));
     let beds: Vec<Case> = beds.collect::<Result<_, _>>()?;
     let plates = speeds.iter().zip(&moved).map(|(&speed, direct)| push(simulator, speed, direct));
@@ -105,10 +105,11 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     };
     Ok(Study {
         method: format!(
-            "Beds 2 m wide between walls, of the continuum law. At rest nothing should move: failure \
-             is a mean speed more than {:.0} mm/s above the direct solver's. A plate of {PLATE} m is \
-             pushed 0.25 m deep, from fast to slow, since a model sees velocities and slow motion \
-             drowns in its noise: failure is a prediction wrong by more than {WRONG} of the motion.",
+            "Beds 2 m wide between walls, of {}. At rest nothing should move: failure is a mean speed \
+             more than {:.0} mm/s above theirs. A plate of {PLATE} m is pushed 0.25 m deep, from fast \
+             to slow, since a model sees velocities and slow motion drowns in its noise: failure is a \
+             prediction wrong by more than {WRONG} of the motion.",
+            teacher.name(),
             1e3 * CREEP
         ),
         findings: vec![

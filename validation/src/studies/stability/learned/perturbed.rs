@@ -6,7 +6,7 @@ use surrogate::diagnostics::{asymmetry, mirror_image};
 use surrogate::rollout::{InitialFrames, stride};
 use surrogate::simulator::Simulator;
 
-use super::rollout::{Direct, Frames, Rolled, WRONG, column, difference, roll, text};
+use super::rollout::{Direct, Frames, Rolled, Teacher, WRONG, column, difference, roll};
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::study::{
     Axis, Chart, Curve, Finding, Map, Picture, Study, StudyError,
@@ -41,23 +41,24 @@ fn mirrored(frames: &Frames) -> Frames {
 /// # Errors
 /// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
-    let interval = simulator.training.frame_interval;
+    let (teacher, interval) = (Teacher::of(simulator), simulator.training.frame_interval);
     let duration = suite.pick(0.5, 1.2);
     let frames = (duration / interval).round() as usize + 1;
-    let scene = text(DOMAIN, &column([1.0, 0.0], [0.75, 0.75], [0.0, 0.0]));
+    let scene = teacher.scene(DOMAIN, &column([1.0, 0.0], [0.75, 0.75], [0.0, 0.0]));
     let direct = Direct::run("column", &scene, interval, frames)?;
     let mut study = Study {
         method: format!(
-            "A column of 0.75 m collapses for {duration} s. Noise is independent in every given \
+            "A column of 0.75 m of {} collapses for {duration} s. Noise is independent in every given \
              frame and point, so that velocities between those are disturbed by 1.4 times as much per frame. Failure: an \
              error, or a prediction wrong by more than {WRONG} of the motion. Mirror images should \
              move as mirror images: gravity is symmetric. A model only takes frames of its own \
-             interval."
+             interval.",
+            teacher.name()
         ),
         ..Study::default()
     };
     noise(suite, simulator, &direct, frames, &mut study)?;
-    let wall = text(DOMAIN, &column([0.0, 0.0], [0.75, 0.75], [0.0, 0.0]));
+    let wall = teacher.scene(DOMAIN, &column([0.0, 0.0], [0.75, 0.75], [0.0, 0.0]));
     let wall = Direct::run("column at a wall", &wall, interval, frames)?;
     mirror(simulator, [("free", &direct), ("at the wall", &wall)], frames, &mut study)?;
     intervals(interval, &mut study);

@@ -1,4 +1,4 @@
-//! A rollout beside the direct solver, and its outcome.
+//! A rollout beside its teacher, and its outcome.
 
 use std::path::Path;
 
@@ -23,6 +23,47 @@ pub const WRONG: f64 = 0.5;
 
 pub type Frames = Vec<Vec<[f64; 2]>>;
 
+/// What a network learnt from, which is its truth here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Teacher {
+    /// The continuum law, for those that learnt from packings: it costs seconds.
+    Law,
+    /// Discs twice as large as the usual ones, within the range of the training: an eighth of the work.
+    Discs,
+}
+
+impl Teacher {
+    /// The teacher of a network.
+    pub fn of(simulator: &Simulator) -> Self {
+        match simulator.training.material.as_deref() {
+            Some("discs") => Self::Discs,
+            _ => Self::Law,
+        }
+    }
+
+    /// Its name in a sentence.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Law => "the continuum law",
+            Self::Discs => "discs of 10 to 20 mm",
+        }
+    }
+
+    /// A scene of it: `body` are its columns and the like.
+    pub fn scene(self, size: [f64; 2], body: &str) -> String {
+        let material = match self {
+            Self::Law => "step = 4.0e-4\n[material]\nkind = \"mu-i\"\n",
+            Self::Discs => {
+                "[material]\nkind = \"discs\"\n[grains]\nradius_min = 5.0e-3\nradius_max = 10.0e-3\n"
+            }
+        };
+        format!(
+            "duration = 10.0\nframe_interval = 0.02\n{material}[domain]\nsize = {size:?}\n\
+             cell = 0.125\n{body}"
+        )
+    }
+}
+
 /// A model to be tested, on a device.
 ///
 /// # Errors
@@ -34,20 +75,12 @@ pub fn load(path: &Path, device: Device) -> Result<Simulator, StudyError> {
     Ok(simulator)
 }
 
-/// A scene of the continuum law, which costs seconds: `body` are its columns and the like.
-pub fn text(size: [f64; 2], body: &str) -> String {
-    format!(
-        "duration = 10.0\nframe_interval = 0.02\nstep = 4.0e-4\n[domain]\nsize = {size:?}\n\
-         cell = 0.125\n[material]\nkind = \"mu-i\"\n{body}"
-    )
-}
-
 /// A column at a corner (m), of a size (m) and a velocity (m/s).
 pub fn column(corner: [f64; 2], size: [f64; 2], velocity: [f64; 2]) -> String {
     format!("[[column]]\ncorner = {corner:?}\nsize = {size:?}\nvelocity = {velocity:?}\n")
 }
 
-/// A run of the direct solver at the frame interval of a model.
+/// A run of the teacher at the frame interval of a model.
 pub struct Direct {
     scene: Scene,
     interval: f64,
@@ -73,18 +106,18 @@ impl Direct {
     }
 
     fn simulate(scene: Scene, interval: f64, frames: usize) -> Result<Self, SimulationError> {
-        let steps = (interval / scene.step).round() as usize;
+        let steps = scene.steps_per_frame();
         let mut simulation = Simulation::new(scene.clone())?;
         let (header, points) = (simulation.header(utc_now()), simulation.static_points());
         let first = simulation.frame();
         let (mut positions, mut velocities) = (Frames::new(), Frames::new());
         for frame in 0..frames {
-            for _ in 0..if frame == 0 { 0 } else { steps } {
+            while simulation.step < frame * steps {
                 simulation.advance()?;
             }
-            let points = &simulation.points;
-            positions.push(points.position.iter().map(|&x| x.into()).collect());
-            velocities.push(points.velocity.iter().map(|&v| v.into()).collect());
+            let now = simulation.frame();
+            positions.push(now.position);
+            velocities.push(now.velocity);
         }
         Ok(Self { scene, interval, positions, velocities, header, points, first })
     }
@@ -118,7 +151,7 @@ pub struct Rolled {
     pub error: Option<String>,
 }
 
-/// Runs of the direct solver, in parallel.
+/// Runs of the teacher, in parallel.
 pub fn beside<T: Sync>(
     of: &[T],
     run: impl Fn(&T) -> Result<Direct, StudyError> + Sync,
@@ -168,7 +201,7 @@ impl Rolled {
         (error, Outcome::of((error > WRONG).then_some(symptom), self.said()))
     }
 
-    /// The last predicted frame over that of the direct solver.
+    /// The last predicted frame over that of the teacher.
     pub fn picture(&self, title: String, truth: &Frames, direct: &Direct) -> Picture {
         let last = self.positions.len() - 1;
         let time = last as f64 * direct.interval;
@@ -176,7 +209,7 @@ impl Rolled {
         let away = |(x, t): (&[f64; 2], &[f64; 2])| (x[0] - t[0]).hypot(x[1] - t[1]);
         Picture {
             title,
-            colour: "distance from the direct solver, m".into(),
+            colour: "distance from the teacher, m".into(),
             value: self.positions[last].iter().zip(&truth[last]).map(away).collect(),
             position: self.positions[last].clone(),
             radius: vec![0.5 * direct.scene.domain.spacing()],

@@ -2,7 +2,7 @@
 
 use surrogate::simulator::Simulator;
 
-use super::rollout::{Direct, WRONG, beside, column, roll, text};
+use super::rollout::{Direct, Teacher, WRONG, beside, column, roll};
 use crate::models::trained_on;
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
@@ -29,10 +29,15 @@ impl Throw {
         format!("column of {width} x {height} m at {speed} m/s")
     }
 
-    fn simulate(&self, interval: f64, frames: usize) -> Result<Direct, StudyError> {
+    fn simulate(
+        &self,
+        teacher: Teacher,
+        interval: f64,
+        frames: usize,
+    ) -> Result<Direct, StudyError> {
         let [width, height] = self.size;
         let domain = [(width + 3.0).max(4.0), (height + 0.5).max(2.0)];
-        let scene = text(domain, &column([0.0, 0.0], self.size, [self.speed, 0.0]));
+        let scene = teacher.scene(domain, &column([0.0, 0.0], self.size, [self.speed, 0.0]));
         Direct::run(&self.name(), &scene, interval, frames)
     }
 
@@ -45,10 +50,10 @@ impl Throw {
     }
 }
 
-/// Predictions of what the direct solver computes.
+/// Predictions of what the teacher computes.
 fn cases(simulator: &Simulator, throws: &[Throw], frames: usize) -> Result<Vec<Case>, StudyError> {
-    let interval = simulator.training.frame_interval;
-    let directs = beside(throws, |throw| throw.simulate(interval, frames))?;
+    let (teacher, interval) = (Teacher::of(simulator), simulator.training.frame_interval);
+    let directs = beside(throws, |throw| throw.simulate(teacher, interval, frames))?;
     throws.iter().zip(&directs).map(|(throw, direct)| throw.predict(simulator, direct)).collect()
 }
 
@@ -61,9 +66,10 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let frames = (duration / simulator.training.frame_interval).round() as usize + 1;
     let mut study = Study {
         method: format!(
-            "Columns of the continuum law at the left wall, {duration} s: heights, widths and \
+            "Columns of {} at the left wall, {duration} s: heights, widths and \
              initial velocities within and outside of those trained on ({}). Failure: an error, or a \
              prediction wrong by more than {WRONG} of the motion.",
+            Teacher::of(simulator).name(),
             trained_on(&simulator.training)
         ),
         ..Study::default()

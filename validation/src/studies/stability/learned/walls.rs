@@ -2,7 +2,7 @@
 
 use surrogate::simulator::Simulator;
 
-use super::rollout::{Direct, WRONG, column, roll, text};
+use super::rollout::{Direct, Teacher, WRONG, column, roll};
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
 use crate::studies::stability::threshold::Threshold;
@@ -24,7 +24,8 @@ fn run(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
     let gap = GAP.max(1.2 * speed * interval * window as f64);
     let gap = (gap / 0.125).ceil() * 0.125;
     let frames = window + (1.5 * gap / speed / interval).ceil() as usize + 5;
-    let scene = text([4.0 + gap, 2.0], &column([gap, 0.5], [0.5, 0.5], [-speed, 0.0]));
+    let block = column([gap, 0.5], [0.5, 0.5], [-speed, 0.0]);
+    let scene = Teacher::of(simulator).scene([4.0 + gap, 2.0], &block);
     let direct = Direct::run("block thrown at a wall", &scene, interval, frames)?;
     let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let through = rolled.positions.iter().flatten().filter(|x| x[0] < 0.0 || x[1] < 0.0).count();
@@ -58,10 +59,11 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let last = cases.last().map_or(Outcome::Stable, |c| c.outcome.clone());
     Ok(Study {
         method: format!(
-            "A block of 0.5 m is thrown at the left wall. Walls stop predicted points; one that is \
+            "A block of 0.5 m of {} is thrown at the left wall. Walls stop predicted points; one that is \
              more than a connection radius ({radius} m) behind a wall before it is stopped ends the \
              rollout. Failure: an error, points behind walls, or a prediction wrong by more than \
-             {WRONG} of the motion."
+             {WRONG} of the motion.",
+            Teacher::of(simulator).name()
         ),
         findings: vec![
             Finding {
