@@ -14,7 +14,7 @@ use dempm::calibrate::{Laboratory, Posterior, Progress, Simulator, Specimen, Stu
 /// Discs of a packing, packings of each set of parameters and inertial number of slow tests.
 const DISCS: usize = 64;
 const PACKINGS: u64 = 2;
-const INERTIAL: f64 = 2.0e-2;
+const INERTIAL: f64 = 5.0e-3;
 
 /// A `[[target]]` and what is measured: a value in place of `@`, or the columns of a table.
 struct Test {
