@@ -23,8 +23,6 @@ fn scene(directory: &Path, duration: f64, more: &str) -> PathBuf {
         cell = 0.125
         [[column]]
         size = [0.4375, 0.3125]
-        [material]
-        packings = 4
         [rve]
         discs = 60
         {more}
