@@ -24,7 +24,7 @@ fn scene(directory: &Path, duration: f64) -> PathBuf {
         [[column]]
         size = [0.25, 0.375]
         [material]
-        packings = 4
+        packings = 16
         [rve]
         discs = 60
         [output]
