@@ -15,7 +15,8 @@ PROGRAMS := dempm surrogate validation
 
 # HDF5 is built from source, for which scripts/with-cmake sees to a recent CMake.
 CARGO := scripts/with-cmake cargo
-RUN := $(CARGO) run --release --quiet --package
+# Not by package, whose dependencies would have other features than in the tests and be compiled twice.
+RUN := $(CARGO) run --release --quiet --bin
 
 .PHONY: demo learn test lint doc docs build completions wheel dist
 .DELETE_ON_ERROR:
@@ -68,7 +69,7 @@ completions: build
 build: $(PROGRAMS:%=build-%)
 
 build-%:
-	$(CARGO) build --release --package $*
+	$(CARGO) build --release --bin $*
 
 # `maturin` is the only tool that this needs besides those of a build.
 MATURIN := target/python-build/bin/maturin

@@ -80,8 +80,8 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let depths = suite.pick(vec![0.25, 0.5, 1.0], vec![0.125, 0.25, 0.5, 1.0, 1.5]);
     let speeds = suite.pick(vec![5.0, 1.0, 0.5], vec![5.0, 2.0, 1.0, 0.5, 0.2, 0.1]);
     let given = simulator.first_frames();
-    let still = beside(&depths, |&depth| bed(teacher, depth, interval, frames))?;
-    let moved = beside(&speeds, |&speed| pushed(teacher, speed, interval, given))?;
+    let still = beside(teacher, &depths, |&depth| bed(teacher, depth, interval, frames))?;
+    let moved = beside(teacher, &speeds, |&speed| pushed(teacher, speed, interval, given))?;
     let beds = depths.iter().zip(&still).map(|(&depth, direct)| rest(simulator, depth, direct));
     let beds: Vec<Case> = beds.collect::<Result<_, _>>()?;
     let plates = speeds.iter().zip(&moved).map(|(&speed, direct)| push(simulator, speed, direct));

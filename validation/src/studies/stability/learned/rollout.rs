@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use dempm::device::Device;
-use dempm::scene::Scene;
+use dempm::scene::{Material, Scene};
 use dempm::simulation::{Simulation, SimulationError};
 use dempm::trajectory::{Frame, Header, Points};
 use files::utc_now;
@@ -93,16 +93,18 @@ pub struct Direct {
 }
 
 impl Direct {
-    /// So many frames, `interval` (s) apart, on one thread: a small scene gains nothing from more.
+    /// So many frames, `interval` (s) apart; of the law on one thread, as a small scene gains nothing from more.
     pub fn run(name: &str, text: &str, interval: f64, frames: usize) -> Result<Self, StudyError> {
         let error = |reason: String| StudyError::Scene { name: name.into(), reason };
         let mut scene = scene_messages::parse(name, text)?;
         // The longest step that fits into the model's frames.
         scene.step = interval / (interval / scene.step).ceil();
         scene.frame_interval = interval;
-        let one = ThreadPoolBuilder::new().num_threads(1).build();
-        let one = one.map_err(|e| error(e.to_string()))?;
-        one.install(|| Self::simulate(scene, interval, frames)).map_err(|e| error(e.to_string()))
+        // 0: as many as there are cores.
+        let threads = usize::from(!matches!(scene.material, Material::Discs(_)));
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|e| error(e.to_string()))?;
+        pool.install(|| Self::simulate(scene, interval, frames)).map_err(|e| error(e.to_string()))
     }
 
     fn simulate(scene: Scene, interval: f64, frames: usize) -> Result<Self, SimulationError> {
@@ -151,12 +153,16 @@ pub struct Rolled {
     pub error: Option<String>,
 }
 
-/// Runs of the teacher, in parallel.
+/// Runs of the teacher: of the law in parallel, of discs, which share columns in the cache, one by one on all cores.
 pub fn beside<T: Sync>(
+    teacher: Teacher,
     of: &[T],
     run: impl Fn(&T) -> Result<Direct, StudyError> + Sync,
 ) -> Result<Vec<Direct>, StudyError> {
-    of.par_iter().map(&run).collect()
+    match teacher {
+        Teacher::Law => of.par_iter().map(&run).collect(),
+        Teacher::Discs => of.iter().map(&run).collect(),
+    }
 }
 
 /// Predicts up to so many frames, those of the start included.

@@ -53,7 +53,7 @@ impl Throw {
 /// Predictions of what the teacher computes.
 fn cases(simulator: &Simulator, throws: &[Throw], frames: usize) -> Result<Vec<Case>, StudyError> {
     let (teacher, interval) = (Teacher::of(simulator), simulator.training.frame_interval);
-    let directs = beside(throws, |throw| throw.simulate(teacher, interval, frames))?;
+    let directs = beside(teacher, throws, |throw| throw.simulate(teacher, interval, frames))?;
     throws.iter().zip(&directs).map(|(throw, direct)| throw.predict(simulator, direct)).collect()
 }
 
