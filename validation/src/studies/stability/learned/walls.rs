@@ -44,12 +44,23 @@ fn run(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
 /// # Errors
 /// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
-    let speeds = suite.pick(
+    let mut speeds = suite.pick(
         vec![1.0, 3.0, 10.0, 15.0, 30.0],
         vec![1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 15.0, 20.0, 25.0, 30.0],
     );
-    let cases = speeds.iter().map(|&v| run(simulator, v));
-    let cases: Vec<Case> = cases.collect::<Result<_, _>>()?;
+    let (mut cases, mut notes) = (Vec::new(), Vec::new());
+    for &speed in &speeds {
+        match run(simulator, speed) {
+            Ok(case) => cases.push(case),
+            // Discs have a limit of their own.
+            Err(error) if !cases.is_empty() => {
+                notes.push(format!("There is no truth from {speed} m/s on: {error}."));
+                break;
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    speeds.truncate(cases.len());
     let interval = simulator.training.frame_interval;
     let radius = simulator.config.connection_radius;
     let stopped = cases.iter().map(|c| !c.outcome.text().contains("leaves the domain"));
@@ -95,6 +106,7 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
             .map(|c| c.picture)
             .into_iter()
             .collect(),
+        notes,
         ..Study::default()
     })
 }
