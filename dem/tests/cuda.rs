@@ -477,7 +477,7 @@ fn kernels_compile() {
     let mut rolling = p.clone();
     rolling.grains.rolling_friction = 0.1;
     for (architecture, limits) in [("sm_80", Limits::SM_80), ("sm_90a", Limits::SM_90)] {
-        for discs in [1, 100, 832] {
+        for discs in [1, 100, 400, 832] {
             let mut shapes = vec![
                 (Shape::new::<f32>(&p, discs, limits, Room::Usual), source::<f32>()),
                 (Shape::new::<f64>(&p, discs, limits, Room::Usual), source::<f64>()),
