@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use surrogate::network::Precision;
-use surrogate::simulator::Simulator;
+use surrogate::simulator::{Simulator, Training};
 
 use crate::folder::{files_in, stem};
 
@@ -28,8 +28,7 @@ pub struct Model {
 impl Model {
     /// A file of weights with the default prediction settings. What cannot be read fails when it predicts.
     pub fn new(name: String, path: PathBuf) -> Self {
-        let material = Simulator::load(&path).ok().and_then(|network| network.training.material);
-        let of_discs = material.as_deref() == Some("discs");
+        let of_discs = Simulator::load(&path).is_ok_and(|network| is_of_discs(&network.training));
         Self { name, path, of_discs, precision: Precision::F32, mirror: false, frames: None }
     }
 
@@ -54,6 +53,11 @@ impl Model {
             self.path.with_extension(file)
         }
     }
+}
+
+/// Whether a network learnt from discs; else from packings.
+pub fn is_of_discs(training: &Training) -> bool {
+    training.material.as_deref() == Some("discs")
 }
 
 /// Models in a folder, sorted by name: `NAME.safetensors` and `NAME/best.safetensors`.

@@ -14,6 +14,7 @@ use surrogate::evaluation::mean_square_distance;
 use surrogate::rollout::{InitialFrames, Rollout, static_features_of};
 use surrogate::simulator::Simulator;
 
+use crate::models::is_of_discs;
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::scene_messages;
 use crate::studies::stability::study::{Picture, StudyError};
@@ -35,10 +36,7 @@ pub enum Teacher {
 impl Teacher {
     /// The teacher of a network.
     pub fn of(simulator: &Simulator) -> Self {
-        match simulator.training.material.as_deref() {
-            Some("discs") => Self::Discs,
-            _ => Self::Law,
-        }
+        if is_of_discs(&simulator.training) { Self::Discs } else { Self::Law }
     }
 
     /// Its name in a sentence.
