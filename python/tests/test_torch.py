@@ -60,6 +60,7 @@ def test_predictions_are_those_of_the_rust_rollout(file):
 
 CONFIGS = {
     "paper": Config(width=16, hidden_layers=1, frames=3),
+    "residual layers": Config(width=16, frames=3, residual_layers=2),
     "edge messages": Config(width=16, frames=4, message_layers=0, edge_message=True),
     "all features": Config(
         width=16,
@@ -75,6 +76,8 @@ def test_a_network_made_here_is_the_same_in_rust(name, data, tmp_path):
     torch.manual_seed(1)
     windows = Windows(data, config=CONFIGS[name])
     model = TGNNS(windows.config, windows.normalisation)
+    for layer in model.residual_layers:
+        torch.nn.init.ones_(layer.update.norm.weight)  # they begin as nothing
     file = tmp_path / "random.safetensors"
     model.save(file, windows.training)
     true = dempm.open(windows.files[0])

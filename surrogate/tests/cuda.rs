@@ -282,6 +282,15 @@ fn the_gns(#[values(Precision::F32, Precision::Bf16)] precision: Precision) {
     compare(&Case::new("gns", &[50, 20]), precision);
 }
 
+#[rstest]
+fn residual_layers(#[values(Precision::F32, Precision::Bf16)] precision: Precision) {
+    for name in ["msg0", "frame4-msg1-hidden1-edgemsg"] {
+        let mut case = Case::new(name, &[50, 20]);
+        case.config.residual_layers = 3;
+        compare(&case, precision);
+    }
+}
+
 /// All further features at once: more columns than one product takes.
 #[rstest]
 fn many_features(
@@ -330,9 +339,10 @@ fn unusual_sizes() {
 #[case("baseline")]
 #[case("frame4-msg1-hidden1-edgemsg")]
 #[case("gns")]
-fn frame_after_frame(#[case] name: &str) {
+fn frame_after_frame(#[case] name: &str, #[values(0, 2)] residual_layers: usize) {
     let Some(device) = gpu::for_tests() else { return };
-    let case = Case::new(name, &[60]);
+    let mut case = Case::new(name, &[60]);
+    case.config.residual_layers = residual_layers;
     let frames = case.config.frames;
     let positions = &case.positions(frames + 3)[0];
     let stride = 60 * case.config.dimensions;

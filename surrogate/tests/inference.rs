@@ -6,6 +6,7 @@ use rstest::rstest;
 use surrogate::features::{Normalisation, Window, WindowInput, window_input};
 use surrogate::inference::Inference;
 use surrogate::network::burn_backend::{Cpu, device};
+use surrogate::network::parameters::{weights, with_weights};
 use surrogate::network::{Model, ModelConfig};
 
 /// Frames of a cloud in motion.
@@ -29,8 +30,11 @@ fn input(frames: &[Vec<f32>], config: &ModelConfig) -> WindowInput<Cpu> {
 
 /// Windows that move along a trajectory, so that encodings are used again; then one from elsewhere.
 fn check(config: &ModelConfig, points: usize) {
-    let model = Model::<Cpu>::new(config, 7, &device());
-    let mut inference = Inference::new(&model, config, 1);
+    check_model(&Model::<Cpu>::new(config, 7, &device()), config, points);
+}
+
+fn check_model(model: &Model<Cpu>, config: &ModelConfig, points: usize) {
+    let mut inference = Inference::new(model, config, 1);
     let long = trajectory(points, config.frames + 3);
     let other = trajectory(points + 1, config.frames);
     for frames in long.windows(config.frames).chain([&other[..], &long[..config.frames]]) {
@@ -60,6 +64,28 @@ fn other_sizes(
     let config =
         ModelConfig { width, hidden_layers, message_layers, frames: 3, ..ModelConfig::default() };
     check(&config, 80);
+}
+
+/// A network grown by layers that add to the node states predicts as before, until their scales change.
+#[rstest]
+fn residual_layers(#[values(0, 2)] message_layers: usize) {
+    let config = ModelConfig {
+        width: 16,
+        frames: 3,
+        message_layers,
+        residual_layers: 2,
+        ..ModelConfig::default()
+    };
+    let without = ModelConfig { residual_layers: 0, ..config.clone() };
+    let trained = Model::<Cpu>::new(&without, 7, &device());
+    let grown = trained.clone().grown(&config, 3, &device());
+    let frames = trajectory(80, 3);
+    let of = |model: &Model<Cpu>, config| -> Vec<f32> {
+        model.forward(&input(&frames, config)).into_data().iter::<f32>().collect()
+    };
+    assert_eq!(of(&grown, &config), of(&trained, &without));
+    let shifted: Vec<f32> = weights(&grown).iter().map(|w| w + 0.02).collect();
+    check_model(&with_weights(grown, &shifted), &config, 80);
 }
 
 /// Isolated points, and one that has more neighbours than a block of edges.

@@ -8,6 +8,7 @@ use dempm::scene::Scene;
 use dempm::simulation::Simulation;
 use dempm::trajectory::{Frame, Trajectory, TrajectoryWriter};
 use surrogate::data::{DataSet, WindowShape};
+use surrogate::network::Model;
 use surrogate::network::parameters::weights;
 use surrogate::simulator::Simulator;
 use tempfile::TempDir;
@@ -274,6 +275,18 @@ fn a_training_starts_from_a_model() {
     };
     assert_eq!(is.velocity_std, times(2.0, &was.velocity_std));
     assert_eq!(is.acceleration_std, times(4.0, &was.acceleration_std));
+
+    // Residual layers that the model lacks are added, and begin as nothing.
+    let network = "[model]\nwidth = 16\nhidden_layers = 1\nmessage_layers = 1\nframes = 3\n\
+                   connection_radius = 0.13\nresidual_layers = 2";
+    more(&format!("steps = 1\n[schedule]\nrate = 1.0e-12\nfinal_rate = 0.0\n{network}"));
+    succeeds(&mut train(here, &file, "deeper"));
+    let Model::Tgnns(deeper) = load("deeper/last.safetensors").model else { panic!("a GNS") };
+    assert_eq!(deeper.residual_layers.len(), 2);
+    for layer in &deeper.residual_layers {
+        let scale = layer.update.norm.as_ref().unwrap().gamma.val().into_data();
+        assert!(scale.iter::<f32>().all(|scale| scale.abs() < 1e-6), "{scale}");
+    }
 
     more("steps = 50\n[schedule]\nrate = 1.0e-3");
     succeeds(&mut train(here, &file, "more"));

@@ -28,6 +28,7 @@ class Config:
     width: int = 128
     hidden_layers: int = 2
     message_layers: int = 2
+    residual_layers: int = 0
     frames: int = 6
     edge_message: bool = False
     leaky_slope: float = 0.1
@@ -57,11 +58,16 @@ class Config:
 
     def to_dict(self) -> dict[str, Any]:
         """The keys of weights files."""
-        return {**dataclasses.asdict(self), "node_features": list(self.node_features)}
+        values = {**dataclasses.asdict(self), "node_features": list(self.node_features)}
+        if not self.residual_layers:
+            del values["residual_layers"]  # which older versions do not know
+        return values
 
     @property
     def format(self) -> int:
         """Version of the format of its weights files."""
+        if self.residual_layers:
+            return 3
         return 2 if {"surfaces", "material"} & set(self.node_features) else 1
 
     @property

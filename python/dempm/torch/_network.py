@@ -82,7 +82,8 @@ class MessageLayer(nn.Module):
 
 class TGNNS(nn.Module):
     """The temporal graph network simulator: one message-passing layer for each frame of the window on that frame's
-    graph, further layers on the last graph, and a decoder. There are no residual connections.
+    graph, further layers on the last graph, and a decoder. There are no residual connections but those of
+    `residual_layers`.
 
     A new network has random weights; `normalisation` and `training` are those of its `Windows`."""
 
@@ -101,6 +102,9 @@ class TGNNS(nn.Module):
             self.edge_fusion = MLP(config, w + 2 * d + 1, w)
         self.frame_layers = nn.ModuleList(MessageLayer(config) for _ in range(config.frames))
         self.message_layers = nn.ModuleList(MessageLayer(config) for _ in range(config.message_layers))
+        self.residual_layers = nn.ModuleList(MessageLayer(config) for _ in range(config.residual_layers))
+        for layer in self.residual_layers:
+            nn.init.zeros_(layer.update.norm.weight)  # they begin as nothing
         self.decoder = MLP(config, w, d, norm=False)
         if normalisation is None:
             unit = torch.tensor([[0.0, 0.0], [1.0, 1.0]])
@@ -144,6 +148,9 @@ class TGNNS(nn.Module):
             nodes, messages = layer(nodes, self._later_edges(messages, graph, before), graph)
         for layer in self.message_layers:
             nodes, messages = layer(nodes, messages, graph)
+        for layer in self.residual_layers:
+            update, messages = layer(nodes, messages, graph)
+            nodes = nodes + update
         return self.decoder(nodes)
 
     def _later_edges(self, messages: Tensor, graph: Graph, before: Graph) -> Tensor:

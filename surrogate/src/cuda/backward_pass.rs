@@ -120,17 +120,18 @@ impl CudaNetwork {
         handover: &mut Handover,
     ) -> Result<(), CudaError> {
         let (mlps, activations) = (&self.layout.layers[layer], &self.activations.layers[layer]);
-        // A residual network adds to the gradients where they are.
+        // Layers that add to the states add to their gradients where they are.
         let residual = self.layout.residual;
+        let adds = layer >= self.layout.first_residual;
         let after = gradients.node[handover.node];
-        if !residual {
+        if !adds {
             handover.node = 1 - handover.node;
         }
         let update = Backward {
             output32: after,
             count: view.nodes,
             input32: [gradients.node[handover.node], gradients.received],
-            accumulate: i32::from(residual),
+            accumulate: i32::from(adds),
             ..self.mlp_backward(mlps.update, &activations.update, handover.products)
         };
         let update = self.adding_parts(update, handover);

@@ -246,7 +246,11 @@ impl CudaNetwork {
                 x: [state, activations.received.into()],
                 count: view.nodes,
                 output: activations.node,
-                residual: if self.layout.residual { state } else { ConstPointer::NULL },
+                residual: if layer < self.layout.first_residual {
+                    ConstPointer::NULL
+                } else {
+                    state
+                },
                 ..self.mlp(mlps.update)
             };
             item.saving(&activations.update)

@@ -129,8 +129,10 @@ pub struct Layout {
     pub decoder: usize,
     /// Frames that the network reads.
     pub frames: usize,
-    /// Layers add to the states.
+    /// Layers add to node and edge states (the GNS).
     pub residual: bool,
+    /// The first layer that adds to node states, as all later ones do.
+    pub first_residual: usize,
     /// Slope of LeakyReLU for negative arguments.
     pub slope: f32,
     /// Columns of the decoder's output.
@@ -164,7 +166,7 @@ impl Layout {
                 let later = Input::Features(config.later_edge_features());
                 edge_fusion = Some(list.add(vec![Input::State, later]));
             }
-            layers = config.frames + config.message_layers;
+            layers = config.frames + config.message_layers + config.residual_layers;
         } else {
             node_first = list.add(features(config.gns_node_features()));
             edge_first = list.add(features(config.first_edge_features()));
@@ -196,6 +198,7 @@ impl Layout {
             decoder,
             frames: if tgnns { config.frames } else { 1 },
             residual: !tgnns,
+            first_residual: if tgnns { config.frames + config.message_layers } else { 0 },
             slope: if tgnns { config.leaky_slope as f32 } else { 0.0 },
             dimensions: config.dimensions,
             parameters,

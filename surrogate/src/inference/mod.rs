@@ -67,6 +67,7 @@ pub struct Layers {
     node_fusion: Mlp,
     frame_layers: Vec<MessageLayer>,
     message_layers: Vec<MessageLayer>,
+    residual_layers: Vec<MessageLayer>,
     decoder: Mlp,
 }
 
@@ -135,6 +136,7 @@ impl Layers {
             node_fusion: Mlp::new(&network.node_fusion, slope),
             frame_layers: layers(&network.frame_layers),
             message_layers: layers(&network.message_layers),
+            residual_layers: layers(&network.residual_layers),
             decoder: Mlp::new(&network.decoder, slope),
         }
     }
@@ -144,6 +146,7 @@ impl Layers {
         let points = input.points;
         let (mut nodes, mut messages) = (Vec::new(), Vec::new());
         let mut edges = Edges::default();
+        let further = self.message_layers.len() + self.residual_layers.len();
         for (k, (layer, frame)) in self.frame_layers.iter().zip(&input.frames).enumerate() {
             let encoding = if k == 0 { &mut self.first } else { &mut self.later }.encode(frame);
             nodes = match k {
@@ -152,7 +155,7 @@ impl Layers {
             };
             edges = compress(frame, points);
             // The last frame's messages are the edge states of the following layers.
-            let last = k + 1 == input.frames.len() && !self.message_layers.is_empty();
+            let last = k + 1 == input.frames.len() && further > 0;
             let states = if last {
                 messages.clone_from(&encoding.edges);
                 EdgeStates::Replaced(&mut messages)
@@ -161,13 +164,17 @@ impl Layers {
             };
             nodes = layer.forward(&nodes, states, &edges);
         }
-        let count = self.message_layers.len();
-        for (k, layer) in self.message_layers.iter().enumerate() {
-            let states = match k + 1 == count {
+        let layers = self.message_layers.iter().chain(&self.residual_layers);
+        for (k, layer) in layers.enumerate() {
+            let states = match k + 1 == further {
                 true => EdgeStates::Kept(&messages),
                 false => EdgeStates::Replaced(&mut messages),
             };
-            nodes = layer.forward(&nodes, states, &edges);
+            let mut updated = layer.forward(&nodes, states, &edges);
+            if k >= self.message_layers.len() {
+                updated.iter_mut().zip(&nodes).for_each(|(new, old)| *new += old);
+            }
+            nodes = updated;
         }
         self.decoder.forward(&[&nodes], points)
     }

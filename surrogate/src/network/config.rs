@@ -50,6 +50,9 @@ pub struct ModelConfig {
     pub hidden_layers: usize,
     /// Message-passing layers after the last frame's own (TGNNS).
     pub message_layers: usize,
+    /// Message-passing layers after those that add to the node states (TGNNS).
+    #[serde(skip_serializing_if = "is_zero")]
+    pub residual_layers: usize,
     /// Frames of a window; the newest is advanced.
     pub frames: usize,
     /// Carry edge states from frame to frame along persistent edges (TGNNS, `edgemsg`).
@@ -79,6 +82,7 @@ impl Default for ModelConfig {
             width: 128,
             hidden_layers: 2,
             message_layers: 2,
+            residual_layers: 0,
             frames: 6,
             edge_message: false,
             leaky_slope: 0.1,
@@ -89,6 +93,10 @@ impl Default for ModelConfig {
             clamped_walls: false,
         }
     }
+}
+
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 /// An invalid value in a [`ModelConfig`].
@@ -163,7 +171,7 @@ impl ModelConfig {
                     + encoder(self.first_edge_features())
                     + encoder(self.later_edge_features())
                     + states(2)
-                    + (self.frames + self.message_layers) * message_layer
+                    + (self.frames + self.message_layers + self.residual_layers) * message_layer
                     + decoder
                     + if self.edge_message {
                         encoder(self.width + self.later_edge_features())
@@ -196,6 +204,7 @@ impl ModelConfig {
         whole("width", self.width, 2, 4096, "from 2 to 4096")?;
         whole("hidden_layers", self.hidden_layers, 1, 16, "from 1 to 16")?;
         whole("message_layers", self.message_layers, 0, 64, "from 0 to 64")?;
+        whole("residual_layers", self.residual_layers, 0, 64, "from 0 to 64")?;
         whole("frames", self.frames, 2, 64, "from 2 to 64")?;
         whole("gns_layers", self.gns_layers, 1, 64, "from 1 to 64")?;
         let real = |key, value: f64, valid: bool, range| {

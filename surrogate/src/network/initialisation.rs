@@ -7,6 +7,7 @@ use burn::tensor::Tensor;
 use burn::tensor::backend::Backend;
 use serde::{Deserialize, Serialize};
 
+use super::config::ModelConfig;
 use super::message::MessageLayer;
 use super::mlp::Mlp;
 use super::model::Model;
@@ -57,6 +58,18 @@ const RANDOM_PART: f64 = 0.4;
 const MESSAGE_SCALE: f64 = 0.1;
 
 impl<B: Backend> Model<B> {
+    /// A trained TGNNS with as many residual layers as `config` has. It predicts as before, since the layers
+    /// it did not have add nothing yet.
+    pub fn grown(mut self, config: &ModelConfig, seed: u64, device: &B::Device) -> Self {
+        if let (Self::Tgnns(trained), Self::Tgnns(new)) =
+            (&mut self, Self::new(config, seed, device))
+        {
+            let known = trained.residual_layers.len();
+            trained.residual_layers.extend(new.residual_layers.into_iter().skip(known));
+        }
+        self
+    }
+
     /// Makes node states pass through the layers of a TGNNS, which has no residual connections and
     /// would lose most of them in some 40 random linear layers. Multiples of the identity are added
     /// to the scaled weights, so that S averages its inputs, messages begin as h_w - h_v + e, and
@@ -76,6 +89,19 @@ impl<B: Backend> Model<B> {
             }
         }
         network.decoder.add_identity(&[]);
+        self
+    }
+}
+
+impl<B: Backend> MessageLayer<B> {
+    /// For a residual layer: its update is 0 until the scale of the update's LayerNorm has learnt otherwise.
+    pub(super) fn adding_nothing(mut self) -> Self {
+        let Self { message, update } = &mut self;
+        for (mlp, scale) in [(message, MESSAGE_SCALE), (update, 0.0)] {
+            if let Some(norm) = &mut mlp.norm {
+                edit(&mut norm.gamma, |gamma| gamma.mul_scalar(scale));
+            }
+        }
         self
     }
 }

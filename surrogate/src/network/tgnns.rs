@@ -12,7 +12,8 @@ use crate::features::{FrameInput, WindowInput};
 
 /// One message-passing layer for each frame of the window, on that frame's graph; node states pass
 /// from frame to frame. Further layers on the last graph and the decoder follow. There are no
-/// residual connections.
+/// residual connections but those of `residual_layers`, which the paper does not have: without them
+/// news from the last frame travels one edge in its layer and one in each of the message layers.
 #[derive(Module, Debug)]
 pub struct Tgnns<B: Backend> {
     /// F_n0: distances to walls, of the first frame.
@@ -32,6 +33,8 @@ pub struct Tgnns<B: Backend> {
     pub frame_layers: Vec<MessageLayer<B>>,
     /// g_k and f_k of the layers on the last graph; their edge states are the last messages.
     pub message_layers: Vec<MessageLayer<B>>,
+    /// g_k and f_k of the layers after those, which add f_k to the node states.
+    pub residual_layers: Vec<MessageLayer<B>>,
     /// F_a: normalised acceleration.
     pub decoder: Mlp<B>,
 }
@@ -47,7 +50,11 @@ impl<B: Backend> Tgnns<B> {
         let edge_encoder_later = mlp(later_edge);
         let node_fusion = mlp(2 * width);
         let edge_fusion = config.edge_message.then(|| mlp(width + later_edge));
-        let mut layers = |n| (0..n).map(|_| MessageLayer::new(config, rng, device)).collect();
+        let mut layers =
+            |n| -> Vec<_> { (0..n).map(|_| MessageLayer::new(config, rng, device)).collect() };
+        let frame_layers = layers(config.frames);
+        let message_layers = layers(config.message_layers);
+        let residual = layers(config.residual_layers);
         Self {
             node_encoder_first,
             node_encoder_later,
@@ -55,8 +62,9 @@ impl<B: Backend> Tgnns<B> {
             edge_encoder_later,
             node_fusion,
             edge_fusion,
-            frame_layers: layers(config.frames),
-            message_layers: layers(config.message_layers),
+            frame_layers,
+            message_layers,
+            residual_layers: residual.into_iter().map(MessageLayer::adding_nothing).collect(),
             decoder: config.decoder().init(rng, device),
         }
     }
@@ -75,6 +83,10 @@ impl<B: Backend> Tgnns<B> {
         }
         for layer in &self.message_layers {
             (nodes, messages) = layer.forward(nodes, messages, graph);
+        }
+        for layer in &self.residual_layers {
+            let (update, next) = layer.forward(nodes.clone(), messages, graph);
+            (nodes, messages) = (nodes + update, next);
         }
         self.decoder.forward(nodes)
     }

@@ -18,8 +18,9 @@ use crate::features::Normalisation;
 
 /// Key of the metadata, whose value is JSON. A single key, so that equal files have equal bytes.
 const METADATA_KEY: &str = "surrogate";
-/// Newest version of the format. The second has features of surfaces and material.
-const NEWEST_FORMAT: u32 = 2;
+/// Newest version of the format. The second has features of surfaces and material, the third residual
+/// layers.
+const NEWEST_FORMAT: u32 = 3;
 
 /// Why a weights file could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -138,7 +139,13 @@ impl Metadata {
 /// new ones stay the same.
 fn format_of(config: &ModelConfig) -> u32 {
     let is_new = |f: &NodeFeature| matches!(f, NodeFeature::Surfaces | NodeFeature::Material);
-    if config.node_features.iter().any(is_new) { NEWEST_FORMAT } else { 1 }
+    if config.residual_layers > 0 {
+        3
+    } else if config.node_features.iter().any(is_new) {
+        2
+    } else {
+        1
+    }
 }
 
 /// Writes a weights file, in place: to survive a crash, write to a temporary name and rename.

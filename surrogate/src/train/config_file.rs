@@ -55,14 +55,17 @@ impl TrainConfig {
 
     /// Adopts the network of a weights file, unless the training file specifies one.
     fn take_network(&mut self, weights: &Path, file: &str) -> Result<(), ConfigError> {
-        let (_, found, ..) = weights::load::<Cpu>(weights, &device()).map_err(|source| {
+        let (_, mut found, ..) = weights::load::<Cpu>(weights, &device()).map_err(|source| {
             ConfigError::Start { file: file.to_owned(), source: source.into() }
         })?;
         if self.network.is_none() && self.model.is_none() {
             self.model = Some(found);
             return Ok(());
         }
-        let differences = self.network(file)?.differences(&found);
+        let network = self.network(file)?;
+        // Layers that the weights lack begin as nothing.
+        found.residual_layers = found.residual_layers.max(network.residual_layers);
+        let differences = network.differences(&found);
         if differences.is_empty() {
             return Ok(());
         }

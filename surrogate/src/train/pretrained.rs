@@ -7,6 +7,7 @@ use super::error::TrainError;
 use crate::diagnostics::TrainingRange;
 use crate::features::Normalisation;
 use crate::network::Initialisation;
+use crate::network::burn_backend::device;
 use crate::simulator::Simulator;
 
 /// The model that a training starts from. The network keeps its normalisation, whatever the new
@@ -20,7 +21,7 @@ pub struct Pretrained {
 }
 
 impl Pretrained {
-    /// Loads the model of `start`, if that is a file.
+    /// Loads the model of `start`, if that is a file, and adds the residual layers that it lacks.
     ///
     /// # Errors
     /// If the file cannot be read or is damaged.
@@ -28,11 +29,12 @@ impl Pretrained {
         let Initialisation::Weights(path) = &config.start else { return Ok(None) };
         let bytes = std::fs::read(path)
             .map_err(|source| TrainError::ReadWeights { path: path.clone(), source })?;
-        Ok(Some(Self {
-            hash: *blake3::hash(&bytes).as_bytes(),
-            simulator: Simulator::load(path)?,
-            path: path.clone(),
-        }))
+        let mut simulator = Simulator::load(path)?;
+        let network = config.model();
+        simulator.model = simulator.model.grown(&network, config.seed, &device());
+        simulator.config = network;
+        let hash = *blake3::hash(&bytes).as_bytes();
+        Ok(Some(Self { hash, simulator, path: path.clone() }))
     }
 
     /// Stretches the normalisation of the model to data with `interval` seconds between frames. Returns the model's
