@@ -2,7 +2,7 @@
 
 use surrogate::simulator::Simulator;
 
-use super::rollout::{Direct, Teacher, WRONG, beside, column, difference, roll};
+use super::rollout::{Direct, Teacher, WRONG, column, difference, roll};
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
 use crate::studies::stability::threshold::Threshold;
@@ -21,9 +21,9 @@ struct Case {
 }
 
 /// A bed between walls that carries its own weight.
-fn bed(teacher: Teacher, depth: f64, interval: f64, frames: usize) -> Result<Direct, StudyError> {
-    let scene = teacher.scene([BED[0], 2.0], &column([0.0, 0.0], [BED[0], depth], [0.0, 0.0]));
-    Direct::run("bed", &scene, interval, frames)
+fn bed(teacher: &Teacher, depth: f64, frames: usize) -> Result<Direct, StudyError> {
+    let bed = column([0.0, 0.0], [BED[0], depth], [0.0, 0.0]);
+    teacher.run("bed", [BED[0], 2.0], &bed, frames)
 }
 
 /// Its mean speed (m/s).
@@ -47,7 +47,12 @@ fn rest(simulator: &Simulator, depth: f64, direct: &Direct) -> Result<Case, Stud
 }
 
 /// A plate pushed 0.25 m deep into the bed, once `given` frames are over.
-fn pushed(teacher: Teacher, speed: f64, interval: f64, given: usize) -> Result<Direct, StudyError> {
+fn pushed(
+    teacher: &Teacher,
+    speed: f64,
+    interval: f64,
+    given: usize,
+) -> Result<Direct, StudyError> {
     let frames = given + (0.25 / speed / interval).round() as usize;
     let start = (given - 1) as f64 * interval;
     let plate = format!(
@@ -57,8 +62,8 @@ fn pushed(teacher: Teacher, speed: f64, interval: f64, given: usize) -> Result<D
         BED[1],
         -speed
     );
-    let scene = teacher.scene([BED[0], 2.0], &(column([0.0, 0.0], BED, [0.0, 0.0]) + &plate));
-    Direct::run("plate", &scene, interval, frames)
+    let bed = column([0.0, 0.0], BED, [0.0, 0.0]);
+    teacher.run("plate", [BED[0], 2.0], &(bed + &plate), frames)
 }
 
 /// Error over motion.
@@ -80,8 +85,8 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let depths = suite.pick(vec![0.25, 0.5, 1.0], vec![0.125, 0.25, 0.5, 1.0, 1.5]);
     let speeds = suite.pick(vec![5.0, 1.0, 0.5], vec![5.0, 2.0, 1.0, 0.5, 0.2, 0.1]);
     let given = simulator.first_frames();
-    let still = beside(teacher, &depths, |&depth| bed(teacher, depth, interval, frames))?;
-    let moved = beside(teacher, &speeds, |&speed| pushed(teacher, speed, interval, given))?;
+    let still = teacher.runs(&depths, |&depth| bed(&teacher, depth, frames))?;
+    let moved = teacher.runs(&speeds, |&speed| pushed(&teacher, speed, interval, given))?;
     let beds = depths.iter().zip(&still).map(|(&depth, direct)| rest(simulator, depth, direct));
     let beds: Vec<Case> = beds.collect::<Result<_, _>>()?;
     let plates = speeds.iter().zip(&moved).map(|(&speed, direct)| push(simulator, speed, direct));

@@ -44,8 +44,8 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let (teacher, interval) = (Teacher::of(simulator), simulator.training.frame_interval);
     let duration = suite.pick(0.5, 1.2);
     let frames = (duration / interval).round() as usize + 1;
-    let scene = teacher.scene(DOMAIN, &column([1.0, 0.0], [0.75, 0.75], [0.0, 0.0]));
-    let direct = Direct::run("column", &scene, interval, frames)?;
+    let free = column([1.0, 0.0], [0.75, 0.75], [0.0, 0.0]);
+    let direct = teacher.run("column", DOMAIN, &free, frames)?;
     let mut study = Study {
         method: format!(
             "A column of 0.75 m of {} collapses for {duration} s. Noise is independent in every given \
@@ -58,8 +58,8 @@ pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
         ..Study::default()
     };
     noise(suite, simulator, &direct, frames, &mut study)?;
-    let wall = teacher.scene(DOMAIN, &column([0.0, 0.0], [0.75, 0.75], [0.0, 0.0]));
-    let wall = Direct::run("column at a wall", &wall, interval, frames)?;
+    let wall = column([0.0, 0.0], [0.75, 0.75], [0.0, 0.0]);
+    let wall = teacher.run("column at a wall", DOMAIN, &wall, frames)?;
     mirror(simulator, [("free", &direct), ("at the wall", &wall)], frames, &mut study)?;
     intervals(interval, &mut study);
     Ok(study)

@@ -1,9 +1,10 @@
 //! A rollout beside its teacher, and its outcome.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use dempm::device::Device;
-use dempm::scene::{Material, Scene};
+use dempm::scene::Scene;
 use dempm::simulation::{Simulation, SimulationError};
 use dempm::trajectory::{Frame, Header, Points};
 use files::utc_now;
@@ -25,9 +26,16 @@ pub const WRONG: f64 = 0.5;
 pub type Frames = Vec<Vec<[f64; 2]>>;
 
 /// What a network learnt from, which is its truth here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Teacher {
-    /// The continuum law, for those that learnt from packings: it costs seconds.
+pub struct Teacher {
+    material: Material,
+    /// Time between frames of the network, s.
+    interval: f64,
+    /// That of the network, on which discs are computed too.
+    device: Option<Arc<gpu::Device>>,
+}
+
+enum Material {
+    /// The continuum law, for networks that learnt from packings: it costs seconds.
     Law,
     /// Discs twice as large as the usual ones, within the range of the training: an eighth of the work.
     Discs,
@@ -36,29 +44,87 @@ pub enum Teacher {
 impl Teacher {
     /// The teacher of a network.
     pub fn of(simulator: &Simulator) -> Self {
-        if is_of_discs(&simulator.training) { Self::Discs } else { Self::Law }
-    }
-
-    /// Its name in a sentence.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Law => "the continuum law",
-            Self::Discs => "discs of 10 to 20 mm",
+        let interval = simulator.training.frame_interval;
+        match is_of_discs(&simulator.training) {
+            true => Self { material: Material::Discs, interval, device: simulator.gpu.clone() },
+            false => Self { material: Material::Law, interval, device: None },
         }
     }
 
-    /// A scene of it: `body` are its columns and the like.
-    pub fn scene(self, size: [f64; 2], body: &str) -> String {
-        let material = match self {
-            Self::Law => "step = 4.0e-4\n[material]\nkind = \"mu-i\"\n",
-            Self::Discs => {
-                "[material]\nkind = \"discs\"\n[grains]\nradius_min = 5.0e-3\nradius_max = 10.0e-3\n"
-            }
+    /// Its name in a sentence.
+    pub fn name(&self) -> &'static str {
+        match self.material {
+            Material::Law => "the continuum law",
+            Material::Discs => "discs of 10 to 20 mm",
+        }
+    }
+
+    /// So many frames in a domain of a size (m); `body` are columns and the like. The law takes one thread, as a
+    /// small scene gains nothing from more.
+    ///
+    /// # Errors
+    /// If the scene cannot be computed.
+    pub fn run(
+        &self,
+        name: &str,
+        size: [f64; 2],
+        body: &str,
+        frames: usize,
+    ) -> Result<Direct, StudyError> {
+        let error = |reason: String| StudyError::Scene { name: name.into(), reason };
+        let (material, threads) = match self.material {
+            Material::Law => ("step = 4.0e-4\n[material]\nkind = \"mu-i\"\n", 1),
+            Material::Discs => (
+                "[material]\nkind = \"discs\"\n[grains]\nradius_min = 5.0e-3\nradius_max = 10.0e-3\n",
+                0, // as many as there are cores
+            ),
         };
-        format!(
+        let text = format!(
             "duration = 10.0\nframe_interval = 0.02\n{material}[domain]\nsize = {size:?}\n\
              cell = 0.125\n{body}"
-        )
+        );
+        let mut scene = scene_messages::parse(name, &text)?;
+        // The longest step that fits into the model's frames.
+        scene.step = self.interval / (self.interval / scene.step).ceil();
+        scene.frame_interval = self.interval;
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|e| error(e.to_string()))?;
+        pool.install(|| self.simulate(scene, frames)).map_err(|e| error(e.to_string()))
+    }
+
+    fn simulate(&self, scene: Scene, frames: usize) -> Result<Direct, SimulationError> {
+        let steps = scene.steps_per_frame();
+        let mut simulation = Simulation::prepare(scene.clone(), self.device.as_ref(), None)?;
+        if let Some(device) = &self.device {
+            simulation.move_to(device, None)?;
+        }
+        let (header, points) = (simulation.header(utc_now()), simulation.static_points());
+        let first = simulation.frame();
+        let (mut positions, mut velocities) = (Frames::new(), Frames::new());
+        for frame in 0..frames {
+            while simulation.step < frame * steps {
+                simulation.advance()?;
+            }
+            let now = simulation.frame();
+            positions.push(now.position);
+            velocities.push(now.velocity);
+        }
+        Ok(Direct { scene, interval: self.interval, positions, velocities, header, points, first })
+    }
+
+    /// Several runs: of the law in parallel, of discs, which share columns in the cache, one by one on all cores.
+    ///
+    /// # Errors
+    /// The first one.
+    pub fn runs<T: Sync>(
+        &self,
+        of: &[T],
+        run: impl Fn(&T) -> Result<Direct, StudyError> + Sync,
+    ) -> Result<Vec<Direct>, StudyError> {
+        match self.material {
+            Material::Law => of.par_iter().map(&run).collect(),
+            Material::Discs => of.iter().map(&run).collect(),
+        }
     }
 }
 
@@ -91,37 +157,6 @@ pub struct Direct {
 }
 
 impl Direct {
-    /// So many frames, `interval` (s) apart; of the law on one thread, as a small scene gains nothing from more.
-    pub fn run(name: &str, text: &str, interval: f64, frames: usize) -> Result<Self, StudyError> {
-        let error = |reason: String| StudyError::Scene { name: name.into(), reason };
-        let mut scene = scene_messages::parse(name, text)?;
-        // The longest step that fits into the model's frames.
-        scene.step = interval / (interval / scene.step).ceil();
-        scene.frame_interval = interval;
-        // 0: as many as there are cores.
-        let threads = usize::from(!matches!(scene.material, Material::Discs(_)));
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-        let pool = pool.map_err(|e| error(e.to_string()))?;
-        pool.install(|| Self::simulate(scene, interval, frames)).map_err(|e| error(e.to_string()))
-    }
-
-    fn simulate(scene: Scene, interval: f64, frames: usize) -> Result<Self, SimulationError> {
-        let steps = scene.steps_per_frame();
-        let mut simulation = Simulation::new(scene.clone())?;
-        let (header, points) = (simulation.header(utc_now()), simulation.static_points());
-        let first = simulation.frame();
-        let (mut positions, mut velocities) = (Frames::new(), Frames::new());
-        for frame in 0..frames {
-            while simulation.step < frame * steps {
-                simulation.advance()?;
-            }
-            let now = simulation.frame();
-            positions.push(now.position);
-            velocities.push(now.velocity);
-        }
-        Ok(Self { scene, interval, positions, velocities, header, points, first })
-    }
-
     /// Its first frames, which a model starts from.
     pub fn start(&self, simulator: &Simulator) -> Result<InitialFrames, StudyError> {
         let name = &self.scene.name;
@@ -149,18 +184,6 @@ pub struct Rolled {
     pub positions: Frames,
     pub said: Vec<String>,
     pub error: Option<String>,
-}
-
-/// Runs of the teacher: of the law in parallel, of discs, which share columns in the cache, one by one on all cores.
-pub fn beside<T: Sync>(
-    teacher: Teacher,
-    of: &[T],
-    run: impl Fn(&T) -> Result<Direct, StudyError> + Sync,
-) -> Result<Vec<Direct>, StudyError> {
-    match teacher {
-        Teacher::Law => of.par_iter().map(&run).collect(),
-        Teacher::Discs => of.iter().map(&run).collect(),
-    }
 }
 
 /// Predicts up to so many frames, those of the start included.

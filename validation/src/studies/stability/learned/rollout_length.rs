@@ -2,7 +2,7 @@
 
 use surrogate::simulator::Simulator;
 
-use super::rollout::{Direct, Teacher, WRONG, column, difference, roll};
+use super::rollout::{Teacher, WRONG, column, difference, roll};
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::study::{Axis, Chart, Curve, Finding, Map, Study, StudyError};
 use crate::studies::stability::threshold::Threshold;
@@ -18,9 +18,8 @@ const LENGTH: f64 = 4.8;
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
     let (teacher, interval) = (Teacher::of(simulator), simulator.training.frame_interval);
     let frames = (LENGTH / interval).round() as usize + 1;
-    let scene =
-        teacher.scene([4.0, 2.0], &column([0.5, 0.0], [1.0, suite.pick(0.75, 1.0)], [0.0, 0.0]));
-    let direct = Direct::run("collapse", &scene, interval, frames)?;
+    let body = column([0.5, 0.0], [1.0, suite.pick(0.75, 1.0)], [0.0, 0.0]);
+    let direct = teacher.run("collapse", [4.0, 2.0], &body, frames)?;
     let truth = &direct.positions;
     let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let looks: Vec<usize> = (1..=8)

@@ -2,7 +2,7 @@
 
 use surrogate::simulator::Simulator;
 
-use super::rollout::{Direct, Teacher, WRONG, beside, column, roll};
+use super::rollout::{Direct, Teacher, WRONG, column, roll};
 use crate::models::trained_on;
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
@@ -29,16 +29,11 @@ impl Throw {
         format!("column of {width} x {height} m at {speed} m/s")
     }
 
-    fn simulate(
-        &self,
-        teacher: Teacher,
-        interval: f64,
-        frames: usize,
-    ) -> Result<Direct, StudyError> {
+    fn simulate(&self, teacher: &Teacher, frames: usize) -> Result<Direct, StudyError> {
         let [width, height] = self.size;
         let domain = [(width + 3.0).max(4.0), (height + 0.5).max(2.0)];
-        let scene = teacher.scene(domain, &column([0.0, 0.0], self.size, [self.speed, 0.0]));
-        Direct::run(&self.name(), &scene, interval, frames)
+        let column = column([0.0, 0.0], self.size, [self.speed, 0.0]);
+        teacher.run(&self.name(), domain, &column, frames)
     }
 
     fn predict(&self, simulator: &Simulator, direct: &Direct) -> Result<Case, StudyError> {
@@ -52,8 +47,8 @@ impl Throw {
 
 /// Predictions of what the teacher computes.
 fn cases(simulator: &Simulator, throws: &[Throw], frames: usize) -> Result<Vec<Case>, StudyError> {
-    let (teacher, interval) = (Teacher::of(simulator), simulator.training.frame_interval);
-    let directs = beside(teacher, throws, |throw| throw.simulate(teacher, interval, frames))?;
+    let teacher = Teacher::of(simulator);
+    let directs = teacher.runs(throws, |throw| throw.simulate(&teacher, frames))?;
     throws.iter().zip(&directs).map(|(throw, direct)| throw.predict(simulator, direct)).collect()
 }
 

@@ -2,7 +2,7 @@
 
 use surrogate::simulator::Simulator;
 
-use super::rollout::{Direct, Teacher, WRONG, column, roll};
+use super::rollout::{Teacher, WRONG, column, roll};
 use crate::studies::stability::outcome::Outcome;
 use crate::studies::stability::study::{Axis, Finding, Map, Picture, Study, StudyError};
 use crate::studies::stability::threshold::Threshold;
@@ -25,8 +25,8 @@ fn run(simulator: &Simulator, speed: f64) -> Result<Case, StudyError> {
     let gap = (gap / 0.125).ceil() * 0.125;
     let frames = window + (1.5 * gap / speed / interval).ceil() as usize + 5;
     let block = column([gap, 0.5], [0.5, 0.5], [-speed, 0.0]);
-    let scene = Teacher::of(simulator).scene([4.0 + gap, 2.0], &block);
-    let direct = Direct::run("block thrown at a wall", &scene, interval, frames)?;
+    let teacher = Teacher::of(simulator);
+    let direct = teacher.run("block thrown at a wall", [4.0 + gap, 2.0], &block, frames)?;
     let rolled = roll(simulator, &direct.start(simulator)?, frames);
     let through = rolled.positions.iter().flatten().filter(|x| x[0] < 0.0 || x[1] < 0.0).count();
     let (error, outcome) = rolled.judge(&direct.positions);
