@@ -15,7 +15,7 @@ use crate::network::burn_backend::{Cpu, Device, device};
 #[cfg(feature = "burn-cuda")]
 use crate::network::burn_backend::{GpuDevice, gpu_device};
 use crate::network::weights::{self, WeightsError};
-use crate::network::{Model, ModelConfig, Precision};
+use crate::network::{Model, ModelConfig, Precision, is_zero};
 
 /// Relative difference of times that is rounding.
 pub(crate) const ROUNDING: f64 = 1e-6;
@@ -65,10 +65,6 @@ impl Training {
     pub fn is_interval(&self, interval: f64) -> bool {
         (interval - self.frame_interval).abs() <= ROUNDING * self.frame_interval
     }
-}
-
-fn is_zero(count: &usize) -> bool {
-    *count == 0
 }
 
 /// A network that predicts accelerations.

@@ -122,7 +122,7 @@ impl CudaNetwork {
         let (mlps, activations) = (&self.layout.layers[layer], &self.activations.layers[layer]);
         // Layers that add to the states add to their gradients where they are.
         let residual = self.layout.residual;
-        let adds = layer >= self.layout.first_residual;
+        let adds = self.layout.adds_to_nodes(layer);
         let after = gradients.node[handover.node];
         if !adds {
             handover.node = 1 - handover.node;

@@ -246,11 +246,7 @@ impl CudaNetwork {
                 x: [state, activations.received.into()],
                 count: view.nodes,
                 output: activations.node,
-                residual: if layer < self.layout.first_residual {
-                    ConstPointer::NULL
-                } else {
-                    state
-                },
+                residual: if self.layout.adds_to_nodes(layer) { state } else { ConstPointer::NULL },
                 ..self.mlp(mlps.update)
             };
             item.saving(&activations.update)

@@ -132,7 +132,7 @@ pub struct Layout {
     /// Layers add to node and edge states (the GNS).
     pub residual: bool,
     /// The first layer that adds to node states, as all later ones do.
-    pub first_residual: usize,
+    first_residual: usize,
     /// Slope of LeakyReLU for negative arguments.
     pub slope: f32,
     /// Columns of the decoder's output.
@@ -216,6 +216,11 @@ impl Layout {
             0 => (self.node_first, self.edge_first),
             _ => (self.node_later, self.edge_later),
         }
+    }
+
+    /// Whether a layer adds to the node states that it reads.
+    pub fn adds_to_nodes(&self, layer: usize) -> bool {
+        layer >= self.first_residual
     }
 
     /// Whether a layer (not the first) reads the messages of the one before.

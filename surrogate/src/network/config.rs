@@ -95,7 +95,7 @@ impl Default for ModelConfig {
     }
 }
 
-fn is_zero(number: &usize) -> bool {
+pub(crate) fn is_zero(number: &usize) -> bool {
     *number == 0
 }
 

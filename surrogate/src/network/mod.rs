@@ -17,6 +17,7 @@ mod precision;
 mod tgnns;
 pub mod weights;
 
+pub(crate) use config::is_zero;
 pub use config::{ConfigError, DIMENSIONS, ModelConfig, ModelKind, PAPER_NETWORKS, differences};
 pub use gns::Gns;
 pub use initialisation::Initialisation;

@@ -47,14 +47,9 @@ fn rest(simulator: &Simulator, depth: f64, direct: &Direct) -> Result<Case, Stud
 }
 
 /// A plate pushed 0.25 m deep into the bed, once `given` frames are over.
-fn pushed(
-    teacher: &Teacher,
-    speed: f64,
-    interval: f64,
-    given: usize,
-) -> Result<Direct, StudyError> {
-    let frames = given + (0.25 / speed / interval).round() as usize;
-    let start = (given - 1) as f64 * interval;
+fn pushed(teacher: &Teacher, speed: f64, given: usize) -> Result<Direct, StudyError> {
+    let frames = given + (0.25 / speed / teacher.interval).round() as usize;
+    let start = (given - 1) as f64 * teacher.interval;
     let plate = format!(
         "[plate]\ncorner = [{:?}, {:?}]\nsize = [{PLATE}, 0.5]\nvelocity = [0.0, {:?}]\n\
          start = {start:?}\nfaces = {{ left = \"slip\", right = \"slip\", bottom = 0.5, top = 0.5 }}\n",
@@ -80,13 +75,13 @@ fn push(simulator: &Simulator, speed: f64, direct: &Direct) -> Result<Case, Stud
 /// # Errors
 /// If a study's own scene or packing cannot be made; failures under study are results.
 pub fn study(suite: Suite, simulator: &Simulator) -> Result<Study, StudyError> {
-    let (teacher, interval) = (Teacher::of(simulator), simulator.training.frame_interval);
-    let frames = (suite.pick(0.5, 2.0) / interval) as usize + 1;
+    let teacher = Teacher::of(simulator);
+    let frames = (suite.pick(0.5, 2.0) / teacher.interval) as usize + 1;
     let depths = suite.pick(vec![0.25, 0.5, 1.0], vec![0.125, 0.25, 0.5, 1.0, 1.5]);
     let speeds = suite.pick(vec![5.0, 1.0, 0.5], vec![5.0, 2.0, 1.0, 0.5, 0.2, 0.1]);
     let given = simulator.first_frames();
     let still = teacher.runs(&depths, |&depth| bed(&teacher, depth, frames))?;
-    let moved = teacher.runs(&speeds, |&speed| pushed(&teacher, speed, interval, given))?;
+    let moved = teacher.runs(&speeds, |&speed| pushed(&teacher, speed, given))?;
     let beds = depths.iter().zip(&still).map(|(&depth, direct)| rest(simulator, depth, direct));
     let beds: Vec<Case> = beds.collect::<Result<_, _>>()?;
     let plates = speeds.iter().zip(&moved).map(|(&speed, direct)| push(simulator, speed, direct));

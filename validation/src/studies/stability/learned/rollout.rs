@@ -29,7 +29,7 @@ pub type Frames = Vec<Vec<[f64; 2]>>;
 pub struct Teacher {
     material: Material,
     /// Time between frames of the network, s.
-    interval: f64,
+    pub interval: f64,
     /// That of the network, on which discs are computed too.
     device: Option<Arc<gpu::Device>>,
 }
@@ -109,7 +109,7 @@ impl Teacher {
             positions.push(now.position);
             velocities.push(now.velocity);
         }
-        Ok(Direct { scene, interval: self.interval, positions, velocities, header, points, first })
+        Ok(Direct { scene, positions, velocities, header, points, first })
     }
 
     /// Several runs: of the law in parallel, of discs, which share columns in the cache, one by one on all cores.
@@ -147,7 +147,6 @@ pub fn column(corner: [f64; 2], size: [f64; 2], velocity: [f64; 2]) -> String {
 /// A run of the teacher at the frame interval of a model.
 pub struct Direct {
     scene: Scene,
-    interval: f64,
     pub positions: Frames,
     velocities: Frames,
     header: Header,
@@ -231,7 +230,7 @@ impl Rolled {
     /// The last predicted frame over that of the teacher.
     pub fn picture(&self, title: String, truth: &Frames, direct: &Direct) -> Picture {
         let last = self.positions.len() - 1;
-        let time = last as f64 * direct.interval;
+        let time = last as f64 * direct.scene.frame_interval;
         let boxes = direct.scene.plate.iter().map(|plate| plate.at(time));
         let away = |(x, t): (&[f64; 2], &[f64; 2])| (x[0] - t[0]).hypot(x[1] - t[1]);
         Picture {
