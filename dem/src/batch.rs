@@ -21,8 +21,9 @@ pub struct RveBatch<R: Real> {
     pub parameters: RveParameters,
     /// The RVEs.
     pub rves: Vec<Rve<R>>,
-    /// Packing from which a stress-free RVE restarts.
-    pub fresh: Packing<R>,
+    /// Packings from which stress-free RVEs restart, one for each [kind](Rve::kind). One for all would bias the
+    /// flow: it is denser or looser, stronger or weaker than the mean.
+    pub fresh: Vec<Packing<R>>,
 }
 
 impl<R: Real> RveBatch<R> {
@@ -44,6 +45,7 @@ impl<R: Real> RveBatch<R> {
             .zip(states)
             .enumerate()
             .map_init(Forces::<R>::default, |forces, (index, ((rve, l), state))| {
+                let fresh = &fresh[rve.kind as usize];
                 match rve.advance(l, parameters, &substepping, fresh, forces) {
                     Ok(new) => {
                         *state = new;

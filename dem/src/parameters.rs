@@ -29,7 +29,7 @@ pub struct RveParameters {
     pub preparation: Preparation,
 }
 
-/// How a packing is made: loose cloud, isotropic servo, then an oedometric ladder.
+/// How a packing is made: loose cloud, isotropic servo, then a ladder of loads.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Preparation {
@@ -39,10 +39,13 @@ pub struct Preparation {
     pub cloud_solid_fraction: f64,
     /// Cundall local damping while preparing.
     pub local_damping: f64,
-    /// Strain rate of the oedometric compression that makes the ladder of stress states (1/s).
+    /// Vertical strain rate of the compression that makes the ladder of stress states (1/s).
     pub ladder_rate: f64,
-    /// Compresses with the friction of flow instead of that of preparation. Lateral stresses are then about half the
-    /// vertical ones; with smooth grains nearly equal, as in a column of grains that settled smoothly.
+    /// Lateral over vertical strain in that compression. At 1 lateral stresses are near the vertical ones, as in a
+    /// column of grains that settled smoothly; at 0 (oedometric) they are lower.
+    pub lateral_strain: f64,
+    /// Compresses with the friction of flow instead of that of preparation. Without lateral strain, lateral stresses
+    /// are then about half the vertical ones.
     pub rough_ladder: bool,
 }
 
@@ -68,6 +71,7 @@ impl Default for Preparation {
             cloud_solid_fraction: 0.3,
             local_damping: 0.2,
             ladder_rate: 0.02,
+            lateral_strain: 1.0,
             rough_ladder: false,
         }
     }

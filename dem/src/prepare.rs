@@ -1,4 +1,4 @@
-//! Preparation of packings: loose cloud, isotropic servo, oedometric ladder.
+//! Preparation of packings: loose cloud, isotropic servo, ladder of loads.
 
 use nalgebra::Matrix2;
 use rand::{RngExt, SeedableRng};
@@ -13,7 +13,7 @@ use crate::grains::Grains;
 use crate::packing::Packing;
 use crate::parameters::RveParameters;
 
-/// A state on the oedometric path.
+/// A state on the path of compression.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rung {
     /// Measured Cauchy stress (Pa), compression positive.
@@ -42,9 +42,9 @@ pub fn consolidate(p: &RveParameters, seed: u64) -> Result<Packing<f64>, Error> 
     Ok(element.rve.packing)
 }
 
-/// Takes a consolidated packing to each vertical stress of `targets` (Pa) by oedometric strain
-/// (`L_yy` at the ladder rate, `L_xx = 0`): loading to those above the preparation pressure,
-/// unloading to those below it.
+/// Takes a consolidated packing to each vertical stress of `targets` (Pa) by proportional strain
+/// (`L_yy` at the ladder rate, `L_xx` at [`lateral_strain`](crate::Preparation::lateral_strain) times
+/// that): loading to those above the preparation pressure, unloading to those below it.
 ///
 /// # Errors
 /// A target is not reached.
@@ -73,7 +73,8 @@ pub fn ladder(
         element.parameters.grains.friction = friction;
         for k in order {
             let until = Until::Pressure(targets[k]);
-            let stage = Stage::Oedometric { shortening_rate, until };
+            let lateral = p.preparation.lateral_strain;
+            let stage = Stage::ProportionalStrain { shortening_rate, lateral, until };
             element.run(&stage, f64::INFINITY, |_| ()).map_err(fail)?;
             let (stress, packing) = (element.state.stress, element.rve.packing.clone());
             rungs[k] = Some(Rung { stress, packing });

@@ -58,6 +58,8 @@ pub struct Rve<R: Real> {
     /// Area (m²) while the RVE is too loose to carry stress. Its packing is then meaningless; a fresh one
     /// replaces it once the RVE is dense again.
     pub free_area: Option<f64>,
+    /// Which of the fresh packings of its [batch](crate::RveBatch::fresh) that is.
+    pub kind: u32,
 }
 
 /// What acts on the cell of a loaded RVE.
@@ -72,9 +74,9 @@ struct Drive {
 }
 
 impl<R: Real> Rve<R> {
-    /// An RVE that carries stress.
+    /// An RVE that carries stress, of the first kind.
     pub fn new(packing: Packing<R>) -> Self {
-        Self { packing, free_area: None }
+        Self { packing, free_area: None, kind: 0 }
     }
 
     /// Cell area (m²).

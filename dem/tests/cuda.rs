@@ -63,7 +63,7 @@ fn batch<R: Real>(p: &RveParameters, packings: &[Packing<R>]) -> RveBatch<R> {
     RveBatch {
         parameters: p.clone(),
         rves: packings.iter().cloned().map(Rve::new).collect(),
-        fresh: packings[0].clone(),
+        fresh: vec![packings[0].clone()],
     }
 }
 
@@ -308,6 +308,32 @@ fn free_and_fresh_again() {
     let Some(states) = compare_path(&p, &packing, path, 22, |_| 1.0e-6) else { return };
     assert!(states[11].free);
     assert!(!states[21].free && states[21].stress.trace() > 0.0);
+}
+
+/// Each restarts from the fresh packing of its kind, on both.
+#[test]
+fn free_ones_restart_as_their_kind() {
+    let Some(device) = gpu::for_tests() else { return };
+    let (p, packing) = dense::<f64>();
+    let other = consolidate(&p, 8).unwrap();
+    let rve = |kind| Rve { kind, ..Rve::new(packing.clone()) };
+    let rves = vec![rve(1), rve(0), rve(1)];
+    let mut cpu = RveBatch { parameters: p, rves, fresh: vec![packing.clone(), other] };
+    let mut twin = CudaRveBatch::upload(&device, &cpu).unwrap();
+    let mut states = [[RveState::default(); 3]; 2];
+    for step in 0..22 {
+        let l = [Matrix2::identity() * if step < 12 { 100.0 } else { -120.0 }; 3];
+        cpu.advance(DT, &l, &mut states[0]).unwrap();
+        twin.advance(DT, &l, &mut states[1]).unwrap();
+        states[1].iter().zip(&states[0]).for_each(|(gpu, cpu)| assert_states_close(gpu, cpu, 1.0e-6));
+    }
+    let on_gpu = twin.download().unwrap();
+    let radii = |packing: &Packing<f64>| packing.discs.iter().map(|d| d.r).collect::<Vec<f64>>();
+    for (gpu, cpu) in on_gpu.rves.iter().zip(&cpu.rves) {
+        assert_eq!(gpu.kind, cpu.kind);
+        assert_eq!(radii(&gpu.packing), radii(&on_gpu.fresh[cpu.kind as usize]));
+        assert_eq!(radii(&gpu.packing), radii(&cpu.packing));
+    }
 }
 
 /// A stress-free cell expands to a hundred times the area of its discs and no further.

@@ -12,7 +12,7 @@ use dem::assembly::{
     Assembly, AssemblyError, Boundary, ColumnBox, Packed, Settling, on_cpu, prepare_column,
 };
 use dem::cuda::{CudaAssembly, CudaAssemblyError, CudaReal};
-use dem::{Grains, Packing, Real, Rung, RveParameters};
+use dem::{Grains, Packing, Preparation, Real, Rung, RveParameters};
 use files::{FileLock, note, read_sealed, seal, write_atomically};
 use gpu::Device;
 use rayon::prelude::*;
@@ -65,7 +65,7 @@ pub fn ship(p: &RveParameters, mut seeds: impl Iterator<Item = u64>) -> bool {
     seeds.all(|seed| consolidated_key(p, seed).is_some_and(|key| shipped::has(&key)))
 }
 
-/// Parameters as they enter keys. The zero is in the place of a parameter that is gone: packings keep their keys.
+/// Parameters as they enter keys.
 fn in_keys(p: &RveParameters) -> impl Serialize {
     let RveParameters {
         grains,
@@ -85,7 +85,6 @@ fn in_keys(p: &RveParameters) -> impl Serialize {
         free_solid_fraction,
         thin_width,
         max_solid_fraction,
-        0.0,
         preparation,
     )
 }
@@ -100,7 +99,11 @@ fn consolidated_packing(p: &RveParameters, seed: u64) -> Result<Packing<f64>, de
 }
 
 fn consolidated_key(p: &RveParameters, seed: u64) -> Option<Key> {
-    key(&("isotropic", in_keys(p), seed))
+    let mut p = p.clone();
+    // Only ladders depend on these.
+    let Preparation { ladder_rate, lateral_strain, rough_ladder, .. } = Preparation::default();
+    p.preparation = Preparation { ladder_rate, lateral_strain, rough_ladder, ..p.preparation };
+    key(&("isotropic", in_keys(&p), seed))
 }
 
 /// A consolidated packing at the vertical stress of every depth.

@@ -105,6 +105,8 @@ cuda_struct! {
         pub free_area: f64,
         /// Row of the table of discs.
         pub grading: u32,
+        /// As of [`Rve`](crate::Rve).
+        pub kind: u32,
         /// Whether the list holds images other than the nearest.
         pub imaged: u32,
         /// [`Status`].
@@ -210,7 +212,7 @@ cuda_struct! {
         pub rolling_dashpot: R,
     }
 
-    /// Arrays over RVEs; index `rves` holds the fresh packing.
+    /// Arrays over RVEs; the fresh packings follow, one for each kind.
     pub(super) struct Batch<R: CudaReal> {
         pub header: Pointer<Header>,
         pub state: Pointer<State>,

@@ -18,7 +18,7 @@ use crate::packing::Packing;
 use crate::parameters::RveParameters;
 use crate::rve::Rve;
 
-/// Arrays of [`Batch`](abi::Batch): over RVEs and, last, the fresh packing.
+/// Arrays of [`Batch`](abi::Batch): over RVEs and, after them, the fresh packings.
 pub(super) struct Arrays<R: CudaReal> {
     pub header: Vec<Header>,
     pub position: Vec<Position<R>>,
@@ -35,18 +35,21 @@ pub(super) struct Arrays<R: CudaReal> {
 }
 
 impl<R: CudaReal> Arrays<R> {
-    /// Bytes of the arrays of `rves` RVEs and the fresh packing.
+    /// Bytes of the arrays of `rves` RVEs, fresh packings included.
     pub fn bytes(shape: &Shape, rves: usize) -> usize {
         let real = size_of::<R>();
         let slot = size_of::<u32>() + (2 + shape.springs()) * real + 2 * size_of::<u16>();
         let thread = 8 * real + 5 * size_of::<u16>();
         let rve = size_of::<Header>() + size_of::<State>();
-        (rves + 1) * (shape.slots * slot + shape.threads * thread + rve)
+        rves * (shape.slots * slot + shape.threads * thread + rve)
     }
 
     pub fn from_batch(batch: &RveBatch<R>, shape: &Shape) -> Result<Self, CudaError> {
-        let fresh = Rve::new(batch.fresh.clone());
-        let rves: Vec<&Rve<R>> = batch.rves.iter().chain([&fresh]).collect();
+        let fresh: Vec<Rve<R>> = (0..)
+            .zip(&batch.fresh)
+            .map(|(kind, packing)| Rve { kind, ..Rve::new(packing.clone()) })
+            .collect();
+        let rves: Vec<&Rve<R>> = batch.rves.iter().chain(&fresh).collect();
         let expected = shape.discs;
         if let Some(rve) = rves.iter().position(|r| r.packing.discs.len() != expected) {
             let found = rves[rve].packing.discs.len();
@@ -81,13 +84,19 @@ impl<R: CudaReal> Arrays<R> {
         Ok(state)
     }
 
-    pub fn make_batch(&mut self, parameters: &RveParameters, shape: &Shape) -> RveBatch<R> {
+    /// The batch of so many RVEs.
+    pub fn make_batch(
+        &mut self,
+        parameters: &RveParameters,
+        shape: &Shape,
+        count: usize,
+    ) -> RveBatch<R> {
         let law = ContactLaw::new(&parameters.grains, 0.0);
         let disc = std::mem::take(&mut self.disc);
         let mut rves: Vec<Rve<R>> =
             self.chunks_mut(shape).map(|chunk| chunk.get(&disc, shape, &law)).collect();
         self.disc = disc;
-        let fresh = rves.pop().expect("the fresh packing is the last").packing;
+        let fresh = rves.split_off(count).into_iter().map(|rve| rve.packing).collect();
         RveBatch { parameters: parameters.clone(), rves, fresh }
     }
 
@@ -158,6 +167,7 @@ impl<R: CudaReal> Chunk<'_, R> {
             drift_y: f64::NAN,
             free_area: rve.free_area.unwrap_or(-1.0),
             grading,
+            kind: rve.kind,
             imaged: u32::from(!list.images.is_empty()),
             status: Status::OK,
             steps: 0,
@@ -204,7 +214,8 @@ impl<R: CudaReal> Chunk<'_, R> {
         neighbours.travel = neighbours.displacement(&discs);
         let cell = Cell { h: header.cell.into() };
         let packing = Packing { cell, discs, neighbours, spin: header.spin };
-        Rve { packing, free_area: (header.free_area >= 0.0).then_some(header.free_area) }
+        let free_area = (header.free_area >= 0.0).then_some(header.free_area);
+        Rve { packing, free_area, kind: header.kind }
     }
 }
 

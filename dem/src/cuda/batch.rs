@@ -85,7 +85,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
         batch: &RveBatch<R>,
         room: Room,
     ) -> Result<Self, CudaError> {
-        let discs = batch.fresh.discs.len();
+        let discs = batch.fresh[0].discs.len();
         let shape = Shape::new::<R>(&batch.parameters, discs, device.limits()?, room)?;
         Self::upload_with_shape(device, batch, shape)
     }
@@ -96,7 +96,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
         device: &Arc<Device>,
         batch: &RveBatch<R>,
     ) -> Result<Self, CudaError> {
-        let discs = batch.fresh.discs.len();
+        let discs = batch.fresh[0].discs.len();
         let shape = Shape::unequal::<R>(&batch.parameters, discs, device.limits()?)?;
         Self::upload_with_shape(device, batch, shape)
     }
@@ -108,7 +108,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
     ) -> Result<Self, CudaError> {
         let rves = batch.rves.len();
         let host = Arrays::from_batch(batch, &shape)?;
-        device.reserve(Arrays::<R>::bytes(&shape, rves))?;
+        device.reserve(Arrays::<R>::bytes(&shape, rves + batch.fresh.len()))?;
         let turns: Vec<Turn> = (0..rves as u32).map(|k| Turn { even: k, odd: k }).collect();
         Ok(Self {
             kernel: load(device, &shape)?,
@@ -155,7 +155,7 @@ impl<R: CudaReal> CudaRveBatch<R> {
             incoming: stream.clone_dtoh(&self.incoming)?,
             disc: stream.clone_dtoh(&self.disc)?,
         };
-        Ok(host.make_batch(&self.parameters, &self.shape))
+        Ok(host.make_batch(&self.parameters, &self.shape, self.rves))
     }
 
     /// Number of RVEs.

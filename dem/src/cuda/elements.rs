@@ -72,7 +72,7 @@ pub fn run_stages<R: CudaReal>(
     let batch = RveBatch {
         parameters: common,
         rves: tests.iter().map(|test| Rve::new(test.packing.clone())).collect(),
-        fresh: tests[0].packing.clone(),
+        fresh: vec![tests[0].packing.clone()],
     };
 
     // A macro step at rest of a copy gives the initial stresses.

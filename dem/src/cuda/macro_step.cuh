@@ -49,8 +49,8 @@ __device__ Action begin(Control& c, const Batch& b, const Parameters& p, unsigne
     if (h.free_area < 0.0 && h.solid < p.free_solid_fraction * area) h.free_area = area;
     if (h.free_area >= 0.0) {
         // A stress-free RVE only keeps its area; dense enough again, it restarts from the fresh
-        // packing scaled to that area.
-        const Header& fresh = b.header[p.rves];
+        // packing of its kind scaled to that area.
+        const Header& fresh = b.header[p.rves + h.kind];
         h.free_area = fmin(h.free_area * exp((l.xx + l.yy) * dt), fresh.solid / p.least_solid_fraction);
         const double ratio = h.free_area / determinant(fresh.cell);
         const double solid_fraction = fresh.solid / h.free_area;

@@ -170,7 +170,7 @@ rve_advance(const __grid_constant__ Batch batch, const __grid_constant__ Paramet
     if (warp == 0 && c.action == ADVANCE) plan_substeps(p, 0, true, lane);
     wait_for_copies(sh.copies);
     if (c.action != ADVANCE) {
-        if (c.action == RESTART) copy_packing(batch, rve, p.rves, t);
+        if (c.action == RESTART) copy_packing(batch, rve, p.rves + c.header.kind, t);
         if (t == 0 && c.status == OK) batch.header[rve] = c.header;
         if (t == 0 && c.status != OK) fail(batch, rve);
         if (t == 0) queue_again(batch, launch, rve, c.action == RESTART);

@@ -23,6 +23,15 @@ pub enum Stage {
         /// End of the stage.
         until: Until,
     },
+    /// `y` shortens at a rate, `x` at `lateral` times that rate.
+    ProportionalStrain {
+        /// Of `y` (1/s).
+        shortening_rate: f64,
+        /// Shortening of `x` over that of `y`: 0 is oedometric, 1 isotropic.
+        lateral: f64,
+        /// End of the stage.
+        until: Until,
+    },
     /// `y` shortens at a rate, `x` is held at `pressure`; ends at an axial `strain`.
     Biaxial {
         /// Along `x` (Pa).
@@ -72,7 +81,7 @@ pub enum Stage {
     },
 }
 
-/// End of an oedometric stage.
+/// End of a stage that compresses by strain.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Until {
@@ -120,12 +129,26 @@ pub(super) enum End {
     },
 }
 
+fn positive(key: &'static str, x: f64) -> Result<(), (&'static str, &'static str)> {
+    if x > 0.0 && x.is_finite() { Ok(()) } else { Err((key, "must be positive")) }
+}
+
+impl Until {
+    fn check(self) -> Result<(), (&'static str, &'static str)> {
+        match self {
+            Self::Strain(x) => positive("until.strain", x),
+            Self::Pressure(x) => positive("until.pressure", x),
+        }
+    }
+}
+
 impl Stage {
     /// Name of the stage in files.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Isotropic { .. } => "isotropic",
             Self::Oedometric { .. } => "oedometric",
+            Self::ProportionalStrain { .. } => "proportional-strain",
             Self::Biaxial { .. } => "biaxial",
             Self::ConstantVolumeShear { .. } => "constant-volume-shear",
             Self::ConstantPressureShear { .. } => "constant-pressure-shear",
@@ -140,9 +163,6 @@ impl Stage {
     /// The key at fault and the reason: a number that is not finite, a strain that its rate never reaches, or a negative pressure
     /// or duration.
     pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
-        let positive = |key, x: f64| {
-            if x > 0.0 && x.is_finite() { Ok(()) } else { Err((key, "must be positive")) }
-        };
         let moving = |key, x: f64| {
             if x != 0.0 && x.is_finite() { Ok(()) } else { Err((key, "must be finite and not 0")) }
         };
@@ -160,10 +180,12 @@ impl Stage {
             }
             Self::Oedometric { shortening_rate, until } => {
                 moving("shortening_rate", shortening_rate)?;
-                match until {
-                    Until::Strain(x) => positive("until.strain", x),
-                    Until::Pressure(x) => positive("until.pressure", x),
-                }
+                until.check()
+            }
+            Self::ProportionalStrain { shortening_rate, lateral, until } => {
+                moving("shortening_rate", shortening_rate)?;
+                finite("lateral", lateral)?;
+                until.check()
             }
             Self::Biaxial { pressure, shortening_rate, strain } => {
                 positive("pressure", pressure)?;
@@ -202,6 +224,9 @@ impl Stage {
             Self::Oedometric { shortening_rate, .. } => {
                 (still, Axis::Rate(-shortening_rate), 0.0, 0.0)
             }
+            Self::ProportionalStrain { shortening_rate, lateral, .. } => {
+                (Axis::Rate(-lateral * shortening_rate), Axis::Rate(-shortening_rate), 0.0, 0.0)
+            }
             Self::Biaxial { pressure, shortening_rate, .. } => {
                 (Axis::Pressure(pressure), Axis::Rate(-shortening_rate), 0.0, 0.0)
             }
@@ -220,10 +245,18 @@ impl Stage {
     pub(super) fn end(&self) -> End {
         match *self {
             Self::Isotropic { pressure, duration: None } => End::Balanced { pressure },
-            Self::Oedometric { shortening_rate, until: Until::Pressure(pressure) } => {
+            Self::Oedometric { shortening_rate, until: Until::Pressure(pressure) }
+            | Self::ProportionalStrain {
+                shortening_rate, until: Until::Pressure(pressure), ..
+            } => {
                 End::Vertical { pressure, loading: shortening_rate > 0.0 }
             }
             Self::Oedometric { shortening_rate: rate, until: Until::Strain(strain) }
+            | Self::ProportionalStrain {
+                shortening_rate: rate,
+                until: Until::Strain(strain),
+                ..
+            }
             | Self::Biaxial { shortening_rate: rate, strain, .. }
             | Self::ConstantVolumeShear { shear_rate: rate, strain }
             | Self::ConstantPressureShear { shear_rate: rate, strain, .. } => {

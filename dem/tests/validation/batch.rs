@@ -9,7 +9,7 @@ use crate::common::{DENSE, packing, parameters};
 /// A batch of `n` RVEs from one packing.
 pub fn batch<R: Real>(p: &RveParameters, n: usize) -> RveBatch<R> {
     let fresh: Packing<R> = packing(p, 1).convert();
-    RveBatch { parameters: p.clone(), rves: vec![Rve::new(fresh.clone()); n], fresh }
+    RveBatch { parameters: p.clone(), rves: vec![Rve::new(fresh.clone()); n], fresh: vec![fresh] }
 }
 
 /// A different motion for every RVE: shear, rotation, expansion to the stress-free state.

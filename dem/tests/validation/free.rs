@@ -1,7 +1,7 @@
 //! The limits of loading: stress-free and over-compressed RVEs.
 
 use dem::element::{Element, StageError};
-use dem::{Failure, Grains, RveParameters};
+use dem::{Failure, Grains, Packing, Rve, RveBatch, RveParameters, RveState};
 use nalgebra::Matrix2;
 
 use crate::common::{DENSE, packing, parameters};
@@ -83,6 +83,28 @@ fn a_free_rve_does_not_expand_without_bound() {
         element.advance(&(Matrix2::identity() * -500.0)).unwrap();
     }
     assert!(!element.state.free && element.state.stress.trace() > 0.0, "{:?}", element.state);
+}
+
+/// Loosened and compressed to the area that it had, an RVE is as dense as before: it restarts from a packing of its own
+/// discs, whose area differs between packings by some per cent.
+#[test]
+fn a_free_rve_restarts_with_its_own_discs() {
+    let p = parameters(20.0e3, DENSE);
+    let fresh = vec![packing(&p, 1), packing(&p, 2)];
+    let rves = (0..).zip(&fresh).map(|(kind, own)| Rve { kind, ..Rve::new(own.clone()) }).collect();
+    let mut batch = RveBatch { parameters: p, rves, fresh: fresh.clone() };
+    let mut states = [RveState::default(); 2];
+    for rate in [60.0, -60.0] {
+        for _ in 0..40 {
+            batch.advance(1e-4, &[Matrix2::identity() * rate; 2], &mut states).unwrap();
+        }
+        assert!(states.iter().all(|state| state.free == (rate > 0.0)), "{states:?}");
+    }
+    let radii = |packing: &Packing<f64>| packing.discs.iter().map(|d| d.r).collect::<Vec<_>>();
+    for ((rve, own), state) in batch.rves.iter().zip(&fresh).zip(states) {
+        assert_eq!(radii(&rve.packing), radii(own));
+        assert!((state.solid_fraction - own.solid_fraction()).abs() < 1e-9, "{state:?}");
+    }
 }
 
 /// Denser than `max_solid_fraction` a cell takes no compression, but still shear and expansion. One macro step at

@@ -1,4 +1,4 @@
-//! D16. Oedometric loading from 2 kPa, the ladder that initial stresses are taken from.
+//! D16. Loading from 2 kPa, the ladder that initial stresses are taken from.
 
 use dem::element::Element;
 use dem::ladder;
@@ -26,6 +26,7 @@ fn oedometer(
     let [tolerance, k0_tolerance] = tolerances;
     let mut p = parameters(2.0e3, friction);
     p.preparation.rough_ladder = true;
+    p.preparation.lateral_strain = 0.0;
     let targets = [10.0e3, 20.0e3, 40.0e3, 65.0e3];
     let (mut strains, mut moduli) = (vec![], vec![]);
     let mut ratios = [vec![], vec![], vec![], vec![]];
@@ -53,12 +54,16 @@ fn oedometer(
     }
 }
 
-/// With the smooth grains of preparation the lateral stress is near the vertical one, as in a column of grains that
-/// settled smoothly (`dem/tests/assembly/column.rs`), and the friction of flow, which follows, keeps both: springs
-/// that were clipped at a thousandth of the normal force are within a half of it.
-#[test]
-fn a_smooth_ladder_is_nearly_isotropic_and_stays_so() {
-    let p = parameters(2.0e3, DENSE);
+/// With the smooth grains of preparation and equal strains the lateral stress is near the vertical one, as in a column
+/// of grains that settled smoothly (`dem/tests/assembly/column.rs`); without lateral strain it is a tenth lower. The
+/// friction of flow, which follows, keeps both: springs that were clipped at a thousandth of the normal force are
+/// within a half of it. K0 of one packing of 400 discs scatters by 0.03.
+#[rstest]
+#[case::equal(1.0, 1.0)]
+#[case::vertical(0.0, 0.9)]
+fn a_smooth_ladder_sets_k0_and_keeps_it(#[case] lateral_strain: f64, #[case] expected: f64) {
+    let mut p = parameters(2.0e3, DENSE);
+    p.preparation.lateral_strain = lateral_strain;
     let targets = [10.0e3, 65.0e3];
     for seed in 1..=3 {
         for rung in ladder(&p, seed, &packing(&p, seed), &targets).unwrap() {
@@ -67,7 +72,7 @@ fn a_smooth_ladder_is_nearly_isotropic_and_stays_so() {
             for _ in 0..200 {
                 element.advance(&Matrix2::zeros()).unwrap();
             }
-            expect("K0", k0(rung.stress), 0.9, 0.12);
+            expect("K0", k0(rung.stress), expected, 0.12);
             expect("K0 after 20 ms", k0(element.state.stress), k0(rung.stress), 0.02);
             let kept = element.state.stress[(1, 1)] / rung.stress[(1, 1)];
             expect("vertical stress kept", kept, 1.0, 0.02);

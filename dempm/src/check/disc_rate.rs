@@ -19,7 +19,7 @@ pub fn disc_steps_per_second() -> Result<f64, dem::Error> {
     let count = 16 * rayon::current_num_threads();
     let mut batch = RveBatch {
         rves: vec![Rve::new(packing.clone()); count],
-        fresh: packing,
+        fresh: vec![packing],
         parameters: p.clone(),
     };
     let shear = vec![Matrix2::new(0.0, 5.0, 0.0, 0.0); count];

@@ -10,7 +10,7 @@ use super::monitor::Monitor;
 use crate::simulation::State;
 
 const MAGIC: &str = "DEMPM checkpoint";
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 
 /// A checkpoint that could not be written or read.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]

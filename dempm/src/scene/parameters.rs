@@ -129,6 +129,7 @@ const LIMITS: &[(&str, Limits)] = &[
     ),
     ("rve.preparation.local_damping", LOCAL_DAMPING),
     ("rve.preparation.ladder_rate", positive(1.0, "1/s")),
+    ("rve.preparation.lateral_strain", from_zero(1.0, "").with_hint("0 is one-dimensional")),
     ("mu-i.density", DENSITY),
     ("mu-i.bulk_modulus", MODULUS),
     ("mu-i.shear_modulus", MODULUS),

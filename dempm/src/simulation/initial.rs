@@ -74,9 +74,10 @@ fn rve_material(
     let ladders = packings::ladders(&rve.parameters, &seeds, &depths, g)?;
 
     let mut rng = ChaCha8Rng::seed_from_u64(scene.seed);
-    let mut chosen: Vec<&Packing<f64>> = Vec::with_capacity(depth.len());
+    let mut chosen: Vec<(&Packing<f64>, usize)> = Vec::with_capacity(depth.len());
     for (p, &rung) in rung.iter().enumerate() {
-        let ladder: &Ladder = &ladders[rng.random_range(0..ladders.len())];
+        let kind = rng.random_range(0..ladders.len());
+        let ladder: &Ladder = &ladders[kind];
         let (packing, stress) = match scene.initial_stress {
             InitialStress::Ladder => (&ladder.rungs[rung].packing, ladder.rungs[rung].stress),
             InitialStress::None => {
@@ -87,11 +88,11 @@ fn rve_material(
         // Compression is positive in the packing, tension in the MPM.
         points.stress[p] = -stress;
         points.mass[p] = packings::bulk_density(&rve.parameters, packing) * points.volume[p];
-        chosen.push(packing);
+        chosen.push((packing, kind));
     }
-    let fresh = &ladders[0].isotropic;
+    let fresh: Vec<&Packing<f64>> = ladders.iter().map(|ladder| &ladder.isotropic).collect();
     let volume = &points.volume;
-    Ok(RveMaterial::new(&rve.parameters, rve.precision, &chosen, fresh, volume))
+    Ok(RveMaterial::new(&rve.parameters, rve.precision, &chosen, &fresh, volume))
 }
 
 /// The distinct values, ascending, and for each entry the index of its value.

@@ -86,21 +86,21 @@ impl Default for Tally {
 }
 
 impl RveMaterial {
-    /// RVEs that start as `packings[p]`, for points of `volume[p]` (m² per metre of depth).
-    /// A stress-free RVE that is compressed again restarts from `fresh`.
+    /// RVEs that start as `packings[p]`, a packing and its kind, for points of `volume[p]` (m² per metre of depth).
+    /// A stress-free RVE that is compressed again restarts from the packing in `fresh` of its kind.
     pub fn new(
         parameters: &RveParameters,
         precision: Precision,
-        packings: &[&Packing<f64>],
-        fresh: &Packing<f64>,
+        packings: &[(&Packing<f64>, usize)],
+        fresh: &[&Packing<f64>],
         volume: &[f64],
     ) -> Self {
-        let area = packings.iter().map(|packing| packing.cell.area());
+        let area = packings.iter().map(|(packing, _)| packing.cell.area());
         Self {
             volume_per_area: volume.iter().zip(area).map(|(v, a)| v / a).collect(),
             states: packings
                 .iter()
-                .map(|packing| RveState {
+                .map(|(packing, _)| RveState {
                     area: packing.cell.area(),
                     solid_fraction: packing.solid_fraction(),
                     coordination: 2.0 * packing.contacts().count() as f64
@@ -147,8 +147,8 @@ impl RveMaterial {
 
 fn batch<R: Real>(
     parameters: &RveParameters,
-    packings: &[&Packing<f64>],
-    fresh: &Packing<f64>,
+    packings: &[(&Packing<f64>, usize)],
+    fresh: &[&Packing<f64>],
 ) -> RveBatch<R> {
     let inertial = |packing: &Packing<f64>| {
         let mut packing: Packing<R> = packing.convert();
@@ -157,8 +157,11 @@ fn batch<R: Real>(
     };
     RveBatch {
         parameters: parameters.clone(),
-        rves: packings.iter().map(|packing| Rve::new(inertial(packing))).collect(),
-        fresh: inertial(fresh),
+        rves: packings
+            .iter()
+            .map(|&(packing, kind)| Rve { kind: kind as u32, ..Rve::new(inertial(packing)) })
+            .collect(),
+        fresh: fresh.iter().map(|packing| inertial(packing)).collect(),
     }
 }
 

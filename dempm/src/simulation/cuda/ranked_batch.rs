@@ -181,7 +181,7 @@ mod tests {
         let p = dem::RveParameters { discs: 60, ..dem::RveParameters::default() };
         let fresh: dem::Packing<f32> = dem::consolidate(&p, 1).unwrap().convert();
         let rves = vec![dem::Rve::new(fresh.clone()); 5];
-        let batch = RveBatch { parameters: p, rves, fresh };
+        let batch = RveBatch { parameters: p, rves, fresh: vec![fresh] };
         let run = |ranks: Option<&Arc<Ranks>>| {
             let mut twin = RankedRveBatch::upload(&device, &batch, Room::Usual, ranks).unwrap();
             let gradients: Vec<f64> = (1..=5).flat_map(|k| [0.0, f64::from(k), 0.0, 0.0]).collect();
