@@ -325,7 +325,10 @@ fn free_ones_restart_as_their_kind() {
         let l = [Matrix2::identity() * if step < 12 { 100.0 } else { -120.0 }; 3];
         cpu.advance(DT, &l, &mut states[0]).unwrap();
         twin.advance(DT, &l, &mut states[1]).unwrap();
-        states[1].iter().zip(&states[0]).for_each(|(gpu, cpu)| assert_states_close(gpu, cpu, 1.0e-6));
+        states[1]
+            .iter()
+            .zip(&states[0])
+            .for_each(|(gpu, cpu)| assert_states_close(gpu, cpu, 1.0e-6));
     }
     let on_gpu = twin.download().unwrap();
     let radii = |packing: &Packing<f64>| packing.discs.iter().map(|d| d.r).collect::<Vec<f64>>();

@@ -224,6 +224,7 @@ fn material(rng: &mut ChaCha8Rng) -> String {
                     ("cloud_solid_fraction", 0.3, 0.01, 0.45),
                     ("local_damping", 0.2, 0.0, 0.9),
                     ("ladder_rate", 0.02, tiny, 1.0),
+                    ("lateral_strain", 1.0, 0.0, 1.0),
                 ];
                 some(&mut text, &keys, rng);
             }

@@ -248,9 +248,7 @@ impl Stage {
             Self::Oedometric { shortening_rate, until: Until::Pressure(pressure) }
             | Self::ProportionalStrain {
                 shortening_rate, until: Until::Pressure(pressure), ..
-            } => {
-                End::Vertical { pressure, loading: shortening_rate > 0.0 }
-            }
+            } => End::Vertical { pressure, loading: shortening_rate > 0.0 },
             Self::Oedometric { shortening_rate: rate, until: Until::Strain(strain) }
             | Self::ProportionalStrain {
                 shortening_rate: rate,

@@ -70,7 +70,11 @@ fn shear(rate: f64, rves: usize) -> Vec<Matrix2<f64>> {
 
 fn batch<R: CudaReal>(p: &RveParameters, packing: &Packing<f64>, rves: usize) -> RveBatch<R> {
     let fresh: Packing<R> = packing.convert();
-    RveBatch { parameters: p.clone(), rves: vec![Rve::new(fresh.clone()); rves], fresh: vec![fresh] }
+    RveBatch {
+        parameters: p.clone(),
+        rves: vec![Rve::new(fresh.clone()); rves],
+        fresh: vec![fresh],
+    }
 }
 
 fn searches(states: &[RveState]) -> usize {
