@@ -129,19 +129,6 @@ pub(super) enum End {
     },
 }
 
-fn positive(key: &'static str, x: f64) -> Result<(), (&'static str, &'static str)> {
-    if x > 0.0 && x.is_finite() { Ok(()) } else { Err((key, "must be positive")) }
-}
-
-impl Until {
-    fn check(self) -> Result<(), (&'static str, &'static str)> {
-        match self {
-            Self::Strain(x) => positive("until.strain", x),
-            Self::Pressure(x) => positive("until.pressure", x),
-        }
-    }
-}
-
 impl Stage {
     /// Name of the stage in files.
     pub fn name(&self) -> &'static str {
@@ -163,6 +150,9 @@ impl Stage {
     /// The key at fault and the reason: a number that is not finite, a strain that its rate never reaches, or a negative pressure
     /// or duration.
     pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
+        let positive = |key, x: f64| {
+            if x > 0.0 && x.is_finite() { Ok(()) } else { Err((key, "must be positive")) }
+        };
         let moving = |key, x: f64| {
             if x != 0.0 && x.is_finite() { Ok(()) } else { Err((key, "must be finite and not 0")) }
         };
@@ -173,6 +163,10 @@ impl Stage {
             Axis::Rate(rate) => finite(key, rate),
             Axis::Pressure(p) => positive(key, p),
         };
+        let end = |until| match until {
+            Until::Strain(x) => positive("until.strain", x),
+            Until::Pressure(x) => positive("until.pressure", x),
+        };
         match *self {
             Self::Isotropic { pressure, duration } => {
                 positive("pressure", pressure)?;
@@ -180,12 +174,12 @@ impl Stage {
             }
             Self::Oedometric { shortening_rate, until } => {
                 moving("shortening_rate", shortening_rate)?;
-                until.check()
+                end(until)
             }
             Self::ProportionalStrain { shortening_rate, lateral, until } => {
                 moving("shortening_rate", shortening_rate)?;
                 finite("lateral", lateral)?;
-                until.check()
+                end(until)
             }
             Self::Biaxial { pressure, shortening_rate, strain } => {
                 positive("pressure", pressure)?;

@@ -102,8 +102,8 @@ pub fn study(suite: Suite) -> Result<Study, StudyError> {
     };
     Ok(Study {
         method: format!(
-            "Packings of {} discs at vertical stresses from 1 Pa to 100 kPa (oedometric loading and \
-             unloading) are sheared at constant volume in f32 and in f64. Failure: stresses differ \
+            "Packings of {} discs at vertical stresses from 1 Pa to 100 kPa (loading and unloading \
+             at equal strains) are sheared at constant volume in f32 and in f64. Failure: stresses differ \
              by more than {:.0} %.",
             p.discs,
             100.0 * TOLERANCE
