@@ -123,6 +123,7 @@ fn scene(rng: &mut ChaCha8Rng) -> String {
     line(&mut text, "size", &format!("[{width:?}, {height:?}]"));
     line(&mut text, "cell", &format!("{cell:?}"));
     line(&mut text, "points_per_cell", &rng.random_range(1..4).to_string());
+    line(&mut text, "point_layout", one(&["\"staggered\"", "\"square\""], rng));
     line(&mut text, "walls", &faces(rng));
 
     for _ in 0..[1, 1, 1, 2][rng.random_range(0..4)] {

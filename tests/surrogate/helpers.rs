@@ -13,7 +13,7 @@ use dempm::trajectory::TrajectoryWriter;
 pub fn scene(x: f64, width: f64, more: &str) -> String {
     format!(
         "title = \"Tiny column\"\nduration = 0.4\nframe_interval = 0.01\n\
-         [domain]\nsize = [{width:?}, 0.5]\ncell = 0.125\n\
+         [domain]\nsize = [{width:?}, 0.5]\ncell = 0.125\npoint_layout = \"square\"\n\
          [[column]]\ncorner = [{x:?}, 0.0]\nsize = [0.25, 0.375]\n\
          [material]\nkind = \"mu-i\"\n[output]\nfields = []\n{more}"
     )

@@ -33,6 +33,29 @@ fn the_models_of_the_repository_follow_a_collapse(
     assert!(last["max_height"] < 0.95 * first["max_height"], "{last:?}");
 }
 
+/// A network that learnt from discs starts from discs, on the grid of its training, whichever model the scene names.
+#[test]
+fn networks_start_from_the_material_of_their_training() {
+    let directory = TempDir::new().unwrap();
+    let here = directory.path();
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/tgnns-tiny.safetensors");
+    let scene = "duration = 0.2\n[domain]\nsize = [2.0, 1.0]\n[[column]]\nsize = [0.5, 0.5]\n";
+    let predicted = |material: &str| {
+        std::fs::write(here.join("scene.toml"), format!("{scene}[material]\n{material}")).unwrap();
+        let mut command = surrogate(here);
+        command.arg("rollout").arg(&model).args(["--scene", "scene.toml", "--frames", "10"]);
+        let output = command.args(["-o", "out.h5", "--overwrite"]).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        let last = Trajectory::open(&here.join("out.h5")).unwrap().frame(9).unwrap().position;
+        (last, String::from_utf8(output.stderr).unwrap())
+    };
+    let ((discs, silent), (law, said)) =
+        (predicted("kind = \"discs\""), predicted("kind = \"mu-i\""));
+    assert_eq!(discs, law);
+    let note = "starts from discs, as in training, averaged over squares of 62.5 mm";
+    assert!(said.contains(note) && !silent.contains(note), "{said}");
+}
+
 /// Rollouts of networks with further features start from what the scene or the file says.
 #[test]
 fn networks_can_know_load_and_first_stress() {

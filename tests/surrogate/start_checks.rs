@@ -116,7 +116,7 @@ fn a_start_is_compared_with_the_training_data() {
         positions.retain(|x| x[0] < 0.25 && x[1] < 0.25);
     }
     let said = start_checks(&symmetric, &small).unwrap();
-    for expected in ["points 16, at least 48", "width 0.1"] {
+    for expected in ["points 16, at least 48", "width 0.2"] {
         assert!(said.contains(expected), "{expected}: {said}");
     }
 }

@@ -108,9 +108,13 @@ mod tests {
     /// (m) and that of the second 0.71 m from there, which is no multiple of a spacing. All points
     /// move by 0.2 m a hundredth of a second; frames are at `times` (hundredths of a second).
     fn write(path: &Path, left: f64, spacing: f64, times: &[u32]) {
+        write_laid_out("square", path, left, spacing, times);
+    }
+
+    fn write_laid_out(layout: &str, path: &Path, left: f64, spacing: f64, times: &[u32]) {
         let second = left + 0.71;
         let scene = format!(
-            "duration = 0.1\nframe_interval = 0.01\n[domain]\nsize = [4.0, 1.0]\ncell = {:?}\n\
+            "duration = 0.1\nframe_interval = 0.01\n[domain]\nsize = [4.0, 1.0]\npoint_layout = \"{layout}\"\ncell = {:?}\n\
              [[column]]\ncorner = [{left:?}, 0.0]\nsize = [0.5, 0.5]\n\
              [[column]]\ncorner = [{second:?}, 0.0]\nsize = [0.5, 0.5]\n[material]\nkind = \"mu-i\"\n",
             2.0 * spacing
@@ -160,6 +164,23 @@ mod tests {
             assert_eq!(parts.are_points(), name == "moved.h5");
             let errors = difference(&one, &truth, &parts).unwrap().errors;
             assert_eq!(errors.len(), 10);
+            assert!(errors.iter().all(|e| (e.distance - 0.04).abs() < 1e-6), "{errors:?}");
+        }
+    }
+
+    /// Staggered points, a quarter of their spacing off, are compared on squares of two rows, which are not.
+    #[test]
+    fn the_layout_of_points_is_no_distance() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        write(&at("truth.h5"), 0.0, 0.03125, &ALL);
+        write_laid_out("staggered", &at("moved.h5"), 0.04, 0.03125, &ALL);
+        write_laid_out("staggered", &at("coarse.h5"), 0.04, 0.0625, &ALL);
+        for (name, side) in [("moved.h5", 0.0625), ("coarse.h5", 0.125)] {
+            let [one, truth] = [name, "truth.h5"].map(|name| Trajectory::open(&at(name)).unwrap());
+            let parts = Parts::of(&one, &truth).unwrap().unwrap();
+            assert_eq!(parts.side, side, "{name}");
+            let errors = difference(&one, &truth, &parts).unwrap().errors;
             assert!(errors.iter().all(|e| (e.distance - 0.04).abs() < 1e-6), "{errors:?}");
         }
     }

@@ -5,5 +5,5 @@ mod squares;
 mod times;
 
 pub use parts::Parts;
-pub use squares::{Square, Start, by_square, means, starts};
+pub use squares::{Square, Start, by_square, least_side, means, starts};
 pub use times::common_frames;

@@ -1,6 +1,6 @@
 //! The parts of the material by which two runs are compared.
 
-use super::squares::{by_square, means, starts};
+use super::squares::{by_square, least_side, means, starts};
 use crate::trajectory::{Trajectory, TrajectoryError};
 
 /// Relative tolerance on equal distances between points.
@@ -12,26 +12,29 @@ pub struct Parts {
     groups: [Vec<Vec<usize>>; 2],
     /// Masses of the parts in the second run, kg/m.
     pub mass: Vec<f64>,
-    /// Side of a part, m: the larger of the two distances between points.
+    /// Side of a part, m.
     pub side: f64,
 }
 
 impl Parts {
-    /// Points of the same number and size one by one. Of others, the finer points that start in the square of a
-    /// coarser one are averaged; squares begin at the lower left corner of each column. `None` if the two do not
-    /// start with the same material.
+    /// Points of the same number, size and layout one by one. Of others, those that start in one square are averaged, as
+    /// small as both runs [allow](least_side); squares begin at the lower left corner of each column. `None` if the two
+    /// do not start with the same material.
     ///
     /// # Errors
     /// If a file cannot be read.
     pub fn of(one: &Trajectory, other: &Trajectory) -> Result<Option<Self>, TrajectoryError> {
-        let [a, b] = [one, other].map(|file| file.header().point_spacing);
-        let side = a.max(b);
+        let spacings = [one, other].map(|file| file.header().point_spacing);
+        let sides = [one, other].map(|file| least_side(file.header()));
+        let alike = |[a, b]: [f64; 2]| (a - b).abs() < ROUNDING * a.max(b);
         let mass = &other.points().mass;
         let count = mass.len();
-        if one.points().mass.len() == count && (a - b).abs() < ROUNDING * side {
+        if one.points().mass.len() == count && alike(spacings) && alike(sides) {
             let alone = || (0..count).map(|point| vec![point]).collect();
-            return Ok(Some(Self { groups: [alone(), alone()], mass: mass.clone(), side }));
+            let groups = [alone(), alone()];
+            return Ok(Some(Self { groups, mass: mass.clone(), side: spacings[1] }));
         }
+        let side = sides[0].max(sides[1]);
         let [a, b] = [by_square(&starts(one)?, side), by_square(&starts(other)?, side)];
         if !a.keys().eq(b.keys()) {
             return Ok(None);

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::scene::Scene;
-use crate::trajectory::{Trajectory, TrajectoryError};
+use crate::scene::{PointLayout, Scene};
+use crate::trajectory::{Header, Trajectory, TrajectoryError};
 
 /// A square of side s: the column, and the integers (i, j) of [i s, (i + 1) s) x [j s, (j + 1) s) from its lower left
 /// corner.
@@ -40,6 +40,14 @@ pub fn starts(file: &Trajectory) -> Result<Vec<Start>, TrajectoryError> {
     let end = [0, 1].map(|k| first.iter().map(|x| x[k]).fold(f64::INFINITY, f64::min) - half);
     let start = |x: &[f64; 2]| Start { column: 0, place: [x[0] - end[0], x[1] - end[1]] };
     Ok(first.iter().map(start).collect())
+}
+
+/// Least side (m) of squares in whose middle their points are centred at the start: that of a point, or of two rows of
+/// them if rows are staggered.
+pub fn least_side(header: &Header) -> f64 {
+    let staggered = Scene::parse(&header.scene, "scene")
+        .is_ok_and(|scene| scene.domain.point_layout == PointLayout::Staggered);
+    if staggered { 2.0 * header.point_spacing } else { header.point_spacing }
 }
 
 /// Indices of points by the square of side `side` (m) that they start in.

@@ -45,7 +45,7 @@ pub(super) fn packings() -> RveParameters {
 pub(super) const TRANSFER: Transfer = Transfer::FlipApic { rate: 10.0 };
 
 /// Rate (1/s) at which overlaps of the volumes of packings are corrected.
-pub(super) const DENSITY_CORRECTION: f64 = 10.0;
+pub(super) const DENSITY_CORRECTION: f64 = 20.0;
 
 /// When packings feel walls.
 pub(super) const WALL_CONTACT: WallContact = WallContact::Points;

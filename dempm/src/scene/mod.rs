@@ -36,7 +36,7 @@ use std::path::Path;
 pub use estimate::{COORDINATION, COURANT, CROSSING, SOLID_FRACTION};
 pub use model::{
     Chosen, Column, Discs, Domain, Elastic, GridOutput, InitialStress, Material, Obstacle, Plate,
-    Precision, Rectangle, Rve, Scene,
+    PointLayout, Precision, Rectangle, Rve, Scene,
 };
 pub use points::Points;
 pub use problem::{Problem, Problems, SceneError};

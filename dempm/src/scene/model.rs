@@ -94,8 +94,20 @@ pub struct Domain {
     pub cell: f64,
     /// Material points per cell along each direction.
     pub points_per_cell: usize,
+    /// Where points start; those of discs on a square lattice.
+    pub point_layout: PointLayout,
     /// Contact with the four walls.
     pub walls: Walls,
+}
+
+/// Where the points of a column start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointLayout {
+    /// At the centres of squares.
+    Square,
+    /// The same with rows shifted by a quarter of the spacing, alternately to the left and to the right: where material
+    /// stretches, points of one row fill the gaps between those of the next.
+    Staggered,
 }
 
 /// An axis-parallel rectangle.

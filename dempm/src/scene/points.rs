@@ -1,12 +1,12 @@
 //! The material points at time zero.
 
-use super::model::{Column, Scene};
+use super::model::{Column, PointLayout, Scene};
 
 /// Material points at time zero: column by column in the order of the file, each row by row from its
 /// lower left corner.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
-    /// Positions (m): the centres of squares of one spacing that fill the columns.
+    /// Positions (m): in squares of one spacing that fill the columns, one in each; see [`PointLayout`].
     pub position: Vec<[f64; 2]>,
     /// Velocities (m/s).
     pub velocity: Vec<[f64; 2]>,
@@ -32,8 +32,13 @@ impl Scene {
             let [columns, rows] = self.grid_of(column);
             for (row, along) in (0..rows).flat_map(|row| (0..columns).map(move |k| (row, k))) {
                 let [x, y] = column.place.corner;
+                let shift = match self.domain.point_layout {
+                    PointLayout::Square => 0.0,
+                    PointLayout::Staggered if row % 2 == 0 => -0.25,
+                    PointLayout::Staggered => 0.25,
+                };
                 let position =
-                    [x + (along as f64 + 0.5) * spacing, y + (row as f64 + 0.5) * spacing];
+                    [x + (along as f64 + 0.5 + shift) * spacing, y + (row as f64 + 0.5) * spacing];
                 points.position.push(position);
                 points.velocity.push(column.velocity);
                 points.column.push(index as u32);

@@ -8,8 +8,8 @@ use toml::de::DeTable;
 use super::defaults;
 use super::log::Log;
 use super::model::{
-    Chosen, Column, Discs, Domain, GridOutput, InitialStress, Material, Obstacle, Plate, Precision,
-    Rectangle, Rve, Scene,
+    Chosen, Column, Discs, Domain, GridOutput, InitialStress, Material, Obstacle, Plate,
+    PointLayout, Precision, Rectangle, Rve, Scene,
 };
 use super::parameters;
 use super::problem::Problem;
@@ -95,6 +95,8 @@ fn domain(root: &Table<'_>, material: &Material) -> Domain {
         root.missing("[domain]", "[domain] and below it size = [10.0, 10.0]");
     }
     let table = root.table("domain");
+    let layouts = [("staggered", PointLayout::Staggered), ("square", PointLayout::Square)];
+    let layout = table.choice("point_layout", Some(PointLayout::Staggered), &layouts);
     let domain = Domain {
         size: table.vector("size", None, SIZE),
         cell: table.number("cell", Some(defaults::cell(material)), positive(LENGTH, "m")),
@@ -103,6 +105,11 @@ fn domain(root: &Table<'_>, material: &Material) -> Domain {
             2,
             between(1.0, MAX_POINTS_PER_CELL as f64, "points"),
         ) as usize,
+        point_layout: match material {
+            // Their points are means over squares.
+            Material::Discs(_) => PointLayout::Square,
+            Material::Rve(_) | Material::MuI(_) | Material::Elastic(_) => layout,
+        },
         walls: faces(&table, "walls", WALLS),
     };
     table.finish();

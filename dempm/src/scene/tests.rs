@@ -26,6 +26,7 @@ frame_interval = 0.02
 size = [8.0, 6.0]
 cell = 0.25
 points_per_cell = 4
+point_layout = "square"
 walls = { left = "stick", right = 0.3, bottom = "slip", top = 0.1 }
 [[column]]
 corner = [0.0, 0.0]
@@ -213,6 +214,22 @@ fn points_fill_the_columns() {
     assert!((depth(0.1, 0.1) - (1.0 - 0.09375)).abs() < 1e-12);
     assert!((depth(1.0 + 0.03125, 0.03125) - (2.0 - 0.03125)).abs() < 1e-12);
     assert_eq!(depth(1.03125, 3.03125), 0.0);
+}
+
+#[test]
+fn staggered_points_stay_in_their_squares_and_are_centred_over_two_rows() {
+    let square = parse(FULL);
+    let staggered = parse(&FULL.replace("\"square\"", "\"staggered\""));
+    let (square, staggered) = (square.points(), staggered.points());
+    let spacing = 0.0625;
+    let shift = |(a, b): (&[f64; 2], &[f64; 2])| [a[0] - b[0], a[1] - b[1]];
+    let shifts: Vec<_> = staggered.position.iter().zip(&square.position).map(shift).collect();
+    // Rows of the first column, 32 points each.
+    for (row, shifts) in shifts[..32 * 16].chunks(32).enumerate() {
+        let expected = if row % 2 == 0 { -0.25 * spacing } else { 0.25 * spacing };
+        assert!(shifts.iter().all(|s| (s[0] - expected).abs() < 1e-12 && s[1] == 0.0), "{row}");
+    }
+    assert_eq!(staggered.depth, square.depth);
 }
 
 #[rstest]

@@ -173,7 +173,14 @@ fn initial_frames(args: &RolloutArgs, simulator: &Simulator) -> miette::Result<I
             if !simulator.training.is_interval(asked) {
                 note!("frames are {own} s apart, as in training, not {asked} s as in the scene");
             }
-            Ok(InitialFrames::of_scene(&scene, simulator)?)
+            let initial = InitialFrames::of_scene(&scene, simulator)?;
+            if initial.scene.material.name() != scene.material.name() {
+                let millimetres = 1e3 * initial.scene.domain.spacing();
+                note!(
+                    "starts from discs, as in training, averaged over squares of {millimetres} mm"
+                );
+            }
+            Ok(initial)
         }
         (None, Some(from)) => Ok(InitialFrames::from_trajectory(from, args.start, simulator)?),
         (None, None) => bail!("give a scene (--scene) or a trajectory (--from) to start from"),

@@ -5,12 +5,14 @@
 use std::convert::Infallible;
 use std::time::Instant;
 
-use dempm::choose::{Expected, Learned, LearnedError, discs_on_grids};
+use dempm::choose::{Expected, Learned, LearnedError};
 use dempm::memory;
 use dempm::scene::Scene;
 
-use crate::diagnostics::{ErrorFeatures, ErrorModel, ExpectedError, FlowState, start_checks};
-use crate::rollout::{InitialFrames, InitialFramesError, Rollout, stride};
+use crate::diagnostics::{ErrorFeatures, ErrorModel, ExpectedError, start_checks};
+use crate::rollout::{
+    InitialFrames, InitialFramesError, Rollout, discs_on_grid_of_training, stride,
+};
 use crate::simulator::Simulator;
 
 /// What the error has to be the distance from.
@@ -26,7 +28,7 @@ pub fn candidate(
     scene: &Scene,
 ) -> Result<Learned, InitialFramesError> {
     let began = Instant::now();
-    let scene = on_grid_of_training(simulator, scene);
+    let scene = discs_on_grid_of_training(simulator, scene);
     let mut found = Learned {
         name: format!("network {name}"),
         scene: scene.text.clone(),
@@ -51,22 +53,6 @@ pub fn candidate(
     found.seconds = Some(began.elapsed().as_secs_f64());
     found.memory = memory::peak();
     Ok(found)
-}
-
-/// The scene as discs, averaged over squares that give points as many neighbours as in training. The scene itself if it
-/// cannot be computed as discs.
-fn on_grid_of_training(simulator: &Simulator, scene: &Scene) -> Scene {
-    let interval = simulator.training.frame_interval;
-    let radius = simulator.config.connection_radius;
-    let excess = |scene: &Scene| {
-        let points = &scene.points().position[..];
-        let neighbours = FlowState::measure([points; 3], interval, radius).neighbours;
-        let range = simulator.training.range.as_ref();
-        range.map_or(0.0, |range| range.excess_of_neighbours(neighbours))
-    };
-    let grids = discs_on_grids(scene).into_iter().map(|scene| (excess(&scene), scene));
-    let nearest = grids.min_by(|(a, _), (b, _)| a.total_cmp(b));
-    nearest.map_or_else(|| scene.clone(), |(_, scene)| scene)
 }
 
 /// The calibration of a network whose frames are some of those of the scene, or why it does not serve.

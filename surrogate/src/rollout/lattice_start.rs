@@ -6,18 +6,21 @@ use dempm::scene::Scene;
 use dempm::trajectory::{Frame, Header, Points};
 
 use super::initial_frames::{InitialFrames, InitialFramesError, static_features_of};
+use super::scene_of_training::scene_to_start_from;
 use crate::simulator::{ROUNDING, Simulator};
 
 impl InitialFrames {
     /// The frames that a rollout of a scene starts from: the scene as it is written where that is enough, else
-    /// simulated.
+    /// simulated. A network that has learnt from discs starts from discs, whichever material the scene names, on the
+    /// grid that gives points as many neighbours as in training.
     ///
     /// # Errors
     /// If the simulation fails, or its step does not divide the time between the model's frames.
     pub fn of_scene(scene: &Scene, simulator: &Simulator) -> Result<Self, InitialFramesError> {
-        match Self::from_lattice(scene, simulator) {
+        let scene = scene_to_start_from(simulator, scene);
+        match Self::from_lattice(&scene, simulator) {
             Some(initial) => Ok(initial),
-            None => Self::from_scene(scene.clone(), simulator),
+            None => Self::from_scene(scene, simulator),
         }
     }
 

@@ -10,6 +10,7 @@ mod frames;
 mod initial_frames;
 mod lattice_start;
 mod recorder;
+mod scene_of_training;
 
 pub use constraints::Constraints;
 pub use engine::Rollout;
@@ -17,3 +18,4 @@ pub use error::RolloutError;
 pub use frames::FrameBuilder;
 pub use initial_frames::{InitialFrames, InitialFramesError, static_features_of, stride};
 pub use recorder::{RecordedRollout, Recording, RecordingOptions, RolloutObserver, record};
+pub(crate) use scene_of_training::discs_on_grid_of_training;

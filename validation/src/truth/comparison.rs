@@ -60,7 +60,7 @@ impl Comparison {
 /// A sentence, if they do not start with the same material in the same domain or have no time in common.
 pub fn compare(model: &Motion, truth: &Reference) -> Result<Comparison, String> {
     let first = &truth.runs[0];
-    let side = first.spacing.max(model.spacing);
+    let side = first.side.max(model.side);
     let groups: Vec<_> = truth.runs.iter().map(|run| run.squares(side)).collect();
     let own = model.squares(side);
     if model.domain != first.domain || !own.keys().eq(groups[0].keys()) {
@@ -177,7 +177,7 @@ mod tests {
             status: "finished".to_owned(),
             domain: [4.0, 2.0],
             gravity: [0.0, -9.81],
-            spacing,
+            side: spacing,
             mass: vec![1.0 / f64::from(finer * finer); start.len()],
             starts: start.iter().map(|&place| Start { column: 0, place }).collect(),
             start_velocity: [0.0; 2],

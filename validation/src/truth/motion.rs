@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use dempm::comparison::{Square, Start, by_square, starts};
+use dempm::comparison::{Square, Start, by_square, least_side, starts};
 use dempm::trajectory::{Frame, Trajectory, TrajectoryError};
 
 use super::arrest::arrest;
@@ -24,8 +24,8 @@ pub struct Motion {
     pub domain: [f64; 2],
     /// Gravity, m/s².
     pub gravity: [f64; 2],
-    /// Initial distance between its points, m.
-    pub spacing: f64,
+    /// Least side (m) of the squares on which it is compared.
+    pub side: f64,
     /// Masses of the points, kg/m.
     pub mass: Vec<f64>,
     /// Where the points start.
@@ -78,7 +78,7 @@ impl Motion {
             status: file.status().to_owned(),
             domain: header.domain,
             gravity: header.gravity,
-            spacing: header.point_spacing,
+            side: least_side(header),
             mass,
             starts: starts(&file)?,
             start_velocity,

@@ -31,12 +31,12 @@ impl Reference {
     /// seeds.
     pub fn of(runs: Vec<Motion>) -> Result<Self, String> {
         let first = runs.first().ok_or("there are no runs of the truth")?;
-        let squares = first.squares(first.spacing);
+        let squares = first.squares(first.side);
         for other in &runs[1..] {
-            if other.spacing != first.spacing || other.domain != first.domain {
+            if other.side != first.side || other.domain != first.domain {
                 return Err(format!("{} and {}: other points or domain", first.name, other.name));
             }
-            if !other.squares(other.spacing).keys().eq(squares.keys()) {
+            if !other.squares(other.side).keys().eq(squares.keys()) {
                 return Err(format!("{} and {}: not the same material", first.name, other.name));
             }
         }

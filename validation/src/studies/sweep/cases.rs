@@ -71,12 +71,13 @@ const QUICK: [(&str, &str); 4] = [
 ];
 
 /// The same of the full suite: every default changed by itself, and what is cheaper.
-const FULL: [(&str, &str); 17] = [
+const FULL: [(&str, &str); 19] = [
     ("16 packings", "material.packings = 16"),
     ("1 packing", "material.packings = 1"),
     ("100 discs", "rve.discs = 100"),
     ("36 discs", "rve.discs = 36"),
     ("rough ladder", "rve.preparation.rough_ladder = true"),
+    ("one-dimensional ladder", "rve.preparation.lateral_strain = 0"),
     ("steps of 0.1 ms", "step = 1e-4"),
     ("DEM steps of half the length", "grains.step_factor = 0.201"),
     ("mass x 10", "grains.mass_scale = 10"),
@@ -89,6 +90,7 @@ const FULL: [(&str, &str); 17] = [
     ("walls on nodes", "numerics.wall_contact = \"nodes\""),
     ("no density correction", "numerics.density_correction = 0"),
     ("shocks not widened", "numerics.shock_width = 0"),
+    ("points on a square lattice", "domain.point_layout = \"square\""),
 ];
 
 /// Scenes of the speed-accuracy charts; of the last, the largest, only a few settings.
