@@ -1,4 +1,5 @@
-//! `validation report` as a user meets it: one command, a page, tables, figures, numbers.
+//! `validation` as a user meets it: a report in one command with a page, tables, figures and numbers; comparisons; the
+//! table of measured errors.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -483,4 +484,48 @@ fn a_browser_finds_nothing_wrong_with_the_page() {
         let expected = "images 5, broken 0, errors 0, fetched 0, flat 0, cut 0, too wide false";
         assert_eq!(found, expected, "at {width} pixels");
     }
+}
+
+/// The table of measured errors grows by the scenes of a further list, and keeps those that it has.
+#[test]
+fn scenes_of_lists_are_measured() {
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let scene = "duration = 0.05\nframe_interval = 0.025\noutput.fields = []\n\
+                 [domain]\nsize = [3.0, 1.0]\ncell = 0.125\n[[column]]\nsize = [0.5, 0.5]\n\
+                 [material]\nkind = \"discs\"\n[grains]\nradius_min = 1e-2\nradius_max = 2e-2\n";
+    std::fs::write(at("scene.toml"), scene).unwrap();
+    for (name, seed) in [("one.toml", 1), ("two.toml", 2)] {
+        let list = format!(
+            "scene = \"scene.toml\"\nseed = {seed}\n[[random]]\nclass = \"heap\"\ntrain = 1\ntest = 1\n\
+             [random.draw]\ncolumn.0.size = [0.25, {{ choice = [0.25, 0.5] }}]\n"
+        );
+        std::fs::write(at(name), list).unwrap();
+    }
+    let measure = |lists: &[&str]| {
+        let mut command = Command::new(cargo_bin("validation"));
+        command.current_dir(directory.path()).env("DEMPM_CACHE_DIR", at("cache"));
+        command.arg("library").args(lists);
+        command.args(["-o", "table.csv", "--seeds", "2", "--device", "cpu", "-q"]).output().unwrap()
+    };
+    let table = || std::fs::read_to_string(at("table.csv")).unwrap();
+    assert!(measure(&["one.toml"]).status.success());
+    let one = table();
+    assert!(measure(&["one.toml", "two.toml"]).status.success());
+    let both = table();
+    // Every row of the first is kept, wall times included, and the second list has as many.
+    assert!(both.starts_with(&one));
+    let of = |list: &str| both.lines().filter(|line| line.starts_with(list)).count();
+    assert!(of("one/heap-000,") >= 4 && of("one/") == of("two/heap-000,"), "{both}");
+
+    std::fs::create_dir(at("copy")).unwrap();
+    for name in ["one.toml", "scene.toml"] {
+        std::fs::copy(at(name), at("copy").join(name)).unwrap();
+    }
+    let output = measure(&["one.toml", "copy/one.toml"]);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        !output.status.success() && message.contains("another list is called `one`"),
+        "{message}"
+    );
 }

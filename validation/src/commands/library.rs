@@ -8,9 +8,9 @@ use clap::Args;
 use dempm::dataset::{self, Split};
 use dempm::device::Device;
 use files::{INTERRUPTED, Interrupt, announce, refuse_input};
-use miette::IntoDiagnostic;
+use miette::{IntoDiagnostic, bail};
 
-use crate::library::{self, Options};
+use crate::library::{self, Named, Options};
 
 /// Scenes at a time on a GPU.
 const JOBS_ON_A_GPU: usize = 8;
@@ -18,8 +18,9 @@ const JOBS_ON_A_GPU: usize = 8;
 /// Arguments of `validation library`.
 #[derive(Args)]
 pub struct LibraryArgs {
-    /// List of scenes (TOML), as `dempm dataset` reads it; those of its training set are measured
-    list: PathBuf,
+    /// Lists of scenes (TOML), as `dempm dataset` reads them; those of their training sets are measured
+    #[arg(required = true, value_name = "LIST")]
+    lists: Vec<PathBuf>,
     /// The table (CSV); scenes that it has are kept
     #[arg(short, long)]
     output: PathBuf,
@@ -43,9 +44,8 @@ pub struct LibraryArgs {
 /// If the list or the table cannot be read, a device cannot be used or the table cannot be written.
 pub fn library(args: &LibraryArgs) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
-    refuse_input(&args.output, [&args.list])?;
-    let mut scenes = dataset::cases(&args.list)?;
-    scenes.retain(|case| case.split == Split::Train);
+    refuse_input(&args.output, &args.lists)?;
+    let scenes = scenes_of(&args.lists)?;
     let selection = args.device.select_all().into_diagnostic()?;
     let usual = if selection.gpus.is_empty() { 1 } else { JOBS_ON_A_GPU };
     let options = Options {
@@ -58,4 +58,25 @@ pub fn library(args: &LibraryArgs) -> miette::Result<ExitCode> {
     let done = library::run(&scenes, &args.output, &options, &interrupt)?;
     announce!("{}: {done} of {} scenes", args.output.display(), scenes.len());
     Ok(if interrupt.requested() { ExitCode::from(INTERRUPTED) } else { ExitCode::SUCCESS })
+}
+
+/// The training scenes of the lists, named `LIST/SCENE`.
+fn scenes_of(lists: &[PathBuf]) -> miette::Result<Vec<Named>> {
+    let mut scenes: Vec<Named> = Vec::new();
+    for list in lists {
+        let stem = list.file_stem().unwrap_or_default().to_string_lossy();
+        let cases = dataset::cases(list)?.into_iter().filter(|case| case.split == Split::Train);
+        for case in cases {
+            let name = format!("{stem}/{}", case.name);
+            if scenes.iter().any(|other| other.name == name) {
+                bail!(
+                    help = "scenes are named after their list: rename one",
+                    "{}: another list is called `{stem}`, too",
+                    list.display()
+                );
+            }
+            scenes.push(Named { name, scene: case.scene });
+        }
+    }
+    Ok(scenes)
 }

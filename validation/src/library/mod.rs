@@ -5,4 +5,4 @@ mod measure;
 mod scenes;
 
 pub use measure::measure;
-pub use scenes::{Options, read, run};
+pub use scenes::{Named, Options, read, run};

@@ -1,4 +1,4 @@
-//! All scenes of a list, several at a time.
+//! All scenes of the lists, several at a time.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -6,13 +6,21 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use dempm::choose::{self, Case};
-use dempm::dataset;
+use dempm::scene::Scene;
 use files::{Interrupt, note, write_text};
 use miette::{IntoDiagnostic, WrapErr, miette};
 use rayon::ThreadPoolBuilder;
 
 use super::measure::measure;
 use crate::run_cache::hash;
+
+/// A scene to measure.
+pub struct Named {
+    /// Its name in the table.
+    pub name: String,
+    /// The scene.
+    pub scene: Scene,
+}
 
 /// How the scenes are run.
 pub struct Options {
@@ -28,7 +36,7 @@ pub struct Options {
 
 /// The work of all threads.
 struct Queue<'a> {
-    open: Vec<&'a dataset::Case>,
+    open: Vec<&'a Named>,
     next: AtomicUsize,
     table: Mutex<Vec<Case>>,
     path: &'a Path,
@@ -37,22 +45,22 @@ struct Queue<'a> {
     interrupt: &'a Interrupt,
 }
 
-/// Measures the scenes of a list that the table at `path` lacks. The table is written after each.
+/// Measures the scenes that the table at `path` lacks. The table is written after each.
 ///
 /// # Errors
-/// If the list or the table cannot be read, a device cannot be used or the table cannot be written. Scenes that fail are
+/// If the table cannot be read, a device cannot be used or the table cannot be written. Scenes that fail are
 /// noted, and left out.
 pub fn run(
-    scenes: &[dataset::Case],
+    scenes: &[Named],
     path: &Path,
     options: &Options,
     interrupt: &Interrupt,
 ) -> miette::Result<usize> {
     let table = if path.exists() { read(path)? } else { Vec::new() };
-    let is_open = |case: &&dataset::Case| table.iter().all(|row| row.scene != case.full_name());
-    let mut open: Vec<&dataset::Case> = scenes.iter().filter(is_open).collect();
+    let is_open = |scene: &&Named| table.iter().all(|row| row.scene != scene.name);
+    let mut open: Vec<&Named> = scenes.iter().filter(is_open).collect();
     // Without an order of kinds and sizes, so that what fits into a budget is like the whole.
-    open.sort_by_key(|case| hash(&[&case.full_name()]));
+    open.sort_by_key(|scene| hash(&[&scene.name]));
     let devices: Vec<Option<&Arc<gpu::Device>>> = match &options.devices[..] {
         [] => vec![None],
         gpus => gpus.iter().map(Some).collect(),
@@ -83,7 +91,7 @@ pub fn run(
         Ok::<(), miette::Report>(())
     })?;
     let table = queue.table.into_inner().map_err(|_| miette!("a thread stopped"))?;
-    Ok(scenes.iter().filter(|case| table.iter().any(|row| row.scene == case.full_name())).count())
+    Ok(scenes.iter().filter(|scene| table.iter().any(|row| row.scene == scene.name)).count())
 }
 
 /// Reads a table of measured cases.
@@ -102,12 +110,10 @@ impl Queue<'_> {
         let is_over = || self.until.is_some_and(|until| Instant::now() >= until);
         while !self.interrupt.requested() && !is_over() {
             let next = self.next.fetch_add(1, Ordering::Relaxed);
-            let Some(case) = self.open.get(next) else { return Ok(()) };
+            let Some(Named { name, scene }) = self.open.get(next) else { return Ok(()) };
             let folder = tempfile::tempdir().into_diagnostic()?;
-            let name = case.full_name();
             let began = Instant::now();
-            let scene = &case.scene;
-            match measure(&name, scene, self.seeds, device, folder.path(), self.interrupt) {
+            match measure(name, scene, self.seeds, device, folder.path(), self.interrupt) {
                 Ok(rows) => {
                     self.add(rows)?;
                     note!("{name}: {:.1} s", began.elapsed().as_secs_f64());
