@@ -23,6 +23,21 @@ pub fn ticks(low: f64, high: f64, wanted: f64) -> Vec<f64> {
     (0..=count as usize).map(|index| (first + index as f64) * step).collect()
 }
 
+/// Ticks of a logarithmic axis from `low` to `high`, both positive: 1, 2 and 5 of every decade, on longer axes powers of
+/// ten, at most ten or so.
+pub fn log_ticks(low: f64, high: f64) -> Vec<f64> {
+    let decades = (high / low).log10();
+    let (digits, every) = match decades {
+        _ if decades <= 3.0 => (&[1.0, 2.0, 5.0][..], 1),
+        _ => (&[1.0][..], (decades / 10.0).ceil() as usize),
+    };
+    let [first, last] = [low.log10().floor(), high.log10().floor()].map(|power| power as i32);
+    let powers = (first..=last).filter(|power| power.rem_euclid(every as i32) == 0);
+    let all = powers.flat_map(|power| digits.iter().map(move |digit| digit * 10_f64.powi(power)));
+    let (low, high) = (low * (1.0 - 1e-9), high * (1.0 + 1e-9));
+    all.filter(|tick| (low..=high).contains(tick)).collect()
+}
+
 /// The texts of ticks, all with as many decimals as their step needs.
 pub fn tick_texts(ticks: &[f64]) -> Vec<String> {
     let step = match ticks {
@@ -45,6 +60,16 @@ pub fn minus(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::number::number;
+
+    #[test]
+    fn ticks_of_a_logarithmic_axis_are_1_2_and_5_or_powers_of_ten() {
+        let texts = |low, high| log_ticks(low, high).into_iter().map(number).collect::<Vec<_>>();
+        assert_eq!(texts(0.02, 0.13), ["0.02", "0.05", "0.1"]);
+        assert_eq!(texts(0.7, 30.0), ["1", "2", "5", "10", "20"]);
+        assert_eq!(texts(0.03, 300.0), ["0.1", "1", "10", "100"]);
+        assert_eq!(log_ticks(1e-30, 1.0).len(), 11);
+    }
 
     #[test]
     fn ticks_are_round() {

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use plotters::coord::combinators::{BindKeyPoints, WithKeyPoints};
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::RGBColor;
@@ -14,6 +15,10 @@ use super::series::{Axis, Mark, Series};
 use crate::error::PlotError;
 use crate::font::{FONT, register_font};
 use crate::number::number;
+use crate::ticks::log_ticks;
+
+/// Ticks of a linear axis at most.
+const LABELS: usize = 8;
 
 /// A chart with a legend below it. Values that a logarithmic axis cannot show are left out.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,9 +71,11 @@ impl Chart {
         builder.margin(8).margin_right(24).x_label_area_size(46).y_label_area_size(72);
         match (self.x.log, self.y.log) {
             (false, false) => self.plot(builder.build_cartesian_2d(x, y)?)?,
-            (true, false) => self.plot(builder.build_cartesian_2d(x.log_scale(), y)?)?,
-            (false, true) => self.plot(builder.build_cartesian_2d(x, y.log_scale())?)?,
-            (true, true) => self.plot(builder.build_cartesian_2d(x.log_scale(), y.log_scale())?)?,
+            (true, false) => self.plot(builder.build_cartesian_2d(logarithmic(x), y)?)?,
+            (false, true) => self.plot(builder.build_cartesian_2d(x, logarithmic(y))?)?,
+            (true, true) => {
+                self.plot(builder.build_cartesian_2d(logarithmic(x), logarithmic(y))?)?
+            }
         }
         legend::draw(&lower, &lines)?;
         area.present()?;
@@ -100,10 +107,10 @@ impl Chart {
             .axis_desc_style(style(TEXT))
             .x_desc(&self.x.label)
             .y_desc(&self.y.label)
-            .x_labels(labels(&self.x))
-            .y_labels(labels(&self.y))
-            .x_label_formatter(&|value| tick(*value, &x, self.x.log))
-            .y_label_formatter(&|value| tick(*value, &y, self.y.log))
+            .x_labels(LABELS)
+            .y_labels(LABELS)
+            .x_label_formatter(&|value| tick(*value, &x))
+            .y_label_formatter(&|value| tick(*value, &y))
             .draw()?;
         for (series, colour) in self.series.iter().zip(self.colours()) {
             let places = self.shown(series);
@@ -234,9 +241,9 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
         (true, true) => 0.1..1.0,
         (true, false) => 0.0..1.0,
         (false, true) => {
-            // At least a decade, so that there are ticks.
+            // At least a factor of five, so that there are two ticks.
             let (low, high) = (low / 1.6, high * 1.6);
-            let air = (10.0 * low / high).max(1.0).sqrt();
+            let air = (5.0 * low / high).max(1.0).sqrt();
             let (low, high) = (low / air, high * air);
             low..high
         }
@@ -248,20 +255,19 @@ fn range(values: impl Iterator<Item = f64>, log: bool) -> Range<f64> {
     }
 }
 
-/// Ticks at most. With ten, plotters divides a single decade into its digits.
-fn labels(axis: &Axis) -> usize {
-    if axis.log { 10 } else { 8 }
+/// A logarithmic axis, with ticks within a decade if there are few.
+fn logarithmic(range: Range<f64>) -> WithKeyPoints<LogCoord<f64>> {
+    let ticks = log_ticks(range.start, range.end);
+    range.log_scale().with_key_points(ticks)
 }
 
-/// The text of a tick; rounded, since plotters adds up steps. Digits that would stand too close on a
-/// logarithmic axis have none.
-fn tick(value: f64, range: &Range<f64>, log: bool) -> String {
+/// The text of a tick; rounded, since plotters adds up steps.
+fn tick(value: f64, range: &Range<f64>) -> String {
     let small = 1e-9 * (range.end - range.start).abs();
-    let digit = (value / 10_f64.powf(value.log10().floor())).round();
-    match log {
-        false if value.abs() < small => "0".to_owned(),
-        true if ![1.0, 2.0, 3.0, 5.0, 10.0].contains(&digit) => String::new(),
-        _ => number(value),
+    if value > -small && value < small && range.start <= 0.0 {
+        "0".to_owned()
+    } else {
+        number(value)
     }
 }
 
@@ -307,11 +313,9 @@ mod tests {
     }
 
     #[test]
-    fn digits_of_a_decade_do_not_crowd() {
-        let texts =
-            [0.01, 0.03, 0.04, 0.05, 0.09, 0.1].map(|value| tick(value, &(0.01..0.5), true));
-        assert_eq!(texts, ["0.01", "0.03", "", "0.05", "", "0.1"]);
-        assert_eq!([0.4, 1e-18].map(|value| tick(value, &(0.0..1.0), false)), ["0.4", "0"]);
+    fn ticks_are_rounded() {
+        assert_eq!([0.4, 1e-18].map(|value| tick(value, &(0.0..1.0))), ["0.4", "0"]);
+        assert_eq!(tick(1e-12, &(1e-12..1.0)), "1.0e-12");
     }
 
     #[test]
@@ -320,7 +324,7 @@ mod tests {
         let wide = range([3e-6, 0.0, 2e-3].into_iter(), true);
         assert!(wide.start < 3e-6 && wide.start > 1e-6 && wide.end > 2e-3 && wide.end < 4e-3);
         let narrow = range([2.0, 3.0].into_iter(), true);
-        assert!(narrow.end / narrow.start > 9.99);
+        assert!(narrow.end / narrow.start > 4.99);
         assert_eq!(range([].into_iter(), false), 0.0..1.0);
     }
 }
