@@ -27,12 +27,10 @@ pub fn ticks(low: f64, high: f64, wanted: f64) -> Vec<f64> {
 /// ten, at most ten or so.
 pub fn log_ticks(low: f64, high: f64) -> Vec<f64> {
     let decades = (high / low).log10();
-    let (digits, every) = match decades {
-        _ if decades <= 3.0 => (&[1.0, 2.0, 5.0][..], 1),
-        _ => (&[1.0][..], (decades / 10.0).ceil() as usize),
-    };
-    let [first, last] = [low.log10().floor(), high.log10().floor()].map(|power| power as i32);
-    let powers = (first..=last).filter(|power| power.rem_euclid(every as i32) == 0);
+    let digits: &[f64] = if decades <= 3.0 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+    let every = (decades / 10.0).ceil().max(1.0) as i32;
+    let [first, last] = [low, high].map(|end| end.log10().floor() as i32);
+    let powers = (first..=last).filter(|power| power % every == 0);
     let all = powers.flat_map(|power| digits.iter().map(move |digit| digit * 10_f64.powi(power)));
     let (low, high) = (low * (1.0 - 1e-9), high * (1.0 + 1e-9));
     all.filter(|tick| (low..=high).contains(tick)).collect()

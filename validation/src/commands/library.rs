@@ -41,7 +41,7 @@ pub struct LibraryArgs {
 /// Measures what the table lacks.
 ///
 /// # Errors
-/// If the list or the table cannot be read, a device cannot be used or the table cannot be written.
+/// If a list or the table cannot be read, a device cannot be used or the table cannot be written.
 pub fn library(args: &LibraryArgs) -> miette::Result<ExitCode> {
     let interrupt = Interrupt::install()?;
     refuse_input(&args.output, &args.lists)?;
@@ -62,21 +62,22 @@ pub fn library(args: &LibraryArgs) -> miette::Result<ExitCode> {
 
 /// The training scenes of the lists, named `LIST/SCENE`.
 fn scenes_of(lists: &[PathBuf]) -> miette::Result<Vec<Named>> {
-    let mut scenes: Vec<Named> = Vec::new();
-    for list in lists {
+    let mut scenes = Vec::new();
+    for (index, list) in lists.iter().enumerate() {
         let stem = list.file_stem().unwrap_or_default().to_string_lossy();
-        let cases = dataset::cases(list)?.into_iter().filter(|case| case.split == Split::Train);
-        for case in cases {
-            let name = format!("{stem}/{}", case.name);
-            if scenes.iter().any(|other| other.name == name) {
-                bail!(
-                    help = "scenes are named after their list: rename one",
-                    "{}: another list is called `{stem}`, too",
-                    list.display()
-                );
-            }
-            scenes.push(Named { name, scene: case.scene });
+        if lists[..index].iter().any(|other| other.file_stem() == list.file_stem()) {
+            bail!(
+                help = "scenes are named after their list: rename one",
+                "{}: another list is called `{stem}`, too",
+                list.display()
+            );
         }
+        let cases = dataset::cases(list)?.into_iter().filter(|case| case.split == Split::Train);
+        let named = |case: dataset::Case| Named {
+            name: format!("{stem}/{}", case.name),
+            scene: case.scene,
+        };
+        scenes.extend(cases.map(named));
     }
     Ok(scenes)
 }
