@@ -212,7 +212,7 @@ mod tests {
         let [none, some, all] = &found[..] else { panic!("{found:?}") };
         assert_eq!((none.promised, none.seconds), (0, [0.0; 2]));
         // A few lie outside of the range of the others.
-        assert!(all.scenes == 164 && all.promised > 155, "{all:?}");
+        assert!(all.scenes == 215 && all.promised > 200, "{all:?}");
         assert!(some.promised < all.promised && all.seconds[0] < all.seconds[1], "{found:?}");
         assert!(some.kept as f64 > 0.85 * some.promised as f64, "{some:?}");
     }

@@ -3,21 +3,22 @@
 use mpm::Friction;
 
 use super::candidate::Candidate;
-use crate::scene::{Column, Scene};
+use crate::scene::{Column, Rectangle, Scene};
 
 /// Names of the features, as in the table of measured cases.
-pub const NAMES: [&str; 13] = [
-    "grain", "aspect", "fall", "speed", "barriers", "gap", "room", "friction", "floor", "time",
-    "cell", "packing", "size",
+pub const NAMES: [&str; 14] = [
+    "grain", "aspect", "fall", "speed", "barriers", "nearness", "gap", "room", "friction", "floor",
+    "time", "cell", "packing", "size",
 ];
 
 /// How a feature out of range is called.
-pub const MEANINGS: [&str; 13] = [
+pub const MEANINGS: [&str; 14] = [
     "size of the grains over the height",
     "aspect ratio",
     "height of the fall over that of the column",
     "speed of the throw",
     "height of barriers",
+    "distance to barriers",
     "number of columns",
     "room to flow",
     "friction of the grains",
@@ -32,7 +33,7 @@ pub const MEANINGS: [&str; 13] = [
 pub type Features = [f64; NAMES.len()];
 
 /// Terms of the regression.
-const TERMS: usize = 15;
+const TERMS: usize = 16;
 /// Duration of a collapse (in `sqrt(H / g)`), after which errors hardly grow.
 const COLLAPSE: f64 = 3.2;
 /// Grain friction of the default.
@@ -46,7 +47,7 @@ const MANY: usize = 3;
 
 /// The features of a candidate of `scene`, whose grains are those of the truth. With `H` the height of the
 /// highest pile and `g` gravity: logarithms of `d / H`, of the aspect ratio, of `1 + fall / H`, of
-/// `1 + v² / (2 g H)`; the height of barriers over H; columns besides the first; logarithms of 1 + free width of the
+/// `1 + v² / (2 g H)`; the height of barriers over H; `exp(-gap / H)` of the nearest barrier; columns besides the first; logarithms of 1 + free width of the
 /// floor over H, of friction and of the duration after flight over `sqrt(H / g)`; those of the candidate.
 pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
     let height = scene.height();
@@ -70,6 +71,7 @@ pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
         (fall / height).ln_1p(),
         (0.5 * speed * speed / (gravity * height)).ln_1p(),
         tops.fold(0.0, f64::max) / height,
+        (-gap_to_barriers(scene) / height).exp(),
         (scene.columns.len().min(MANY) - 1) as f64,
         (room / height).ln_1p(),
         (friction.max(SMOOTH) / USUAL_FRICTION).ln(),
@@ -90,6 +92,7 @@ pub(super) fn terms(features: &Features) -> [f64; TERMS] {
         fall,
         speed,
         barriers,
+        nearness,
         gap,
         room,
         friction,
@@ -102,8 +105,8 @@ pub(super) fn terms(features: &Features) -> [f64; TERMS] {
     let energy = (fall.exp() + speed.exp() - 1.0).ln();
     let until_rest = time.min(COLLAPSE.ln());
     [
-        grain, energy, aspect, until_rest, cell, packing, size, fall, speed, barriers, gap, room,
-        friction, floor, time,
+        grain, energy, aspect, until_rest, cell, packing, size, fall, speed, barriers, nearness,
+        gap, room, friction, floor, time,
     ]
 }
 
@@ -125,6 +128,17 @@ fn free_fall(scene: &Scene, column: &Column) -> f64 {
     let below = others
         .filter(|place| place.end()[1] <= bottom && place.corner[0] < to && place.end()[0] > from);
     bottom - below.map(|place| place.end()[1]).fold(0.0, f64::max)
+}
+
+/// Least horizontal gap (m) between a column and an obstacle; infinite without obstacles.
+fn gap_to_barriers(scene: &Scene) -> f64 {
+    let gap = |a: &Rectangle, b: &Rectangle| {
+        let beside = (b.corner[0] - a.end()[0]).max(a.corner[0] - b.end()[0]);
+        beside.max(0.0)
+    };
+    let columns = scene.columns.iter().map(|column| &column.place);
+    let pairs = columns.flat_map(|place| scene.obstacles.iter().map(move |o| (place, &o.place)));
+    pairs.map(|(place, obstacle)| gap(place, obstacle)).fold(f64::INFINITY, f64::min)
 }
 
 fn coefficient(friction: Friction) -> f64 {
@@ -161,6 +175,7 @@ mod tests {
             ("fall", 0.0),
             ("speed", 0.0),
             ("barriers", 0.0),
+            ("nearness", 0.0),
             ("gap", 0.0),
             ("room", 2.5_f64.ln()),
             ("friction", 0.0),
@@ -174,6 +189,18 @@ mod tests {
     }
 
     #[test]
+    fn barriers_count_the_more_the_nearer_they_are() {
+        let column = format!("{COLUMN}corner = [1.0, 0.0]\nsize = [1.0, 2.0]\n");
+        let nearness = |boxes: &str| named(&of(&format!("{column}{boxes}"), 0), "nearness");
+        let [left, right] =
+            [0.25, 3.0].map(|x| format!("[[obstacle]]\ncorner = [{x}, 0.0]\nsize = [0.5, 0.25]\n"));
+        // 0.25 m to the left, 1 m to the right; H = 2 m.
+        assert!((nearness(&left) - (-0.125_f64).exp()).abs() < 1e-12);
+        assert!((nearness(&right) - (-0.5_f64).exp()).abs() < 1e-12);
+        assert_eq!(nearness(&format!("{right}{left}")), nearness(&left));
+    }
+
+    #[test]
     fn falls_are_measured_to_what_is_below() {
         let fall =
             format!("{COLUMN}corner = [1.0, 1.5]\nsize = [1.0, 1.0]\nvelocity = [3.0, 4.0]\n");
@@ -184,7 +211,7 @@ mod tests {
         assert!((named(&found, "aspect") - 2.0_f64.ln()).abs() < 1e-12);
         let onto = of(&format!("{fall}[[obstacle]]\ncorner = [1.5, 0.0]\nsize = [1.0, 0.5]\n"), 0);
         assert!((named(&onto, "fall") - 2.0_f64.ln()).abs() < 1e-12);
-        assert_eq!(named(&onto, "barriers"), 0.5);
+        assert_eq!((named(&onto, "barriers"), named(&onto, "nearness")), (0.5, 1.0));
         // It rises at 4 m/s and meets the floor after (4 + sqrt(16 + 2 g 1.5)) / g.
         let flight = (4.0 + (16.0 + 3.0 * 9.81_f64).sqrt()) / 9.81;
         let left = LEAST_TIME.max((1.0 - flight) * 9.81_f64.sqrt());
