@@ -497,32 +497,32 @@ fn too_many_discs_are_refused() {
 }
 
 /// Needs NVRTC, but no GPU.
-#[test]
-fn kernels_compile() {
+#[rstest]
+#[case("sm_80", Limits::SM_80)]
+#[case("sm_90a", Limits::SM_90)]
+fn kernels_compile(#[case] architecture: &str, #[case] limits: Limits) {
     if !gpu::nvrtc_for_tests() {
         return;
     }
     let p = RveParameters::default();
     let mut rolling = p.clone();
     rolling.grains.rolling_friction = 0.1;
-    for (architecture, limits) in [("sm_80", Limits::SM_80), ("sm_90a", Limits::SM_90)] {
-        for discs in [1, 100, 400, 832] {
-            let mut shapes = vec![
-                (Shape::new::<f32>(&p, discs, limits, Room::Usual), source::<f32>()),
-                (Shape::new::<f64>(&p, discs, limits, Room::Usual), source::<f64>()),
-                (Shape::new::<f32>(&p, discs, limits, Room::Ample), source::<f32>()),
-                (Shape::new::<f32>(&rolling, discs, limits, Room::Usual), source::<f32>()),
-                (Shape::new::<f64>(&rolling, discs, limits, Room::Usual), source::<f64>()),
-            ];
-            if discs == 100 {
-                shapes.push((Shape::unequal::<f32>(&p, discs, limits), source::<f32>()));
-                shapes.push((Shape::unequal::<f64>(&rolling, discs, limits), source::<f64>()));
-            }
-            for (shape, source) in shapes {
-                let Ok(shape) = shape else { continue };
-                let cubin = compile("rve.cu", &source, architecture, &shape.defines());
-                assert!(!cubin.unwrap().is_empty());
-            }
+    for discs in [1, 100, 400, 832] {
+        let mut shapes = vec![
+            (Shape::new::<f32>(&p, discs, limits, Room::Usual), source::<f32>()),
+            (Shape::new::<f64>(&p, discs, limits, Room::Usual), source::<f64>()),
+            (Shape::new::<f32>(&p, discs, limits, Room::Ample), source::<f32>()),
+            (Shape::new::<f32>(&rolling, discs, limits, Room::Usual), source::<f32>()),
+            (Shape::new::<f64>(&rolling, discs, limits, Room::Usual), source::<f64>()),
+        ];
+        if discs == 100 {
+            shapes.push((Shape::unequal::<f32>(&p, discs, limits), source::<f32>()));
+            shapes.push((Shape::unequal::<f64>(&rolling, discs, limits), source::<f64>()));
+        }
+        for (shape, source) in shapes {
+            let Ok(shape) = shape else { continue };
+            let cubin = compile("rve.cu", &source, architecture, &shape.defines());
+            assert!(!cubin.unwrap().is_empty());
         }
     }
 }

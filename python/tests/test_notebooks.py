@@ -8,12 +8,14 @@ import pytest
 from conftest import ROOT
 
 NOTEBOOKS = sorted((ROOT / "python/notebooks").glob("*.ipynb"))
+# The training is shortened.
+SHORTER = ('"steps": 1500', '"steps": 900')
 
 
 @pytest.fixture(scope="module")
 def executed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("notebooks")
-    subprocess.run([sys.executable, ROOT / "scripts/run_notebooks.py", folder], check=True)
+    subprocess.run([sys.executable, ROOT / "scripts/run_notebooks.py", folder, *SHORTER], check=True)
     return folder
 
 
@@ -26,7 +28,7 @@ def test_a_notebook_runs_and_shows_the_same_pictures(file, executed):
 def kinds(cell):
     """Source of a cell, and of what kind its results are."""
     outputs = (output for output in cell.get("outputs", []) if output.output_type != "stream")
-    return cell.source, [sorted(output.data) for output in outputs]
+    return cell.source.replace(*SHORTER), [sorted(output.data) for output in outputs]
 
 
 def test_what_the_notebook_says_of_the_prediction(executed):
@@ -36,5 +38,5 @@ def test_what_the_notebook_says_of_the_prediction(executed):
         for output in cell.get("outputs", [])
         if output.output_type == "stream" and output.name == "stdout"
     )
-    # 13 % on the machine that wrote it; a network that learnt nothing is off by all of the motion.
+    # 22 % on the machine that wrote it, 13 % with all steps; a network that learnt nothing is off by all of the motion.
     assert int(said.split(" % of the motion")[0].split()[-1]) < 30, said

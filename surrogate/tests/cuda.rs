@@ -457,17 +457,16 @@ fn what_does_not_fit_is_refused() {
 }
 
 /// Needs NVRTC, but no GPU.
-#[test]
-fn kernels_compile() {
+#[rstest]
+#[case::without_products_of_warp_groups("sm_80")]
+#[case::with_them("sm_90a")]
+fn kernels_compile(#[case] architecture: &str) {
     if !gpu::nvrtc_for_tests() {
         return;
     }
-    // With and without products of warp groups.
-    for architecture in ["sm_80", "sm_90a"] {
-        for precision in [Precision::F32, Precision::Bf16] {
-            for source in network_sources(precision, 227 << 10) {
-                compile(source.name, &source.text, architecture, &source.defines).unwrap();
-            }
+    for precision in [Precision::F32, Precision::Bf16] {
+        for source in network_sources(precision, 227 << 10) {
+            compile(source.name, &source.text, architecture, &source.defines).unwrap();
         }
     }
 }

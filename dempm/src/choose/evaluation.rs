@@ -173,15 +173,22 @@ fn summary(pairs: &[Pair], family: Option<Family>, what: &'static str) -> Option
 
 #[cfg(test)]
 mod tests {
+    use std::sync::LazyLock;
+
     use super::super::library::read;
     use super::*;
+
+    /// The table that ships.
+    static CASES: LazyLock<Vec<Case>> =
+        LazyLock::new(|| read(include_str!("library.csv")).unwrap());
+    /// Each fifth of its scenes, with a model of the others.
+    static LEFT_OUT: LazyLock<Trial> = LazyLock::new(|| Trial::left_out(&CASES).unwrap());
 
     /// Of the table that ships: promises of 90 % are kept in 85 to 95 % of the predictions, and three of four medians are
     /// right within the factor.
     #[test]
     fn scenes_are_predicted_from_others() {
-        let cases = read(include_str!("library.csv")).unwrap();
-        let found = Trial::left_out(&cases).unwrap().evaluate();
+        let found = LEFT_OUT.evaluate();
         let all = found.iter().filter(|row| row.family.is_none() && row.what != "end");
         for Evaluation { what, covered, near, .. } in all {
             assert!((0.85..0.95).contains(covered) && *near > 0.75, "{what}: {covered} {near}");
@@ -191,9 +198,8 @@ mod tests {
     /// The model of half of the scenes states bounds for the others that most of them keep. Its own scenes it predicts better.
     #[test]
     fn fresh_scenes_are_predicted() {
-        let cases = read(include_str!("library.csv")).unwrap();
         let is_known = |case: &Case| case.scene.ends_with(['0', '2', '4', '6', '8']);
-        let (known, fresh): (Vec<Case>, Vec<Case>) = cases.iter().cloned().partition(is_known);
+        let (known, fresh): (Vec<Case>, Vec<Case>) = CASES.iter().cloned().partition(is_known);
         let near = |cases: &[Case]| {
             let model = ErrorModel::fit(&known, String::new()).unwrap();
             let found = Trial::fresh(model, cases).evaluate();
@@ -207,8 +213,7 @@ mod tests {
     /// Nothing promises a micrometre, everything in range 100 m; in between promises are kept, at less than the cost of discs.
     #[test]
     fn the_cheapest_promise_is_taken() {
-        let cases = read(include_str!("library.csv")).unwrap();
-        let found = Trial::left_out(&cases).unwrap().outcomes(&[1.0e-6, 0.1, 100.0]);
+        let found = LEFT_OUT.outcomes(&[1.0e-6, 0.1, 100.0]);
         let [none, some, all] = &found[..] else { panic!("{found:?}") };
         assert_eq!((none.promised, none.seconds), (0, [0.0; 2]));
         // A few lie outside of the range of the others.
