@@ -7,8 +7,8 @@ use crate::scene::{Column, Rectangle, Scene};
 
 /// Names of the features, as in the table of measured cases.
 pub const NAMES: [&str; 14] = [
-    "grain", "aspect", "fall", "speed", "barriers", "nearness", "gap", "room", "friction", "floor",
-    "time", "cell", "packing", "size",
+    "grain", "aspect", "fall", "speed", "barriers", "nearness", "columns", "room", "friction",
+    "floor", "time", "cell", "packing", "size",
 ];
 
 /// How a feature out of range is called.
@@ -47,8 +47,9 @@ const MANY: usize = 3;
 
 /// The features of a candidate of `scene`, whose grains are those of the truth. With `H` the height of the
 /// highest pile and `g` gravity: logarithms of `d / H`, of the aspect ratio, of `1 + fall / H`, of
-/// `1 + v² / (2 g H)`; the height of barriers over H; `exp(-gap / H)` of the nearest barrier; columns besides the first; logarithms of 1 + free width of the
-/// floor over H, of friction and of the duration after flight over `sqrt(H / g)`; those of the candidate.
+/// `1 + v² / (2 g H)`; the height of barriers over H; `exp(-gap / H)` of the nearest barrier; columns besides the
+/// first; logarithms of 1 + free width of the floor over H, of friction and of the duration after flight over
+/// `sqrt(H / g)`; those of the candidate.
 pub fn features(scene: &Scene, candidate: &Candidate) -> Features {
     let height = scene.height();
     let gravity = scene.gravity[0].hypot(scene.gravity[1]);
@@ -93,7 +94,7 @@ pub(super) fn terms(features: &Features) -> [f64; TERMS] {
         speed,
         barriers,
         nearness,
-        gap,
+        columns,
         room,
         friction,
         floor,
@@ -106,7 +107,7 @@ pub(super) fn terms(features: &Features) -> [f64; TERMS] {
     let until_rest = time.min(COLLAPSE.ln());
     [
         grain, energy, aspect, until_rest, cell, packing, size, fall, speed, barriers, nearness,
-        gap, room, friction, floor, time,
+        columns, room, friction, floor, time,
     ]
 }
 
@@ -176,7 +177,7 @@ mod tests {
             ("speed", 0.0),
             ("barriers", 0.0),
             ("nearness", 0.0),
-            ("gap", 0.0),
+            ("columns", 0.0),
             ("room", 2.5_f64.ln()),
             ("friction", 0.0),
             ("floor", 0.5),
