@@ -113,6 +113,7 @@ fn kernels_are_burn_at_full_size() {
     NETWORKS.iter().for_each(|name| kernels_are_burn(name, &device));
 }
 
+#[expect(clippy::print_stdout, reason = "what --nocapture shows")]
 fn kernels_are_burn(name: &str, device: &Arc<gpu::Device>) {
     let seeing = ModelConfig {
         node_features: vec![
