@@ -21,7 +21,7 @@ use crate::cuda::HostWindows;
 use crate::data::Batch;
 use crate::features::{Normalisation, Obstacle};
 use crate::network::burn_backend::gpu_device;
-use crate::network::{ModelConfig, NodeFeature};
+use crate::network::{ModelConfig, NodeFeature, PAPER_NETWORKS};
 
 /// Columns and rows of the points, as in the paper's column of 3 m x 3 m.
 const SIDE: usize = 48;
@@ -84,21 +84,6 @@ fn relative(a: &[f32], b: &[f32]) -> f64 {
     distance(a, b) / distance(a, &vec![0.0; a.len()])
 }
 
-/// The paper's networks, and one that sees surfaces and material.
-const NETWORKS: [&str; 11] = [
-    "baseline",
-    "hidden1",
-    "msg1",
-    "msg0",
-    "msg0-hidden1",
-    "frame4",
-    "frame4-msg0-hidden1",
-    "frame4-msg1",
-    "frame4-hidden1",
-    "frame4-msg1-hidden1-edgemsg",
-    "surfaces",
-];
-
 /// One test at a time, and its networks on one thread. Burn gives each thread a stream with memory of its own; with
 /// many at once it panicked on an H100, "Memory page 0 doesn't exist".
 fn alone() -> MutexGuard<'static, ()> {
@@ -110,20 +95,17 @@ fn alone() -> MutexGuard<'static, ()> {
 fn kernels_are_burn_at_full_size() {
     let Some(device) = gpu::for_tests() else { return };
     let _alone = alone();
-    NETWORKS.iter().for_each(|name| kernels_are_burn(name, &device));
+    for name in PAPER_NETWORKS {
+        kernels_are_burn(name, ModelConfig::named(name).unwrap(), &device);
+    }
+    let node_features =
+        vec![NodeFeature::Acceleration, NodeFeature::Surfaces, NodeFeature::Material];
+    kernels_are_burn("surfaces", ModelConfig { node_features, ..ModelConfig::default() }, &device);
 }
 
 #[expect(clippy::print_stdout, reason = "what --nocapture shows")]
-fn kernels_are_burn(name: &str, device: &Arc<gpu::Device>) {
-    let seeing = ModelConfig {
-        node_features: vec![
-            NodeFeature::Acceleration,
-            NodeFeature::Surfaces,
-            NodeFeature::Material,
-        ],
-        ..ModelConfig::default()
-    };
-    let spec = spec(ModelConfig::named(name).unwrap_or(seeing));
+fn kernels_are_burn(name: &str, network: ModelConfig, device: &Arc<gpu::Device>) {
+    let spec = spec(network);
     let batch = batch(&spec.config);
     let config = TrainConfig { seed: 3, ..TrainConfig::default() };
     let points = SIDE * SIDE;
