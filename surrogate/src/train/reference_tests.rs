@@ -182,6 +182,6 @@ fn burn_computes_what_kernels_do_not() {
             backend.step(batch, 1e-3, &mut SingleProcess).unwrap();
         }
         let losses = backend.take_losses().unwrap();
-        assert!(losses[STEPS - 1] < losses[0], "{losses:?}");
+        assert!(losses[STEPS - 1] < losses[0], "{:?}: {losses:?}", spec.config.kind);
     }
 }
