@@ -9,9 +9,9 @@ use crate::rollout::InitialFrames;
 const ENERGY_TOLERANCE: f64 = 0.05;
 /// A place is crowded if its points are this many times as dense as initially.
 const DENSER: f64 = 2.0;
-/// Tolerated fraction of the points in crowded places. Points of discs are means over grains, which mix: of those of 36
-/// falls, four coarse grains each, up to 9.5 % are in such places.
-const CROWDED: f64 = 0.1;
+/// Tolerated fraction of the points in crowded places. Points of discs are means over grains, which mix: in direct
+/// simulations up to 10 % of the points are in such places, in predictions that are as good as expected up to 23 %.
+const CROWDED: f64 = 0.25;
 /// Motion slower than this fraction of sqrt(g H), for a pile of height H, ends by friction within
 /// 0.05 sqrt(H/g) / mu, an instant: if it lasts, it is no flow.
 const SLOW: f64 = 0.05;
@@ -138,8 +138,7 @@ impl Monitor {
         let waited = time > PATIENCE * (height / gravity).sqrt();
         (slow && waited && after > CREEP && after > LASTING * before).then(|| {
             format!(
-                "the deposit should be at rest at the end, but creeps on at {:.0} mm/s ({:.0} mm/s \
-                 before): do not trust it",
+                "at the end the deposit creeps on at {:.0} mm/s ({:.0} mm/s before) instead of resting",
                 1e3 * after,
                 1e3 * before
             )
@@ -227,6 +226,21 @@ mod tests {
         let warnings = monitor.observe(3, &up, &dense);
         assert!(warnings.len() == 1 && warnings[0].contains("packed 2 times"), "{warnings:?}");
         assert_eq!(monitor.observe(4, &up, &dense), Vec::<String>::new());
+    }
+
+    /// A part of the block, pressed to a ninth of its area beside the rest.
+    #[rstest]
+    #[case::as_mixing_grains_do(0.2, false)]
+    #[case::as_no_material_does(0.3, true)]
+    fn crowds_may_form_up_to_a_quarter(#[case] part: f64, #[case] warns: bool) {
+        let start = start();
+        let mut now = start.positions[1].clone();
+        let pressed = (part * now.len() as f64).round() as usize;
+        for x in &mut now[..pressed] {
+            *x = [1.2 + (x[0] - 0.5) / 3.0, (x[1] - 1.0) / 3.0];
+        }
+        let warnings = Monitor::new(&start, INTERVAL, 100).observe(2, &now, &now);
+        assert_eq!(warnings.iter().any(|text| text.contains("packed 2 times")), warns);
     }
 
     /// Warnings about a rollout in which the block, on the floor, has moved to the right by `path`
