@@ -592,3 +592,19 @@ fn random_scenes_are_listed_and_run() {
     let [one, other] = ["heap-000", "heap-001"].map(|name| set.join(format!("train/{name}.h5")));
     assert_ne!(positions(&one)[0], positions(&other)[0]);
 }
+
+/// As behind `| head`: the list is longer than what a pipe holds.
+#[test]
+fn a_list_that_is_cut_off_ends_without_a_message() {
+    let list = "scene = \"base.toml\"\nseed = 3\n[[random]]\nclass = \"heap\"\ntrain = 2000\n\
+                [random.draw.domain.walls]\nbottom = { uniform = [0.2, 0.8] }\n";
+    let directory = folder(BASE, list);
+    let mut command = dempm(directory.path(), &["dataset", "list.toml", "--list"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut out = child.stdout.take().unwrap();
+    out.read_exact(&mut [0; 100]).unwrap();
+    drop(out);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(String::from_utf8(output.stderr).unwrap(), "");
+}

@@ -30,6 +30,13 @@ pub fn divert_notes(listener: impl Fn(&str) + 'static) {
 #[error("cannot write to the standard output")]
 pub struct PrintError(#[from] io::Error);
 
+impl PrintError {
+    /// Whether the reader has seen enough, as `head` has.
+    pub fn is_closed(&self) -> bool {
+        self.0.kind() == io::ErrorKind::BrokenPipe
+    }
+}
+
 /// Whether [`inform!`](crate::inform) and [`announce!`](crate::announce) write nothing from now on, and there are no lines of progress: `--quiet`.
 pub fn set_quiet(quiet: bool) {
     QUIET.store(quiet, Ordering::Relaxed);

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use files::{note, print_result, report_size_limits_as_errors, set_json, set_quiet};
+use files::{PrintError, note, print_result, report_size_limits_as_errors, set_json, set_quiet};
 use miette::IntoDiagnostic;
 use serde::Serialize;
 
@@ -28,11 +28,13 @@ impl TerminalArgs {
     }
 }
 
-/// Runs a program and prints its error.
+/// Runs a program and prints its error, unless that is a reader who has seen enough.
 pub fn exit_code(run: impl FnOnce() -> miette::Result<ExitCode>) -> ExitCode {
     report_size_limits_as_errors();
     run().unwrap_or_else(|report| {
-        note!("{report:?}");
+        if !report.downcast_ref().is_some_and(PrintError::is_closed) {
+            note!("{report:?}");
+        }
         ExitCode::FAILURE
     })
 }
