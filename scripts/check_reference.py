@@ -14,8 +14,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 COMMANDS = ROOT / "docs/commands.md"
 TRAINING = ROOT / "docs/training.md"
-# The options that all programs take: the struct `TerminalArgs` of dempm.
-SHARED = "dempm terminal"
+# Structs of options that several commands take, and these commands.
+SHARED = {
+    "dempm terminal": ["all"],
+    "surrogate prediction": ["`rollout`", "`eval`", "`calibrate-error`"],
+}
 # Structs of training files and their sections in the reference.
 TABLES = {
     "TrainConfig": "# Training files",
@@ -64,13 +67,13 @@ def main():
     found = [(f"{crate} {command}".strip(), long) for crate in programs for command, long in options(crate)]
     for name, long in found:
         table = re.search(rf"^\| `{name}` \| default.*?(?=\n\n|\Z)", commands, re.MULTILINE | re.DOTALL)
-        of = "all" if name == SHARED else f"`{name.split()[-1]}`"
         for option in long:
             counted += 1
             own = table and f"`--{option}`" in table.group()
-            shared = re.search(rf"^\| [^|]*`--{option}` \| [^|]*{of}", commands, re.MULTILINE)
-            if not own and not shared:
-                problems.append(f"docs/commands.md: no row for --{option} of `{name}`")
+            for of in SHARED.get(name, [f"`{name.split()[-1]}`"]):
+                shared = re.search(rf"^\| [^|]*`--{option}` \| [^|]*{of}", commands, re.MULTILINE)
+                if not own and not shared:
+                    problems.append(f"docs/commands.md: no row for --{option} of {of}")
     training = TRAINING.read_text()
     found = {name: fields(body) for name, body in structs("surrogate") if name in TABLES}
     for name, heading in TABLES.items():

@@ -30,6 +30,9 @@ pub struct Training {
     /// Largest number of frames of a window before the first frame of a run.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub before_start: usize,
+    /// Speed below which points stay where they are, m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest_speed: Option<f64>,
     /// Training steps made.
     pub steps: u64,
     /// Kind of material of the scenes it learnt from, as in scenes; none if they differ, and in older files.
@@ -53,12 +56,18 @@ impl Training {
             frame_interval,
             without_gravity,
             before_start: 0,
+            rest_speed: None,
             steps: 0,
             material: None,
             range: None,
             accuracy: None,
             error: None,
         }
+    }
+
+    /// Distance below which points stay where they are in a frame, m.
+    pub fn least_step(&self) -> f64 {
+        self.rest_speed.unwrap_or(0.0) * self.frame_interval
     }
 
     /// Whether `interval` (s) is the time between frames in training, up to rounding.

@@ -2,16 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use dempm::device::Device;
 use dempm::trajectory::Trajectory;
 use files::{announce, note, out};
 use miette::{bail, miette};
 
-use super::rollout::select_device;
+use super::prediction::PredictionArgs;
 use crate::data::trajectories_in;
 use crate::diagnostics::{COVERED, ErrorModel, ErrorSample, LEAST_SCENES, PARTS};
 use crate::evaluation::{error_sample, group_by_scene};
-use crate::network::Precision;
 use crate::rollout::InitialFramesError;
 use crate::simulator::Simulator;
 use crate::workers::for_all;
@@ -27,15 +25,8 @@ pub struct CalibrateErrorArgs {
     /// Folder of further ones, on which the bound is tested
     #[arg(long, value_name = "DIR")]
     held_out: Option<PathBuf>,
-    /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
-    #[arg(long, default_value = "auto")]
-    device: Device,
-    /// Precision of matrix products on a GPU; bf16 is faster and less exact
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
-    precision: Precision,
-    /// Average each prediction with that of the mirrored window
-    #[arg(long)]
-    mirror: bool,
+    #[command(flatten)]
+    prediction: PredictionArgs,
 }
 
 /// Calibrates the error that rollouts of a model state.
@@ -43,9 +34,7 @@ pub struct CalibrateErrorArgs {
 /// # Errors
 /// If a file cannot be used, or there are too few scenes.
 pub fn calibrate_error(args: &CalibrateErrorArgs, verbose: bool) -> miette::Result<()> {
-    let (mirror, precision) = (args.mirror, args.precision);
-    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
-    select_device(&mut simulator, args.device, verbose)?;
+    let simulator = args.prediction.load(&args.model, verbose)?;
     let samples = samples_of(&simulator, &args.data)?;
     let truth = truth_of(&args.data)?;
     let failed = samples.iter().filter(|sample| sample.errors.len() < PARTS).count();
@@ -70,9 +59,11 @@ pub fn calibrate_error(args: &CalibrateErrorArgs, verbose: bool) -> miette::Resu
         )?;
         table(&model, &samples)?;
     }
-    // Options of this call are not the model's.
+    let rest_speed = simulator.training.rest_speed.filter(|&speed| speed > 0.0);
+    // Other options of this call are not the model's.
     let mut simulator = Simulator::load(&args.model)?;
     simulator.training.error = Some(model);
+    simulator.training.rest_speed = rest_speed;
     simulator.save(&args.model)?;
     announce!("written: {}", args.model.display());
     Ok(())

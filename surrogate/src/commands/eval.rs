@@ -4,19 +4,17 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::commands::terminal::print_json;
-use dempm::device::Device;
 use files::{announce, announces, inform, note, print_result, refuse_input, set_json, write_text};
 use miette::bail;
 use serde::Serialize;
 
-use super::rollout::select_device;
+use super::prediction::PredictionArgs;
 use crate::data::trajectories_in;
 use crate::diagnostics::Accuracy;
 use crate::evaluation::{
     AgainstTruth, Case, Seeds, Summary, against_truth, chart, check_others, compare, frames_table,
     group_by_scene, noise_floor, report, summaries, summary_table, truth_csv, truth_report,
 };
-use crate::network::Precision;
 use crate::simulator::Simulator;
 use crate::workers::for_all;
 
@@ -45,15 +43,8 @@ pub struct EvalArgs {
     /// Runs of the same scenes by another solver, under the names of their first seeds; with --truth, repeatable
     #[arg(long, value_name = "NAME=DIR", value_parser = named_folder, requires = "truth")]
     beside: Vec<(String, PathBuf)>,
-    /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
-    #[arg(long, default_value = "auto")]
-    device: Device,
-    /// Precision of matrix products on a GPU; bf16 is faster and less exact
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
-    precision: Precision,
-    /// Average each prediction with that of the mirrored window
-    #[arg(long)]
-    mirror: bool,
+    #[command(flatten)]
+    prediction: PredictionArgs,
     /// Write the errors into the model file, for the warnings of rollouts; use data that the model
     /// has not learnt from
     #[arg(long)]
@@ -97,9 +88,7 @@ struct TruthReport<'a> {
 /// If a file cannot be used, or the results cannot be written.
 pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
     set_json(args.json);
-    let (mirror, precision) = (args.mirror, args.precision);
-    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
-    select_device(&mut simulator, args.device, verbose)?;
+    let simulator = args.prediction.load(&args.model, verbose)?;
     let paths = trajectories_in(&args.data)?;
     if args.truth {
         return eval_truth(args, &simulator, &paths);

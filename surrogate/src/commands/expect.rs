@@ -8,7 +8,7 @@ use dempm::device::Device;
 use dempm::scene::Scene;
 use files::out;
 
-use super::rollout::select_device;
+use super::prediction::select_device;
 use crate::evaluation::candidate;
 use crate::simulator::Simulator;
 

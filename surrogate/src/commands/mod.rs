@@ -3,6 +3,7 @@
 mod calibrate_error;
 mod eval;
 mod expect;
+mod prediction;
 mod progress;
 mod rollout;
 mod rollout_group;

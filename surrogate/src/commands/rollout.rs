@@ -4,16 +4,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use dempm::device::Device;
 use dempm::scene::Scene;
 use files::{FileLock, INTERRUPTED, Interrupt, announce, note, refuse_input};
-use miette::{Context, IntoDiagnostic, Report, bail};
+use miette::{Report, bail};
 
+use super::prediction::PredictionArgs;
 use super::progress::Progress;
 use super::rollout_many::{Many, rollout_many};
-use crate::cuda::CudaError;
 use crate::diagnostics::{ExpectedError, start_checks};
-use crate::network::Precision;
 use crate::rollout::{InitialFrames, RecordingOptions, RolloutObserver, record};
 use crate::simulator::Simulator;
 
@@ -38,15 +36,8 @@ pub struct RolloutArgs {
     /// Frames of the result, the initial ones included [default: as many as scene or trajectory have]
     #[arg(long)]
     frames: Option<usize>,
-    /// Average each prediction with that of the mirrored window
-    #[arg(long)]
-    mirror: bool,
-    /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
-    #[arg(long, default_value = "auto")]
-    device: Device,
-    /// Precision of matrix products on a GPU; bf16 is faster and less exact
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
-    precision: Precision,
+    #[command(flatten)]
+    prediction: PredictionArgs,
     /// Trajectory file to write (HDF5); with --scenes a folder
     #[arg(short, long)]
     output: PathBuf,
@@ -71,9 +62,7 @@ pub fn rollout(args: &RolloutArgs, verbose: bool) -> miette::Result<ExitCode> {
     let inputs = [Some(&args.model), args.scene.as_ref(), args.from.as_ref()];
     refuse_input(&args.output, inputs.into_iter().flatten())?;
     let _lock = FileLock::take(&args.output)?;
-    let (mirror, precision) = (args.mirror, args.precision);
-    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
-    select_device(&mut simulator, args.device, verbose)?;
+    let simulator = args.prediction.load(&args.model, verbose)?;
     let began = Instant::now();
     let initial = initial_frames(args, &simulator)?;
     let frames = args.frames.unwrap_or(initial.frames);
@@ -113,9 +102,7 @@ fn many(
     interrupt: &Interrupt,
     verbose: bool,
 ) -> miette::Result<ExitCode> {
-    let (mirror, precision) = (args.mirror, args.precision);
-    let mut simulator = Simulator { mirror, precision, ..Simulator::load(&args.model)? };
-    select_device(&mut simulator, args.device, verbose)?;
+    let simulator = args.prediction.load(&args.model, verbose)?;
     let (model, output) = (&args.model, &args.output);
     let many = Many { model, list, output, frames: args.frames, overwrite: args.overwrite };
     let _guard = interrupt.guard();
@@ -143,25 +130,6 @@ fn expected_error(simulator: &Simulator, frames: usize, error: Option<ExpectedEr
             "expected error: unknown; `surrogate calibrate-error` measures it".to_owned()
         }
     }
-}
-
-/// Selects the device of a model, and reports a GPU that is there but cannot be used; with `verbose` also the one
-/// that is used.
-pub(super) fn select_device(
-    simulator: &mut Simulator,
-    device: Device,
-    verbose: bool,
-) -> miette::Result<()> {
-    let unused = simulator.select_device(device);
-    let unused: Option<CudaError> = unused.into_diagnostic().wrap_err("--device, --precision")?;
-    if let Some(reason) = unused {
-        note!("running on the CPU: {reason}");
-    }
-    if verbose {
-        let name = simulator.gpu.as_ref().map_or("the CPU", |gpu| gpu.name());
-        note!("running on {name}");
-    }
-    Ok(())
 }
 
 /// The initial frames of the scene or trajectory.
