@@ -65,11 +65,6 @@ impl Training {
         }
     }
 
-    /// Distance below which points stay where they are in a frame, m.
-    pub fn least_step(&self) -> f64 {
-        self.rest_speed.unwrap_or(0.0) * self.frame_interval
-    }
-
     /// Whether `interval` (s) is the time between frames in training, up to rounding.
     pub fn is_interval(&self, interval: f64) -> bool {
         (interval - self.frame_interval).abs() <= ROUNDING * self.frame_interval
@@ -89,6 +84,8 @@ pub struct Simulator {
     pub training: Training,
     /// Whether to average each prediction with that of the mirrored window.
     pub mirror: bool,
+    /// Speed below which points stay where they are, m/s; that of the training unless another is tried.
+    pub rest_speed: f64,
     /// The device of Burn.
     pub device: Device,
     /// The GPU for rollouts; none for the CPU.
@@ -134,6 +131,7 @@ impl Simulator {
             model,
             config,
             normalisation,
+            rest_speed: training.rest_speed.unwrap_or(0.0),
             training,
             mirror: false,
             device: device(),
@@ -202,6 +200,11 @@ impl Simulator {
             cuda::compile_ahead(gpu, self.precision)?;
         }
         Ok(unsupported)
+    }
+
+    /// Distance below which points stay where they are in a frame, m.
+    pub fn least_step(&self) -> f64 {
+        self.rest_speed * self.training.frame_interval
     }
 
     /// Frames of a run that a rollout starts from: a window without those before the run.

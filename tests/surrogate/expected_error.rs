@@ -116,6 +116,9 @@ fn slow_points_rest() {
         first != last
     };
     assert!(moves(&[]) && !moves(&["--rest-speed", "1000"]));
+    let record = ["eval", "run/last.safetensors", "--data", "unseen", "-o", "errors", "--record"];
+    succeeds(surrogate(here).args(record).args(["--rest-speed", "1000"]));
+    assert!(moves(&[]), "only a calibration records the speed");
 
     succeeds(surrogate(here).args(CALIBRATE).args(["--rest-speed", "1000"]));
     assert!(!moves(&[]) && moves(&["--rest-speed", "0"]));

@@ -34,7 +34,7 @@ pub struct CalibrateErrorArgs {
 /// # Errors
 /// If a file cannot be used, or there are too few scenes.
 pub fn calibrate_error(args: &CalibrateErrorArgs, verbose: bool) -> miette::Result<()> {
-    let simulator = args.prediction.load(&args.model, verbose)?;
+    let mut simulator = args.prediction.load(&args.model, verbose)?;
     let samples = samples_of(&simulator, &args.data)?;
     let truth = truth_of(&args.data)?;
     let failed = samples.iter().filter(|sample| sample.errors.len() < PARTS).count();
@@ -59,11 +59,9 @@ pub fn calibrate_error(args: &CalibrateErrorArgs, verbose: bool) -> miette::Resu
         )?;
         table(&model, &samples)?;
     }
-    let rest_speed = simulator.training.rest_speed.filter(|&speed| speed > 0.0);
-    // Other options of this call are not the model's.
-    let mut simulator = Simulator::load(&args.model)?;
     simulator.training.error = Some(model);
-    simulator.training.rest_speed = rest_speed;
+    // Other options of this call are not the model's.
+    simulator.training.rest_speed = (simulator.rest_speed > 0.0).then_some(simulator.rest_speed);
     simulator.save(&args.model)?;
     announce!("written: {}", args.model.display());
     Ok(())

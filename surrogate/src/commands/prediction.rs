@@ -35,8 +35,8 @@ impl PredictionArgs {
     pub fn load(&self, model: &Path, verbose: bool) -> miette::Result<Simulator> {
         let &Self { mirror, rest_speed, device, precision } = self;
         let mut simulator = Simulator { mirror, precision, ..Simulator::load(model)? };
-        if rest_speed.is_some() {
-            simulator.training.rest_speed = rest_speed;
+        if let Some(speed) = rest_speed {
+            simulator.rest_speed = speed;
         }
         select_device(&mut simulator, device, verbose)?;
         Ok(simulator)

@@ -152,7 +152,7 @@ impl<'a> Rollout<'a> {
     fn integrate(&self, accelerations: &[f64]) -> Result<Vec<[f64; 2]>, RolloutError> {
         let (last, before) = (self.last(), self.before());
         let domain = self.constraints.domain();
-        let least = self.simulator.training.least_step();
+        let least = self.simulator.least_step();
         let frame = self.frame + 1;
         let times = [self.time(self.frame), self.time(frame)];
         let mut next = Vec::with_capacity(last.len());
@@ -220,7 +220,7 @@ fn motion(simulator: &Simulator, initial: &InitialFrames) -> Motion {
         start: initial.time,
         interval,
         mirror: simulator.mirror,
-        least_step: simulator.training.least_step(),
+        least_step: simulator.least_step(),
         packing: crowding_limit(simulator, initial),
     }
 }
