@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use safetensors::tensor::{Dtype, TensorView, serialize_to_file};
 use surrogate::cuda::{
     BatchBuilder, Capacity, CudaError, CudaNetwork, CudaTrainer, EDGES_PER_POINT, FrameInput,
-    HostInput, HostWindows, Rates, upload,
+    HostInput, HostWindows, Rates, Targets, upload,
 };
 use surrogate::data::{Batch, Unrolling};
 use surrogate::features::{HostFrame, Normalisation, Window, host_frames};
@@ -110,15 +110,16 @@ fn train(
     let stream = device.stream();
     let frames = scene.uploaded(device)?;
     let target = device.upload(&scene.target)?;
+    let targets = Targets::of_all(&target, &frames);
     let zeros = vec![0.0; scene.weights.len()];
     let mut trainer =
         CudaTrainer::new(device, &scene.config, precision, scene.capacity(), false, None)?;
     trainer.restore(&scene.weights, [&zeros, &zeros], None)?;
-    let (_, gradient) = trainer.gradient(&frames, &target)?;
+    let (_, gradient) = trainer.gradient(&frames, targets)?;
     let output = trainer.network().forward(&frames)?;
     let output = stream.clone_dtoh(output)?;
     let rates = Rates { rate: 1e-4, corrections: [1.0; 2], decay: 0.0 };
-    let mut step = || trainer.step(&frames, &target, rates);
+    let mut step = || trainer.step(&frames, targets, rates);
     (0..5).try_for_each(|_| step())?;
     stream.synchronize()?;
     let mut times = Vec::new();
@@ -139,8 +140,8 @@ fn train(
         losses[0],
         losses[losses.len() - 1]
     );
-    trainer.profile(&frames, &target)?;
-    print_profile(&trainer.profile(&frames, &target)?);
+    trainer.profile(&frames, targets)?;
+    print_profile(&trainer.profile(&frames, targets)?);
     Ok([output, gradient])
 }
 
@@ -182,7 +183,7 @@ fn train_all_in(
         let mut step = || -> Result<(), CudaError> {
             let batch = batches
                 .make(&host, |input, predicted| trainer.predict_windows(input, predicted))?;
-            trainer.step(&batch.frames, &batch.targets, rates)
+            trainer.step(&batch.frames, Targets::of_all(&batch.targets, &batch.frames), rates)
         };
         (0..10).try_for_each(|_| step())?;
         device.stream().synchronize()?;

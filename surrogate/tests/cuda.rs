@@ -8,8 +8,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rstest::rstest;
 use surrogate::cuda::{
-    Capacity, CudaError, CudaNetwork, CudaTrainer, FrameInput, HostInput, Rates, network_sources,
-    upload,
+    Capacity, CudaError, CudaNetwork, CudaTrainer, FrameInput, HostInput, Rates, Targets,
+    network_sources, upload,
 };
 use surrogate::features::{
     Normalisation, Obstacle, Window, WindowInput, host_frames, window_input,
@@ -205,7 +205,7 @@ fn compare_within(case: &Case, precision: Precision, kinks: f64) {
     let zeros = vec![0.0; weights.len()];
     trainer.restore(&weights, [&zeros, &zeros], None).unwrap();
     let target = device.upload(&case.target()).unwrap();
-    let (found_loss, found) = trainer.gradient(&frames, &target).unwrap();
+    let (found_loss, found) = trainer.gradient(&frames, Targets::of_all(&target, &frames)).unwrap();
     let found_output = {
         let mut network = CudaNetwork::new(&device, &case.config, precision, room, false).unwrap();
         network.set_weights(&weights).unwrap();
@@ -409,12 +409,13 @@ fn steps(#[values(Precision::F32, Precision::Bf16)] precision: Precision) {
         for n in 1..=4 {
             let (frames, target) =
                 if n == 3 { (&small_frames, &small_target) } else { (&frames, &target) };
-            let (loss, gradient) = trainer.gradient(frames, target).unwrap();
+            let targets = Targets::of_all(target, frames);
+            let (loss, gradient) = trainer.gradient(frames, targets).unwrap();
             losses.push(loss);
             let correction = |beta: f64| (1.0 - beta.powi(n)) as f32;
             let corrections = [correction(0.9), correction(0.999)];
             let rates = Rates { rate: 1e-3, corrections, decay: 0.8 };
-            trainer.step(frames, target, rates).unwrap();
+            trainer.step(frames, targets, rates).unwrap();
             let moments = mean.iter_mut().zip(&mut square);
             for ((w, g), (m, s)) in expected.iter_mut().zip(&gradient).zip(moments) {
                 *m = 0.9 * *m + 0.1 * g;

@@ -62,6 +62,10 @@ pub struct DeviceBatch {
     pub targets: CudaSlice<f32>,
     /// and the number of these values.
     pub values: usize,
+    /// Number of points up to the end of each window, at the start of the list,
+    pub window_ends: CudaSlice<u32>,
+    /// and the number of windows.
+    pub windows: usize,
 }
 
 impl DeviceBatch {
@@ -184,6 +188,13 @@ impl BatchBuilder {
             stream.memcpy_htod(&host.positions, &mut place.positions)?;
             stream.memcpy_htod(&host.targets, &mut place.batch.targets)?;
             place.batch.values = host.targets.len();
+            let mut end = 0;
+            let ends = host.points.iter().map(|&points| {
+                end += points as u32;
+                end
+            });
+            stream.memcpy_htod(&ends.collect::<Vec<_>>(), &mut place.batch.window_ends)?;
+            place.batch.windows = host.points.len();
             place.builder.set_windows(&host.points)?;
             place.builder.set_statics(&host.statics)?;
             place.builder.set_obstacles(&host.obstacles)?;
@@ -309,6 +320,8 @@ impl BatchBuilder {
                 frames: frames.collect::<Result<_, _>>()?,
                 targets: device.zeros(values)?,
                 values: 0,
+                window_ends: device.zeros(largest.len())?,
+                windows: 0,
             },
             builder,
         })

@@ -50,5 +50,5 @@ pub use ops::push_forward::push_forward_source;
 pub use rollout_graph::{CudaRollout, Network};
 pub use rollout_thread::PredictedFrames;
 pub use support::{Capacity, supports};
-pub use trainer::{CudaTrainer, LOSSES, Rates};
+pub use trainer::{CudaTrainer, LOSSES, Rates, Targets};
 pub use upload::{HostInput, upload};

@@ -30,8 +30,8 @@ pub struct CudaTrainer {
     gradient: WeightGradient,
     /// Added in squares to the squared targets of the loss.
     floor: f32,
-    /// Makes the loss of several GPUs the mean of theirs.
-    each_relative: bool,
+    /// Makes the loss the mean of those of all groups.
+    relative: bool,
     /// Other GPUs, whose gradients are added to that of this one.
     ranks: Option<Arc<Ranks>>,
     /// Moving averages of the gradient and of its square.
@@ -51,10 +51,36 @@ pub struct CudaTrainer {
 /// A step on certain buffers, however large the batch is that they hold.
 struct CapturedStep {
     views: Vec<FrameView>,
-    target: ConstPointer<f32>,
+    targets: TargetView,
     /// Read by the graph.
     _products: Products,
     graph: CudaGraph,
+}
+
+/// What a step learns.
+#[derive(Clone, Copy, Debug)]
+pub struct Targets<'a> {
+    /// Normalised accelerations (points x dimensions), at the start of the list.
+    pub accelerations: &'a CudaSlice<f32>,
+    /// Number of nodes up to the end of each group with a loss of its own ([`CudaTrainer::with_loss`]),
+    pub ends: &'a CudaSlice<u32>,
+    /// and the number of groups, at least one.
+    pub groups: usize,
+}
+
+impl<'a> Targets<'a> {
+    /// One group: all nodes of these frames.
+    pub fn of_all(accelerations: &'a CudaSlice<f32>, frames: &'a [FrameInput]) -> Self {
+        Self { accelerations, ends: &frames[0].graph.nodes, groups: 1 }
+    }
+}
+
+/// The same for kernels.
+#[derive(Clone, Copy, PartialEq)]
+struct TargetView {
+    accelerations: ConstPointer<f32>,
+    ends: ConstPointer<u32>,
+    groups: i32,
 }
 
 /// Numbers that change from step to step.
@@ -89,7 +115,7 @@ impl CudaTrainer {
             predictor: None,
             gradient: WeightGradient::new(&network)?,
             floor: 0.0,
-            each_relative: false,
+            relative: false,
             ranks,
             mean: device.zeros(count)?,
             square: device.zeros(count)?,
@@ -102,11 +128,11 @@ impl CudaTrainer {
         })
     }
 
-    /// The loss from here on: sum (a - a*)² / sum (a*² + `floor`²) over the windows of all GPUs, or the
-    /// mean of what `each` has over its own.
+    /// The loss from here on: sum (a - a*)² / sum (a*² + `floor`²) over the nodes of all GPUs, or, if
+    /// `relative`, the mean of what all groups of [`Targets`] of all GPUs have over their own nodes.
     #[must_use]
-    pub fn with_loss(self, floor: f32, each: bool) -> Self {
-        Self { floor, each_relative: each, ..self }
+    pub fn with_loss(self, floor: f32, relative: bool) -> Self {
+        Self { floor, relative, ..self }
     }
 
     /// The network in training.
@@ -183,26 +209,25 @@ impl CudaTrainer {
         self.predictor(frames)?.forward(frames)
     }
 
-    /// One step on a batch of windows and its normalised accelerations (points x dimensions). Does
-    /// not wait.
+    /// One step on a batch of windows. Does not wait.
     ///
     /// # Errors
     /// If there are more points or edges than there is memory for.
     pub fn step(
         &mut self,
         frames: &[FrameInput],
-        target: &CudaSlice<f32>,
+        targets: Targets,
         rates: Rates,
     ) -> Result<(), CudaError> {
         let Rates { rate, corrections: [mean, square], decay } = rates;
         let stream = self.device().stream().clone();
         stream.memcpy_htod(&[rate, mean, square, decay], &mut self.rates)?;
         let views = self.network.views(frames)?;
-        let target = self.network.pointer(target);
-        let same = |step: &&CapturedStep| step.views == views && step.target == target;
+        let targets = self.target_view(targets);
+        let same = |step: &&CapturedStep| step.views == views && step.targets == targets;
         match self.captured.iter().find(same) {
             Some(step) => step.graph.launch()?,
-            None => self.capture(views, target)?,
+            None => self.capture(views, targets)?,
         }
         if let Some(ranks) = &self.ranks {
             ranks.all_reduce(&mut self.gradient.gradient)?;
@@ -211,18 +236,22 @@ impl CudaTrainer {
         Ok(())
     }
 
+    fn target_view(&self, Targets { accelerations, ends, groups }: Targets) -> TargetView {
+        TargetView {
+            accelerations: self.network.pointer(accelerations),
+            ends: ConstPointer::to(ends, self.network.device().stream()),
+            groups: groups as i32,
+        }
+    }
+
     /// Captures a step in a CUDA graph and queues it.
-    fn capture(
-        &mut self,
-        views: Vec<FrameView>,
-        target: ConstPointer<f32>,
-    ) -> Result<(), CudaError> {
+    fn capture(&mut self, views: Vec<FrameView>, targets: TargetView) -> Result<(), CudaError> {
         let stream = self.device().stream().clone();
         let products = self.gradient.products(&self.network, &views)?;
         // What is captured must not wait for what was queued before.
         stream.synchronize()?;
         stream.begin_capture(CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_THREAD_LOCAL)?;
-        let captured = self.queue_captured(&views, target, &products);
+        let captured = self.queue_captured(&views, targets, &products);
         let graph = stream.end_capture(CUgraphInstantiate_flags(0))?;
         captured?;
         let Some(graph) = graph else { return Ok(()) };
@@ -230,7 +259,7 @@ impl CudaTrainer {
         if self.captured.len() == PLACES {
             self.captured.pop_front();
         }
-        self.captured.push_back(CapturedStep { views, target, _products: products, graph });
+        self.captured.push_back(CapturedStep { views, targets, _products: products, graph });
         Ok(())
     }
 
@@ -239,10 +268,10 @@ impl CudaTrainer {
     fn queue_captured(
         &self,
         views: &[FrameView],
-        target: ConstPointer<f32>,
+        targets: TargetView,
         products: &Products,
     ) -> Result<(), CudaError> {
-        self.queue_gradient(views, target, products)?;
+        self.queue_gradient(views, targets, products)?;
         if self.ranks.is_none() { self.queue_update() } else { Ok(()) }
     }
 
@@ -270,7 +299,7 @@ impl CudaTrainer {
     fn queue_gradient(
         &self,
         views: &[FrameView],
-        target: ConstPointer<f32>,
+        targets: TargetView,
         products: &Products,
     ) -> Result<(), CudaError> {
         let network = &self.network;
@@ -279,13 +308,14 @@ impl CudaTrainer {
         let all = Pointer::to(&self.gradient.gradient, network.device().stream());
         network.kernels.optimiser.loss_gradient(&Loss {
             output: network.pointer(&network.output),
-            target,
-            nodes: views[0].nodes,
+            target: targets.accelerations,
+            ends: targets.ends,
+            groups: targets.groups,
             columns: network.layout.dimensions as i32,
             gradient: gradients.output,
             sums: all.offset(network.layout.parameters),
             floor: self.floor,
-            relative: i32::from(self.each_relative),
+            relative: i32::from(self.relative),
         })?;
         let after_edges = || self.gradient.reduce_edges(network);
         network.backward_pass(views, gradients, products, after_edges)?;
@@ -300,11 +330,11 @@ impl CudaTrainer {
     pub fn gradient(
         &mut self,
         frames: &[FrameInput],
-        target: &CudaSlice<f32>,
+        targets: Targets,
     ) -> Result<(f32, Vec<f32>), CudaError> {
         let views = self.network.views(frames)?;
         let products = self.gradient.products(&self.network, &views)?;
-        self.queue_gradient(&views, self.network.pointer(target), &products)?;
+        self.queue_gradient(&views, self.target_view(targets), &products)?;
         let mut list = self.device().stream().clone_dtoh(&self.gradient.gradient)?;
         let sums = list.split_off(self.network.layout.parameters);
         let scale = sums[1].max(SMALLEST_TARGET);
@@ -319,13 +349,14 @@ impl CudaTrainer {
     pub fn profile(
         &mut self,
         frames: &[FrameInput],
-        target: &CudaSlice<f32>,
+        targets: Targets,
     ) -> Result<Vec<(&'static str, usize, f32)>, CudaError> {
         let views = self.network.views(frames)?;
         let products = self.gradient.products(&self.network, &views)?;
+        let targets = self.target_view(targets);
         self.network.profile(|network| {
             network.pack()?;
-            self.queue_gradient(&views, network.pointer(target), &products)
+            self.queue_gradient(&views, targets, &products)
         })
     }
 

@@ -2,8 +2,8 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use burn::tensor::ElementConversion;
 use burn::tensor::backend::AutodiffBackend;
+use burn::tensor::{ElementConversion, Tensor};
 use gpu::ranks::RanksError;
 
 use super::all_reduce::AllReduce;
@@ -86,7 +86,8 @@ impl<B: AutodiffBackend> BurnBackend<B> {
     }
 
     /// One step of Adam at the learning rate `rate`. The loss is sum (a - a*)² / sum (a*² + floor²)
-    /// over the windows of all ranks, or the mean of the losses of all ranks.
+    /// over the windows of all ranks, or the mean of what all ranks or all windows have
+    /// ([`LossOver`]).
     ///
     /// # Errors
     /// If another rank is gone.
@@ -96,13 +97,7 @@ impl<B: AutodiffBackend> BurnBackend<B> {
         rate: f64,
         ranks: &mut dyn AllReduce,
     ) -> Result<(), RanksError> {
-        let (mut gradients, targets) = self.gradients(batch);
-        if self.over == LossOver::Process {
-            // The sums over ranks are then those of the losses and of ones.
-            let scale = targets.max(SMALLEST_TARGET);
-            gradients.iter_mut().for_each(|sum| *sum /= scale);
-            gradients.last_mut().into_iter().for_each(|own| *own = 1.0);
-        }
+        let mut gradients = self.gradients(batch);
         ranks.sum(&mut gradients)?;
         let scale = gradients.pop().unwrap_or_default().max(SMALLEST_TARGET);
         gradients.iter_mut().for_each(|sum| *sum /= scale);
@@ -122,17 +117,33 @@ impl<B: AutodiffBackend> BurnBackend<B> {
     }
 
     /// Gradients of the sum of squared errors, followed by that sum and by the sum of squared
-    /// targets; the latter also by itself.
-    fn gradients(&self, batch: BurnBatch<B>) -> (Vec<f32>, f32) {
+    /// targets. Where the loss is a mean, both sums are relative to the latter, of all points or of each
+    /// window.
+    fn gradients(&self, batch: BurnBatch<B>) -> Vec<f32> {
         let _lock = lock_graphs();
-        let squares = batch.targets.clone().powi_scalar(2).add_scalar(self.floor * self.floor);
-        let targets = squares.sum().into_scalar().elem::<f32>();
-        let error = self.model.forward(&batch.input) - batch.targets;
-        let errors = error.powi_scalar(2).sum();
-        let mut gradients = gradients(&self.model, &errors.backward());
+        let BurnBatch { input, targets, points } = batch;
+        let squares = targets.clone().powi_scalar(2).add_scalar(self.floor * self.floor);
+        let errors = (self.model.forward(&input) - targets).powi_scalar(2);
+        let all = [input.points];
+        let groups = if self.over == LossOver::Window { &points[..] } else { &all };
+        let (mut error, mut scale, mut first) = (None, 0.0, 0);
+        for count in groups {
+            let sum = |of: &Tensor<B, 2>| of.clone().slice_dim(0, first..first + count).sum();
+            let (mut own, own_scale) = (sum(&errors), sum(&squares).into_scalar().elem::<f32>());
+            if self.over == LossOver::Step {
+                scale += own_scale;
+            } else {
+                own = own.div_scalar(own_scale.max(SMALLEST_TARGET));
+                scale += 1.0;
+            }
+            error = Some(error.map_or(own.clone(), |sum| sum + own));
+            first += count;
+        }
+        let Some(error) = error else { return Vec::new() };
+        let mut gradients = gradients(&self.model, &error.backward());
         // Both sums travel with the gradients of one of them.
-        gradients.extend([errors.into_scalar().elem(), targets]);
-        (gradients, targets)
+        gradients.extend([error.into_scalar().elem(), scale]);
+        gradients
     }
 
     /// Normalised accelerations of a batch by the network in training.

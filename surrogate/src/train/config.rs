@@ -28,7 +28,7 @@ pub struct TrainConfig {
     /// Floor of the normalised accelerations that the loss is relative to: its square is added to
     /// each squared target.
     pub loss_floor: f64,
-    /// What the loss of several processes is relative to.
+    /// What the loss is relative to.
     pub loss_over: LossOver,
     /// Precision of the network's arithmetic.
     pub precision: Precision,
@@ -69,7 +69,7 @@ pub struct Data {
     pub memory: usize,
 }
 
-/// Normalisation of the loss where several processes make a step.
+/// What the squared errors of a step are relative to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LossOver {
@@ -78,6 +78,9 @@ pub enum LossOver {
     Step,
     /// Mean of the losses of all processes, each relative to its own targets.
     Process,
+    /// Mean of the losses of all windows, each relative to its own targets, so that one with an impact
+    /// does not outweigh those at rest.
+    Window,
 }
 
 /// Pushforward: windows that the network itself has unrolled, so that it learns to correct its own

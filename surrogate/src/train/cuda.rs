@@ -12,7 +12,7 @@ use super::schedule::average_decay;
 use super::state::State;
 use crate::cuda::{
     BatchBuilder, Capacity, CudaError, CudaTrainer, DeviceBatch, EDGES_PER_POINT, HostWindows,
-    LOSSES, Rates,
+    LOSSES, Rates, Targets,
 };
 use crate::data::{Examples, Recipe};
 use crate::network::Model;
@@ -28,6 +28,7 @@ pub struct CudaBackend {
     model: Model<Cpu>,
     /// Builds the graphs and features of batches.
     builder: Option<BatchBuilder>,
+    over: LossOver,
     decay: f64,
     averaging: bool,
     adam_steps: u64,
@@ -72,7 +73,7 @@ impl CudaBackend {
         let room = Capacity { points, edges: EDGES_PER_POINT * points };
         let averaging = config.ema > 0.0;
         let mut trainer = CudaTrainer::new(device, model, precision, room, averaging, ranks)?
-            .with_loss(config.loss_floor as f32, config.loss_over == LossOver::Process);
+            .with_loss(config.loss_floor as f32, config.loss_over != LossOver::Step);
         let model = config.initial_network(model, &cpu());
         let start = weights(&model);
         let zeros = vec![0.0; start.len()];
@@ -81,6 +82,7 @@ impl CudaBackend {
             trainer,
             model,
             builder: None,
+            over: config.loss_over,
             decay: config.ema,
             averaging,
             adam_steps: 0,
@@ -142,8 +144,13 @@ impl CudaBackend {
             corrections: [mean, square],
             decay: average_decay(self.decay, self.step),
         };
+        let over = self.over;
         let (trainer, batch) = self.load(batch)?;
-        trainer.step(&batch.frames, &batch.targets, rates)?;
+        let mut targets = Targets::of_all(&batch.targets, &batch.frames);
+        if over == LossOver::Window {
+            (targets.ends, targets.groups) = (&batch.window_ends, batch.windows);
+        }
+        trainer.step(&batch.frames, targets, rates)?;
         self.unread += 1;
         if self.unread == LOSSES {
             self.read_losses()?;

@@ -24,6 +24,8 @@ pub struct BurnBatch<B: Backend> {
     pub input: WindowInput<B>,
     /// Normalised accelerations, points x 2.
     pub targets: Tensor<B, 2>,
+    /// Points of each window.
+    pub points: Vec<usize>,
 }
 
 impl InputSpec {
@@ -42,6 +44,6 @@ impl InputSpec {
         let input = window_input(&windows, &self.config, &self.normalisation, &self.bounds, device);
         let shape = [batch.targets.len() / 2, 2];
         let targets = Tensor::from_data(TensorData::new(batch.targets.clone(), shape), device);
-        BurnBatch { input, targets }
+        BurnBatch { input, targets, points: batch.points.clone() }
     }
 }

@@ -176,6 +176,37 @@ fn a_loss_of_its_own_changes_nothing_for_one() {
     compare([once.clone(), once], whole);
 }
 
+/// Each window relative to its own targets: the mean of what the windows have alone, on a CPU and on
+/// a GPU, also where two ranks share the windows.
+#[test]
+fn windows_weigh_the_same_in_a_mean() {
+    // The floor tells the windows apart, whose losses would all be about 1.
+    let once = || TrainConfig { steps: 1, loss_floor: 2.0, ..config() };
+    let config = TrainConfig { loss_over: LossOver::Window, ..once() };
+    let single = |window| train(&config, window..window + 1, &mut SingleProcess).1[0];
+    let mean = (0..4).map(single).sum::<f64>() / 4.0;
+    let whole = train(&config, 0..4, &mut SingleProcess);
+    assert!((whole.1[0] / mean - 1.0).abs() < 1e-6, "{} {mean}", whole.1[0]);
+    let by_step = train(&once(), 0..4, &mut SingleProcess);
+    assert!((by_step.1[0] / mean - 1.0).abs() > 0.01, "the windows are too much alike to tell");
+    let ranks = two_ranks(|environment, windows| {
+        let mut ranks = Tcp::join(environment, &[0; 32], |_| ()).unwrap();
+        train(&config, windows, &mut ranks)
+    });
+    for (_, losses) in &ranks {
+        assert!((losses[0] / mean - 1.0).abs() < 1e-6, "{} {mean}", losses[0]);
+    }
+    let Some(device) = gpu::for_tests() else { return };
+    let (state, losses) = train_on(&device, &config, 0..4, None);
+    // Rounding of float32 in the forward and backward pass.
+    assert!((losses[0] / mean - 1.0).abs() < 1e-4, "{} {mean}", losses[0]);
+    let [found, expected] = [&state, &whole.0].map(|state| state.adam.parts().1.to_vec());
+    let size = expected.iter().fold(0.0, |most: f32, g| most.max(g.abs()));
+    for (k, (a, b)) in found.iter().zip(&expected).enumerate() {
+        assert!((a - b).abs() < 1e-3 * size, "{k}: {a} {b}");
+    }
+}
+
 /// NCCL changes nothing for a single rank, which needs no second GPU.
 #[test]
 fn one_rank_on_a_gpu_is_alone() {

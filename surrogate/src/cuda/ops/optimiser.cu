@@ -69,28 +69,32 @@ __device__ float block_sum(float x) {
 __device__ float not_zero(float scale) { return fmaxf(scale, 1e-12f); }
 
 // sums = { sum (a - a*)^2, sum (a*^2 + floor^2) } over nodes x columns, and the gradient of the first
-// in rows of 128. `relative`: both divided by the second, so that GPUs add up losses and ones.
+// in rows of 128. `relative`: those of each group of nodes are divided by the group's second sum, so that
+// losses and ones are added up.
 extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
-    loss_gradient(const float* output, const float* target, const u32* nodes, int columns,
+    loss_gradient(const float* output, const float* target, const u32* ends, int groups, int columns,
                   float* gradient, float* sums, float floor, int relative) {
-    const int count = read_early(nodes) * columns;
     wait_for_kernel_before();
-    float error = 0.f, scale = 0.f;
+    float errors = 0.f, scales = 0.f;
+    for (int group = 0, first = 0; group < groups; group++) {
+        const int end = ends[group] * columns;
+        float error = 0.f, scale = 0.f;
 #pragma unroll 4
-    for (int n = threadIdx.x; n < count; n += LOSS_THREADS) {
-        float e = output[n] - target[n];
-        error += e * e;
-        scale += target[n] * target[n] + floor * floor;
+        for (int n = first + threadIdx.x; n < end; n += LOSS_THREADS) {
+            float e = output[n] - target[n];
+            error += e * e;
+            scale += target[n] * target[n] + floor * floor;
+        }
+        error = block_sum(error);
+        scale = block_sum(scale);
+        const float unit = relative ? not_zero(scale) : 1.f;
+        for (int n = first + threadIdx.x; n < end; n += LOSS_THREADS)
+            gradient[n / columns * WIDTH + n % columns] = 2.f * (output[n] - target[n]) / unit;
+        errors += error / unit;
+        scales += relative ? 1.f : scale;
+        first = end;
     }
-    error = block_sum(error);
-    scale = block_sum(scale);
-    const float unit = relative ? not_zero(scale) : 1.f;
-    for (int n = threadIdx.x; n < count; n += LOSS_THREADS)
-        gradient[n / columns * WIDTH + n % columns] = 2.f * (output[n] - target[n]) / unit;
-    if (threadIdx.x == 0) {
-        sums[0] = error / unit;
-        sums[1] = relative ? 1.f : scale;
-    }
+    if (threadIdx.x == 0) sums[0] = errors, sums[1] = scales;
 }
 
 // One step of Adam (Kingma, Ba, 2015), and of the moving average of the weights if `average` is not

@@ -15,7 +15,7 @@ use crate::cuda::error::CudaError;
 use crate::network::Precision;
 
 /// Numbers behind the gradient: the sums of squared errors and of squared targets, or of the losses of
-/// GPUs and of ones; their ratio is the loss.
+/// groups and of ones; their ratio is the loss.
 pub(in crate::cuda) const LOSS_SUMS: usize = 2;
 
 /// Rows of weights that a block adds up.
@@ -63,15 +63,16 @@ kernel! {
         /// Accelerations a of the network and a* to learn (nodes x `columns`).
         pub output: ConstPointer<f32>,
         pub target: ConstPointer<f32>,
-        /// Number of nodes.
-        pub nodes: ConstPointer<u32>,
+        /// Number of nodes up to the end of each of `groups` groups.
+        pub ends: ConstPointer<u32>,
+        pub groups: i32,
         pub columns: i32,
         /// Gradient of sum (a - a*)² with respect to a, in rows of 128.
         pub gradient: Pointer<f32>,
         /// [`LOSS_SUMS`]: sum (a - a*)² and sum (a*² + `floor`²).
         pub sums: Pointer<f32>,
         pub floor: f32,
-        /// 1: divides gradient and sums by the second sum.
+        /// 1: divides gradient and sums of each group by its second sum.
         pub relative: i32,
     }
 
