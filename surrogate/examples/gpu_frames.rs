@@ -111,7 +111,6 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         start: 0.0,
         interval: 0.01,
         mirror: false,
-        least_step: 0.0,
         packing: CrowdingLimit::new(config.connection_radius, SPACING),
     };
     let positions = column(points);

@@ -30,9 +30,6 @@ pub struct Training {
     /// Largest number of frames of a window before the first frame of a run.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub before_start: usize,
-    /// Speed below which points stay where they are, m/s.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rest_speed: Option<f64>,
     /// Training steps made.
     pub steps: u64,
     /// Kind of material of the scenes it learnt from, as in scenes; none if they differ, and in older files.
@@ -56,7 +53,6 @@ impl Training {
             frame_interval,
             without_gravity,
             before_start: 0,
-            rest_speed: None,
             steps: 0,
             material: None,
             range: None,
@@ -84,8 +80,6 @@ pub struct Simulator {
     pub training: Training,
     /// Whether to average each prediction with that of the mirrored window.
     pub mirror: bool,
-    /// Speed below which points stay where they are, m/s; that of the training unless another is tried.
-    pub rest_speed: f64,
     /// The device of Burn.
     pub device: Device,
     /// The GPU for rollouts; none for the CPU.
@@ -131,7 +125,6 @@ impl Simulator {
             model,
             config,
             normalisation,
-            rest_speed: training.rest_speed.unwrap_or(0.0),
             training,
             mirror: false,
             device: device(),
@@ -200,11 +193,6 @@ impl Simulator {
             cuda::compile_ahead(gpu, self.precision)?;
         }
         Ok(unsupported)
-    }
-
-    /// Distance below which points stay where they are in a frame, m.
-    pub fn least_step(&self) -> f64 {
-        self.rest_speed * self.training.frame_interval
     }
 
     /// Frames of a run that a rollout starts from: a window without those before the run.

@@ -98,38 +98,3 @@ fn many_scenes_are_predicted_at_a_time() {
     succeeds(surrogate(here).args(listed));
     assert!(here.join("listed/test/heap-002.h5").exists());
 }
-
-/// Points slower than the rest speed stay. The speed is recorded with the errors that were measured with it, and
-/// passed on to networks trained from there.
-#[test]
-fn slow_points_rest() {
-    let directory = TempDir::new().unwrap();
-    let here = directory.path();
-    model(here);
-    unseen(here, 12);
-    let moves = |more: &[&str]| {
-        let rollout = ["rollout", "run/last.safetensors", "--from", "unseen/heap-003.h5"];
-        let mut command = surrogate(here);
-        warns(command.args(rollout).args(["-o", "out.h5", "--overwrite"]).args(more));
-        let run = Trajectory::open(&here.join("out.h5")).unwrap();
-        let [first, last] = [2, 40].map(|frame| run.frame(frame).unwrap().position);
-        first != last
-    };
-    assert!(moves(&[]) && !moves(&["--rest-speed", "1000"]));
-    let record = ["eval", "run/last.safetensors", "--data", "unseen", "-o", "errors", "--record"];
-    succeeds(surrogate(here).args(record).args(["--rest-speed", "1000"]));
-    assert!(moves(&[]), "only a calibration records the speed");
-
-    succeeds(surrogate(here).args(CALIBRATE).args(["--rest-speed", "1000"]));
-    assert!(!moves(&[]) && moves(&["--rest-speed", "0"]));
-    let next = config(here, 20, "start = \"run/last.safetensors\"");
-    succeeds(&mut train(here, &next, "next"));
-    let next = Simulator::load(&here.join("next/last.safetensors")).unwrap();
-    assert_eq!(next.training.rest_speed, Some(1000.0));
-
-    succeeds(surrogate(here).args(CALIBRATE).args(["--rest-speed", "0"]));
-    assert!(moves(&[]));
-    let output = surrogate(here).args(CALIBRATE).arg("--rest-speed=-1").output().unwrap();
-    let error = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.code() == Some(2) && error.contains("not from 0 to 1000"), "{error}");
-}

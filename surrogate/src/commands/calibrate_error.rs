@@ -60,8 +60,6 @@ pub fn calibrate_error(args: &CalibrateErrorArgs, verbose: bool) -> miette::Resu
         table(&model, &samples)?;
     }
     simulator.training.error = Some(model);
-    // Other options of this call are not the model's.
-    simulator.training.rest_speed = (simulator.rest_speed > 0.0).then_some(simulator.rest_speed);
     simulator.save(&args.model)?;
     announce!("written: {}", args.model.display());
     Ok(())

@@ -16,9 +16,6 @@ pub struct PredictionArgs {
     /// Average each prediction with that of the mirrored window
     #[arg(long)]
     pub mirror: bool,
-    /// Speed below which points stay where they are, m/s; 0: none [default: the model's]
-    #[arg(long, value_name = "SPEED", value_parser = speed)]
-    pub rest_speed: Option<f64>,
     /// Where to compute: auto (a GPU if there is one), cpu, cuda or cuda:N
     #[arg(long, default_value = "auto")]
     pub device: Device,
@@ -33,11 +30,8 @@ impl PredictionArgs {
     /// # Errors
     /// If the model or the device cannot be used.
     pub fn load(&self, model: &Path, verbose: bool) -> miette::Result<Simulator> {
-        let &Self { mirror, rest_speed, device, precision } = self;
+        let &Self { mirror, device, precision } = self;
         let mut simulator = Simulator { mirror, precision, ..Simulator::load(model)? };
-        if let Some(speed) = rest_speed {
-            simulator.rest_speed = speed;
-        }
         select_device(&mut simulator, device, verbose)?;
         Ok(simulator)
     }
@@ -60,9 +54,4 @@ pub(super) fn select_device(
         note!("running on {name}");
     }
     Ok(())
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    let speed: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (0.0..=1e3).contains(&speed) { Ok(speed) } else { Err("not from 0 to 1000".to_owned()) }
 }

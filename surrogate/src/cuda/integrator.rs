@@ -34,8 +34,6 @@ pub struct Motion {
     /// Takes the mean of accelerations and of the mirror images of those of the mirrored window
     /// ([`mirrored`](crate::features::mirrored)).
     pub mirror: bool,
-    /// Distance below which points stay where they are ([`rest`](crate::rollout::rest), m).
-    pub least_step: f64,
     /// How densely points may be packed.
     pub packing: CrowdingLimit,
 }
@@ -75,7 +73,6 @@ impl Integrator {
             start: motion.start,
             interval: motion.interval,
             reach: config.connection_radius,
-            least_step: motion.least_step,
             points: points as u32,
             boxes: number,
             rows: ROWS as u32,

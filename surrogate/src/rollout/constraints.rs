@@ -112,15 +112,6 @@ impl Constraints {
     }
 }
 
-/// Where a point comes to rest: at `old` if it would move by less than `least` (m) to `new`.
-///
-/// Friction stops slow grains within a frame. A network, which has learnt the mean of what noisy windows do, lets
-/// them creep.
-pub fn rest(old: [f64; 2], new: [f64; 2], least: f64) -> [f64; 2] {
-    let [x, y] = [0, 1].map(|k| new[k] - old[k]);
-    if x * x + y * y < least * least { old } else { new }
-}
-
 /// Stops the path from `old` to `new` at the first face of the box that it crosses, and lets the
 /// point slide along the face as far as friction allows.
 fn push_out(rigid: &RigidBox, old: [f64; 2], new: [f64; 2], times: [f64; 2]) -> [f64; 2] {
@@ -210,15 +201,6 @@ mod tests {
         assert!((x - 1.25).abs() < 1e-12 && y == 1.0, "half of the depth is lost: {x} {y}");
         assert_eq!(confine([0.5, 0.5], [0.6, 0.4]), [0.6, 0.4], "free");
         assert_eq!(confine([0.5, 0.5], [-0.1, -0.1]), [0.0, 0.0], "walls");
-    }
-
-    #[test]
-    fn slow_points_rest() {
-        for (new, resting) in [([1.003, 0.996], false), ([1.002, 0.996], true), ([1.0, 1.0], true)]
-        {
-            assert_eq!(rest([1.0, 1.0], new, 0.0045) == [1.0, 1.0], resting, "{new:?}");
-        }
-        assert_eq!(rest([1.0; 2], [1.0 + 1e-15, 1.0], 0.0), [1.0 + 1e-15, 1.0]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use super::constraints::{Constraints, rest};
+use super::constraints::Constraints;
 use super::error::RolloutError;
 use super::initial_frames::InitialFrames;
 use crate::cuda::{Capacity, CudaNetwork, CudaRollout, Motion, PredictedFrames, Start};
@@ -148,11 +148,10 @@ impl<'a> Rollout<'a> {
         Ok(None)
     }
 
-    /// Semi-implicit Euler, then rest, walls and boxes. Accelerations are in m/frame².
+    /// Semi-implicit Euler, then walls and boxes. Accelerations are in m/frame².
     fn integrate(&self, accelerations: &[f64]) -> Result<Vec<[f64; 2]>, RolloutError> {
         let (last, before) = (self.last(), self.before());
         let domain = self.constraints.domain();
-        let least = self.simulator.least_step();
         let frame = self.frame + 1;
         let times = [self.time(self.frame), self.time(frame)];
         let mut next = Vec::with_capacity(last.len());
@@ -166,7 +165,7 @@ impl<'a> Rollout<'a> {
             if beyond > self.simulator.config.connection_radius {
                 return Err(RolloutError::Left { frame, point, distance: beyond });
             }
-            next.push(self.constraints.confine(last[point], rest(last[point], free, least), times));
+            next.push(self.constraints.confine(last[point], free, times));
         }
         Ok(next)
     }
@@ -220,7 +219,6 @@ fn motion(simulator: &Simulator, initial: &InitialFrames) -> Motion {
         start: initial.time,
         interval,
         mirror: simulator.mirror,
-        least_step: simulator.least_step(),
         packing: crowding_limit(simulator, initial),
     }
 }

@@ -12,7 +12,7 @@ mod lattice_start;
 mod recorder;
 mod scene_of_training;
 
-pub use constraints::{Constraints, rest};
+pub use constraints::Constraints;
 pub use engine::Rollout;
 pub use error::RolloutError;
 pub use frames::FrameBuilder;

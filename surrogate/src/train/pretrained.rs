@@ -67,8 +67,6 @@ pub struct Lineage {
     pub normalisation: Normalisation,
     /// Range of all data that it has learnt from; none if that is not known.
     pub range: Option<TrainingRange>,
-    /// Speed below which points rest, m/s.
-    pub rest_speed: Option<f64>,
     /// Training steps made before.
     pub steps: u64,
 }
@@ -81,13 +79,12 @@ impl Lineage {
         range: Option<TrainingRange>,
     ) -> Self {
         let Some(Pretrained { simulator, .. }) = pretrained else {
-            return Self { normalisation, range, rest_speed: None, steps: 0 };
+            return Self { normalisation, range, steps: 0 };
         };
         let both = simulator.training.range.zip(range);
         Self {
             normalisation: simulator.normalisation.clone(),
             range: both.map(|(old, new)| old.and(new)),
-            rest_speed: simulator.training.rest_speed,
             steps: simulator.training.steps,
         }
     }

@@ -92,8 +92,6 @@ pub struct Session {
     material: Option<String>,
     /// Range of the training data, those of the pretrained model included.
     range: Option<TrainingRange>,
-    /// Speed below which points rest in rollouts, m/s.
-    rest_speed: Option<f64>,
     /// Steps of the pretrained model.
     steps_before: u64,
     summary: Summary,
@@ -242,7 +240,6 @@ impl Session {
             frame_interval,
             material,
             range: lineage.range,
-            rest_speed: lineage.rest_speed,
             steps_before: lineage.steps,
             summary,
         })
@@ -298,7 +295,6 @@ impl Session {
     pub(super) fn simulator(&self) -> Result<Simulator, CudaError> {
         let training = Training {
             before_start: self.config.data.before_start,
-            rest_speed: self.rest_speed,
             steps: self.steps_before + self.backend.step_number(),
             material: self.material.clone(),
             range: self.range,

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use surrogate::cuda::Motion;
 use surrogate::diagnostics::CrowdingLimit;
 use surrogate::features::Obstacle;
-use surrogate::rollout::{Constraints, rest};
+use surrogate::rollout::Constraints;
 
 /// A wall-bounded box with obstacles of all kinds of faces, and a plate that comes down.
 pub fn scene() -> Scene {
@@ -27,7 +27,6 @@ pub fn motion() -> Motion {
         start: 0.05,
         interval: 0.01,
         mirror: false,
-        least_step: 0.0,
         // Points may be as close together as they come.
         packing: CrowdingLimit::new(0.25, 1e-3),
     }
@@ -83,8 +82,7 @@ pub fn integrate(
             let a = [0, 1].map(|k| accelerations[2 * point + k]);
             let velocity = [0, 1].map(|k| last[point][k] - before[point][k] + a[k]);
             let free = [0, 1].map(|k| last[point][k] + velocity[k]);
-            let rested = rest(last[point], free, motion.least_step);
-            motion.constraints.confine(last[point], rested, times)
+            motion.constraints.confine(last[point], free, times)
         })
         .collect()
 }

@@ -1,17 +1,11 @@
-// One step of a rollout: network output -> acceleration -> semi-implicit Euler -> rest -> constraints.
-// The CUDA twin of `Rollout::advance` in Rust, equal to it to the bit.
+// One step of a rollout: network output -> acceleration -> semi-implicit Euler -> constraints. The
+// CUDA twin of `Rollout::advance` in Rust, equal to it to the bit.
 // Follows constraints.cu in one source. `Setup` and `Clock` are defined in integrate.rs.
 
 // Acceleration that the network predicts for a row, in m/frame².
 __device__ double acceleration(const Setup& setup, const float* output, unsigned row, int k,
                                double fall) {
     return product(double(output[2 * row + k]), setup.scale[k]) + setup.mean[k] + fall;
-}
-
-// Where a point comes to rest: at `old` if it would move by less than `least` (m) to `free`.
-__device__ Pair rest(const Pair& old, const Pair& free, double least) {
-    const double x = free.x[0] - old.x[0], y = free.x[1] - old.x[1];
-    return product(x, x) + product(y, y) < product(least, least) ? old : free;
 }
 
 // `failed` is the lowest frame << 32 | point of a position that makes no sense; it is left in the
@@ -49,7 +43,6 @@ extern "C" __global__ void integrate(
             const double times[2] = {
                 setup.start + product(double(frame - 1), setup.interval),
                 setup.start + product(double(frame), setup.interval)};
-            free = rest(old, free, setup.least_step);
             free = confine(boxes, setup.boxes, setup.domain, old, free, times);
         }
         for (int k = 0; k < 2; ++k) {

@@ -24,8 +24,6 @@ cuda_struct! {
         pub interval: f64,
         /// Farthest that a point may be beyond the domain (m).
         pub reach: f64,
-        /// Distance below which points stay where they are (m).
-        pub least_step: f64,
         pub points: u32,
         pub boxes: u32,
         /// Frames that the history holds, one after the other, in turn.
@@ -87,7 +85,7 @@ impl Integrate {
         Ok(Self { integrate: Function::load(device, &module)?, device: device.clone() })
     }
 
-    /// Network output -> acceleration -> semi-implicit Euler -> rest -> constraints.
+    /// Network output -> acceleration -> semi-implicit Euler -> constraints.
     pub fn integrate(&self, step: &Step) -> Result<(), Error> {
         let launch = one_thread_each(step.setup.points as usize, 1);
         // SAFETY: the pointers are to live buffers of these sizes.
