@@ -7,6 +7,7 @@ use gpu::Device;
 
 use super::error::CudaError;
 use super::frame_builder::{FrameBuilder, NewFrame};
+use super::graph_builder::starts;
 use super::ops::frame_input::FrameInput;
 use super::pushforward::PushedWindows;
 use super::support::Capacity;
@@ -188,12 +189,8 @@ impl BatchBuilder {
             stream.memcpy_htod(&host.positions, &mut place.positions)?;
             stream.memcpy_htod(&host.targets, &mut place.batch.targets)?;
             place.batch.values = host.targets.len();
-            let mut end = 0;
-            let ends = host.points.iter().map(|&points| {
-                end += points as u32;
-                end
-            });
-            stream.memcpy_htod(&ends.collect::<Vec<_>>(), &mut place.batch.window_ends)?;
+            let starts = starts(host.points.iter().copied());
+            stream.memcpy_htod(&starts[1..], &mut place.batch.window_ends)?;
             place.batch.windows = host.points.len();
             place.builder.set_windows(&host.points)?;
             place.builder.set_statics(&host.statics)?;
