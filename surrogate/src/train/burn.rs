@@ -126,7 +126,8 @@ impl<B: AutodiffBackend> BurnBackend<B> {
         let errors = (self.model.forward(&input) - targets).powi_scalar(2);
         let all = [input.points];
         let groups = if self.over == LossOver::Window { &points[..] } else { &all };
-        let (mut error, mut scale, mut first) = (None, 0.0, 0);
+        let mut error = Tensor::<B, 1>::zeros([1], &self.device);
+        let (mut scale, mut first) = (0.0, 0);
         for count in groups {
             let sum = |of: &Tensor<B, 2>| of.clone().slice_dim(0, first..first + count).sum();
             let (mut own, own_scale) = (sum(&errors), sum(&squares).into_scalar().elem::<f32>());
@@ -136,10 +137,9 @@ impl<B: AutodiffBackend> BurnBackend<B> {
                 own = own.div_scalar(own_scale.max(SMALLEST_TARGET));
                 scale += 1.0;
             }
-            error = Some(error.map_or(own.clone(), |sum| sum + own));
+            error = error + own;
             first += count;
         }
-        let Some(error) = error else { return Vec::new() };
         let mut gradients = gradients(&self.model, &error.backward());
         // Both sums travel with the gradients of one of them.
         gradients.extend([error.into_scalar().elem(), scale]);
