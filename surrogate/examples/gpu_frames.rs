@@ -1,8 +1,9 @@
 //! Times of a frame of a rollout on the GPU: its parts besides the network, all of these, and the
-//! whole frame with the Baseline network in two precisions.
+//! whole frame in two precisions, with the Baseline network or with that of a weights file.
 //!
-//! `cargo run --release -p surrogate --example gpu_frames`
+//! `cargo run --release -p surrogate --example gpu_frames -- [WEIGHTS]`
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -20,6 +21,7 @@ use surrogate::features::Normalisation;
 use surrogate::network::Model;
 use surrogate::network::burn_backend::{Cpu, device as cpu};
 use surrogate::network::parameters::weights;
+use surrogate::network::weights::load;
 use surrogate::network::{ModelConfig, Precision};
 use surrogate::rollout::Constraints;
 
@@ -30,6 +32,35 @@ const REPEATS: usize = 20;
 const LAUNCHES: usize = 20;
 /// Blocks of a rollout, or batches, that are timed.
 const BLOCKS: usize = 20;
+
+/// A network to time.
+struct Timed {
+    config: ModelConfig,
+    norm: Normalisation,
+    weights: Vec<f32>,
+}
+
+impl Timed {
+    /// The Baseline with random weights.
+    fn baseline() -> Self {
+        let config = ModelConfig::default();
+        let weights = weights(&Model::<Cpu>::new(&config, 1, &cpu()));
+        Self { norm: Normalisation::about_zero(2, 0.01, 1e-3), config, weights }
+    }
+
+    /// That of a weights file.
+    fn load(path: &Path) -> Result<Self, Failure> {
+        let (model, config, norm, _) = load::<Cpu>(path, &cpu())?;
+        Ok(Self { config, norm, weights: weights(&model) })
+    }
+
+    /// Features of `points` points that never change, all zero.
+    fn statics(&self, points: usize) -> Vec<f32> {
+        let features = self.config.node_features.iter().filter(|feature| feature.is_static());
+        let columns: usize = features.map(|feature| feature.columns(self.config.dimensions)).sum();
+        vec![0.0; columns * points]
+    }
+}
 
 /// Nothing accelerates.
 struct Rest(CudaSlice<f32>);
@@ -78,6 +109,10 @@ fn column(points: usize) -> Vec<[f64; 2]> {
 
 fn main() -> Result<(), Failure> {
     let device = Device::new(0)?;
+    let network = match std::env::args_os().nth(1) {
+        Some(path) => Timed::load(Path::new(&path))?,
+        None => Timed::baseline(),
+    };
     println!("{}; microseconds, memory in MiB", device.name());
     println!(
         "{:>7} {:>9} {:>8} {:>9} {:>9} {:>10} {:>9} {:>9} {:>9} {:>9} {:>9}",
@@ -94,14 +129,14 @@ fn main() -> Result<(), Failure> {
         "batch 2"
     );
     for points in [1000, 2304, 5000, 10_000, 25_000, 50_000, 100_000] {
-        measure(&device, points)?;
+        measure(&device, &network, points)?;
     }
     Ok(())
 }
 
-fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
-    let config = ModelConfig::default();
-    let norm = Normalisation::about_zero(2, 0.01, 1e-3);
+fn measure(device: &Arc<Device>, timed: &Timed, points: usize) -> Result<(), Failure> {
+    let Timed { config, norm, .. } = timed;
+    let statics = timed.statics(points);
     let text = "duration = 1.0\n[material]\nkind = \"mu-i\"\n[domain]\nsize = [100.0, 100.0]\n\
         [[column]]\nsize = [0.5, 0.5]\n\
         [[obstacle]]\ncorner = [50.0, 0.0]\nsize = [0.5, 0.8]\n";
@@ -114,44 +149,46 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
         packing: CrowdingLimit::new(config.connection_radius, SPACING),
     };
     let positions = column(points);
-    let window = vec![positions.clone(); config.frames];
+    let window = vec![positions.clone(); config.window()];
     let bounds = motion.constraints.domain().map(|length| [0.0, length]);
 
-    let mut builder = FrameBuilder::new(device, &config, &norm, &bounds, &[points], 1)?;
+    let mut builder = FrameBuilder::new(device, config, norm, &bounds, &[points], 1)?;
+    builder.set_statics(&statics)?;
     let single: Vec<f32> = positions.as_flattened().iter().map(|&x| x as f32).collect();
     let position = device.upload(&single)?;
     let mut frame = builder.allocate(48 * points)?;
-    let past = [position.as_view(), position.as_view()];
-    let mut new = [NewFrame { past: &past, known: 2, back: 0, frame: &mut frame }];
+    // Positions of three frames: an acceleration may be a feature.
+    let past = [0; 3].map(|_| position.as_view());
+    let mut new = [NewFrame { past: &past, known: 3, back: 0, frame: &mut frame }];
     let graph = time(device, || builder.graphs(&mut new))?;
     let edges = builder.needed()?;
     let features = time(device, || builder.features(&mut new))?;
 
-    let mut integrator = Integrator::new(device, &config, &norm, &motion, points)?;
+    let mut integrator = Integrator::new(device, config, norm, &motion, points)?;
     integrator.begin([&positions, &positions], 6)?;
     let output = device.zeros(2 * points)?;
     let mut moved = device.zeros(2 * points)?;
     let integrate = time(device, || integrator.step(&output, &mut moved, 0))?;
 
     let still = &Normalisation { acceleration_std: vec![1e-15; 2], ..norm.clone() };
-    let start = || (config.clone(), still, &motion, &window[..]);
-    let (frame, _) = rollout(device, start(), Rest(device.zeros(2 * points)?))?;
-    let weights = weights(&Model::<Cpu>::new(&config, 1, &cpu()));
+    let next = window.len();
+    let start = || Start { motion: motion.clone(), window: &window, statics: &statics, next };
+    let (frame, _) = rollout(device, config, still, start(), Rest(device.zeros(2 * points)?))?;
     let whole = |precision| {
         let room = Capacity { points, edges: 1 };
-        let mut network = CudaNetwork::new(device, &config, precision, room, false)?;
-        network.set_weights(&weights)?;
-        rollout(device, start(), network)
+        let mut network = CudaNetwork::new(device, config, precision, room, false)?;
+        network.set_weights(&timed.weights)?;
+        rollout(device, config, still, start(), network)
     };
     let [(f32, f32_memory), (bf16, bf16_memory)] =
         [whole(Precision::F32)?, whole(Precision::Bf16)?];
 
-    let mut batches = BatchBuilder::new(device, &config, &norm, &bounds)?;
-    let twice = vec![single.repeat(config.frames); 2];
+    let mut batches = BatchBuilder::new(device, config, norm, &bounds)?;
+    let twice = vec![single.repeat(config.window()); 2];
     let members = Batch {
         windows: twice,
         points: vec![points; 2],
-        statics: vec![Vec::new(); 2],
+        statics: vec![statics.clone(); 2],
         obstacles: vec![Vec::new(); 2],
         targets: single.repeat(2),
     };
@@ -173,15 +210,16 @@ fn measure(device: &Arc<Device>, points: usize) -> Result<(), Failure> {
 /// Microseconds of a frame of a rollout, copies to the host included, and MiB of the GPU's memory.
 fn rollout<N: Network>(
     device: &Arc<Device>,
-    (config, norm, motion, window): (ModelConfig, &Normalisation, &Motion, &[Vec<[f64; 2]>]),
+    config: &ModelConfig,
+    norm: &Normalisation,
+    start: Start,
     network: N,
 ) -> Result<(f64, f64), Failure> {
     device.stream().synchronize()?;
     let (free, _) = device.context().mem_get_info()?;
-    let start = Start { motion: motion.clone(), window, statics: &[], next: window.len() };
-    let mut rollout = CudaRollout::new(device, &config, norm, vec![start], network)?;
+    let mut rollout = CudaRollout::new(device, config, norm, vec![start], network)?;
     // All of its CUDA graphs are made in the first blocks.
-    let warm_up = 2 * config.frames / BLOCK + 2;
+    let warm_up = 2 * config.window() / BLOCK + 2;
     (0..warm_up).try_for_each(|_| rollout.block().map(|_| ()))?;
     let began = Instant::now();
     (0..BLOCKS).try_for_each(|_| rollout.block().map(|_| ()))?;

@@ -160,12 +160,17 @@ fn trajectories_become_a_model_that_continues_them() {
 /// Killed without warning, or with Ctrl-C, a resumed training ends with the weights, the log and
 /// the best model of one that was never interrupted.
 #[cfg(unix)]
-fn resumes_bitwise(steps: u64, device: &str) {
+fn resumes_bitwise(device: &str, optimiser: &str) {
+    let steps = 300;
     let directory = TempDir::new().unwrap();
     let here = directory.path();
     data(here);
-    let more = "ema = 0.99\n[data]\nmirror = true\n[pushforward]\nsteps = 2\nstart = ";
-    let config = config(here, steps, &format!("{more}{}", steps * 2 / 3));
+    let more = format!(
+        "ema = 0.99\noptimiser = \"{optimiser}\"\n[data]\nmirror = true\n\
+         [pushforward]\nsteps = 2\nstart = {}",
+        steps * 2 / 3
+    );
+    let config = config(here, steps, &more);
     let train = |output| {
         let mut command = train(here, &config, output);
         command.args(["--device", device]);
@@ -222,14 +227,14 @@ fn resumes_bitwise(steps: u64, device: &str) {
 #[test]
 #[cfg(unix)]
 fn an_interrupted_training_resumes_bitwise() {
-    resumes_bitwise(300, "cpu");
+    resumes_bitwise("cpu", "muon");
 }
 
 #[test]
 #[cfg(unix)]
 fn an_interrupted_training_on_a_gpu_resumes_bitwise() {
     if gpu::for_tests().is_some() {
-        resumes_bitwise(300, "cuda");
+        resumes_bitwise("cuda", "adam");
     }
 }
 

@@ -31,6 +31,17 @@ pub enum CudaError {
     /// A precision that only GPUs have.
     #[error("bf16 needs a GPU; leave `--precision` out on the CPU")]
     Bf16OnCpu,
+    /// The optimiser does not fit.
+    #[error(
+        "Muon needs {needed} KiB of shared memory for a block, but the GPU has {found}; leave \
+         `optimiser` out of the training file"
+    )]
+    Muon {
+        /// KiB that it needs.
+        needed: usize,
+        /// KiB that there are.
+        found: usize,
+    },
     /// A batch is too large for the buffers.
     #[error("{found} {what}, but the buffers have room for {room}")]
     Capacity {

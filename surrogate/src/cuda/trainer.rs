@@ -12,9 +12,11 @@ use super::batch::{PLACES, PredictionInput};
 use super::error::CudaError;
 use super::network::{CudaNetwork, FrameView};
 use super::ops::frame_input::FrameInput;
+use super::ops::muon::{Muon, MuonStep};
 use super::ops::optimiser::{Adam, Loss};
 use super::support::Capacity;
 use super::weight_gradient::{Products, WeightGradient};
+use crate::network::parameters::HiddenMatrix;
 use crate::network::{ModelConfig, Precision};
 
 /// Most losses that the device keeps until they are read.
@@ -39,6 +41,8 @@ pub struct CudaTrainer {
     square: CudaSlice<f32>,
     /// Moving average of the weights.
     average: Option<CudaSlice<f32>>,
+    /// Updates hidden matrices in place of Adam.
+    muon: Option<Muon>,
     /// Learning rate, the averages' corrections, decay of the average of the weights.
     rates: CudaSlice<f32>,
     /// The last [`LOSSES`] losses in turn, and the number of steps.
@@ -120,6 +124,7 @@ impl CudaTrainer {
             mean: device.zeros(count)?,
             square: device.zeros(count)?,
             average: if averaging { Some(device.zeros(count)?) } else { None },
+            muon: None,
             rates: device.zeros(4)?,
             losses: device.zeros(LOSSES)?,
             counter: device.zeros(1)?,
@@ -133,6 +138,18 @@ impl CudaTrainer {
     #[must_use]
     pub fn with_loss(self, floor: f32, relative: bool) -> Self {
         Self { floor, relative, ..self }
+    }
+
+    /// From here on Muon updates these matrices of the weights, Adam all others.
+    ///
+    /// # Errors
+    /// If the GPU has too little shared memory for Muon.
+    pub fn set_muon(&mut self, matrices: &[HiddenMatrix]) -> Result<(), CudaError> {
+        let Self { network, .. } = self;
+        let load = || Muon::load(&network.kernels.launcher, matrices, network.layout.parameters);
+        self.muon = if matrices.is_empty() { None } else { Some(load()?) };
+        self.captured.clear();
+        Ok(())
     }
 
     /// The network in training.
@@ -275,23 +292,30 @@ impl CudaTrainer {
         if self.ranks.is_none() { self.queue_update() } else { Ok(()) }
     }
 
-    /// Queues Adam's step with the gradient.
+    /// Queues the optimiser's step with the gradient.
     fn queue_update(&self) -> Result<(), CudaError> {
         let network = &self.network;
         let stream = network.device().stream();
         let average = self.average.as_ref();
-        network.kernels.optimiser.adam(&Adam {
+        let adam = Adam {
             weights: Pointer::to(&network.parameters, stream),
             mean: Pointer::to(&self.mean, stream),
             square: Pointer::to(&self.square, stream),
             average: average.map_or(Pointer::NULL, |average| Pointer::to(average, stream)),
             gradient: ConstPointer::to(&self.gradient.gradient, stream),
             rates: ConstPointer::to(&self.rates, stream),
+            muon: self.muon.as_ref().map_or(ConstPointer::NULL, Muon::marks),
             count: network.layout.parameters as i32,
             losses: Pointer::to(&self.losses, stream),
             counter: Pointer::to(&self.counter, stream),
             ring: LOSSES as u32,
-        })?;
+        };
+        network.kernels.optimiser.adam(&adam)?;
+        if let Some(muon) = &self.muon {
+            let Adam { weights, mean, average, gradient, rates, count, .. } = adam;
+            let matrices = muon.matrices();
+            muon.step(&MuonStep { matrices, weights, mean, average, gradient, rates, count })?;
+        }
         network.pack()
     }
 

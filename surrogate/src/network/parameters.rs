@@ -1,5 +1,7 @@
 //! All weights of a network, or their gradients, as one flat list.
 
+use std::ops::Range;
+
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::backend::{AutodiffBackend, Backend};
 use burn::tensor::{Tensor, TensorData};
@@ -23,6 +25,52 @@ pub fn gradients<B: AutodiffBackend>(model: &Model<B>, gradients: &B::Gradients)
     let mut read = ReadGradients::<B> { gradients, values: Vec::new() };
     model.visit(&mut read);
     read.values
+}
+
+/// The weights of a hidden linear in the list of all weights, row by row (inputs x outputs).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HiddenMatrix {
+    /// Where the list has its first element.
+    pub start: usize,
+    /// Inputs.
+    pub rows: usize,
+    /// Outputs.
+    pub columns: usize,
+}
+
+impl HiddenMatrix {
+    /// Where the list has the matrix.
+    pub fn range(&self) -> Range<usize> {
+        self.start..self.start + self.rows * self.columns
+    }
+}
+
+/// The weights of all linears between states of a network of this width, in the order of [`weights`]: outputs
+/// are as wide as the network, inputs one or several times so.
+pub fn hidden_matrices<B: Backend>(model: &Model<B>, width: usize) -> Vec<HiddenMatrix> {
+    let mut find = FindHidden { width, next: 0, found: Vec::new() };
+    model.visit(&mut find);
+    find.found
+}
+
+struct FindHidden {
+    width: usize,
+    /// Where the next parameter starts.
+    next: usize,
+    found: Vec<HiddenMatrix>,
+}
+
+impl<B: Backend> ModuleVisitor<B> for FindHidden {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<B, D>>) {
+        let shape = param.val().shape();
+        if let [rows, columns] = shape.dims::<D>()[..]
+            && columns == self.width
+            && rows % self.width == 0
+        {
+            self.found.push(HiddenMatrix { start: self.next, rows, columns });
+        }
+        self.next += shape.num_elements();
+    }
 }
 
 struct Read(Vec<f32>);

@@ -12,7 +12,7 @@ use super::input::BurnBatch;
 use super::schedule::average_decay;
 use super::state::State;
 use crate::network::burn_backend::{Cpu, device as cpu};
-use crate::network::parameters::{gradients, weights, with_weights};
+use crate::network::parameters::{HiddenMatrix, gradients, weights, with_weights};
 use crate::network::{Model, ModelConfig};
 
 /// Keeps the loss finite without accelerations.
@@ -30,6 +30,8 @@ pub struct BurnBackend<B: AutodiffBackend> {
     /// Its square is added to each squared target in the loss.
     floor: f32,
     over: LossOver,
+    /// Matrices that Muon updates.
+    muon: Vec<HiddenMatrix>,
     /// Losses not read yet.
     losses: Vec<f64>,
 }
@@ -47,6 +49,7 @@ impl<B: AutodiffBackend> BurnBackend<B> {
     pub fn new(device: B::Device, model: &ModelConfig, config: &TrainConfig) -> Self {
         let shape = config.initial_network(model, &cpu());
         let start = weights(&shape);
+        let muon = config.muon_matrices(&shape, model.width);
         Self {
             model: with_weights(Model::new(model, 0, &device), &start),
             device,
@@ -55,6 +58,7 @@ impl<B: AutodiffBackend> BurnBackend<B> {
             decay: config.ema,
             floor: config.loss_floor as f32,
             over: config.loss_over,
+            muon,
             losses: Vec::new(),
         }
     }
@@ -70,7 +74,7 @@ impl<B: AutodiffBackend> BurnBackend<B> {
         let count = self.state.weights.len();
         let lengths = [Some(&state.weights), state.average.as_ref()];
         if lengths.into_iter().flatten().any(|list| list.len() != count)
-            || state.adam.len() != count
+            || state.moments.len() != count
             || state.average.is_some() != self.state.average.is_some()
         {
             return false;
@@ -85,7 +89,7 @@ impl<B: AutodiffBackend> BurnBackend<B> {
         &self.state
     }
 
-    /// One step of Adam at the learning rate `rate`. The loss is sum (a - a*)² / sum (a*² + floor²)
+    /// One step of the optimiser at the learning rate `rate`. The loss is sum (a - a*)² / sum (a*² + floor²)
     /// over the windows of all ranks, or the mean of what all ranks or all windows have
     /// ([`LossOver`]).
     ///
@@ -102,7 +106,7 @@ impl<B: AutodiffBackend> BurnBackend<B> {
         let scale = gradients.pop().unwrap_or_default().max(SMALLEST_TARGET);
         gradients.iter_mut().for_each(|sum| *sum /= scale);
         self.losses.extend(gradients.pop().map(f64::from));
-        self.state.adam.step(&mut self.state.weights, &gradients, rate);
+        self.state.moments.step(&mut self.state.weights, &gradients, rate, &self.muon);
         let lock = lock_graphs();
         self.model = with_weights(self.model.clone(), &self.state.weights);
         drop(lock);

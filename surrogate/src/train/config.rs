@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config_error::ConfigError;
 use super::schedule::Schedule;
+use crate::network::parameters::{HiddenMatrix, hidden_matrices};
 use crate::network::{Initialisation, Model, ModelConfig, PAPER_NETWORKS, Precision};
 
 /// What to train and how. The defaults are those of the paper.
@@ -30,6 +31,8 @@ pub struct TrainConfig {
     pub loss_floor: f64,
     /// What the loss is relative to.
     pub loss_over: LossOver,
+    /// What makes steps of gradients.
+    pub optimiser: Optimiser,
     /// Precision of the network's arithmetic.
     pub precision: Precision,
     /// Examples.
@@ -83,6 +86,17 @@ pub enum LossOver {
     Window,
 }
 
+/// What makes steps of gradients.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Optimiser {
+    /// Adam for all weights.
+    #[default]
+    Adam,
+    /// Muon for the matrices of hidden linears, Adam for all other weights.
+    Muon,
+}
+
 /// Pushforward: windows that the network itself has unrolled, so that it learns to correct its own
 /// errors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -116,6 +130,7 @@ impl Default for TrainConfig {
             ema: 0.0,
             loss_floor: 0.0,
             loss_over: LossOver::default(),
+            optimiser: Optimiser::default(),
             precision: Precision::F32,
             data: Data::default(),
             schedule: Schedule::default(),
@@ -172,6 +187,18 @@ impl TrainConfig {
         match self.start {
             Initialisation::Random | Initialisation::Weights(_) => random,
             Initialisation::Identity => random.near_identity(),
+        }
+    }
+
+    /// The matrices of the network that Muon updates; none with Adam.
+    pub(super) fn muon_matrices<B: Backend>(
+        &self,
+        model: &Model<B>,
+        width: usize,
+    ) -> Vec<HiddenMatrix> {
+        match self.optimiser {
+            Optimiser::Adam => Vec::new(),
+            Optimiser::Muon => hidden_matrices(model, width),
         }
     }
 

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use gpu::Device;
 use gpu::ranks::Ranks;
 
-use super::adam::Adam;
 use super::config::{LossOver, TrainConfig};
 use super::input::InputSpec;
+use super::optimiser::Moments;
 use super::schedule::average_decay;
 use super::state::State;
 use crate::cuda::{
@@ -31,7 +31,7 @@ pub struct CudaBackend {
     over: LossOver,
     decay: f64,
     averaging: bool,
-    adam_steps: u64,
+    optimiser_steps: u64,
     step: u64,
     /// Losses read, and the number of those still on the device.
     losses: Vec<f64>,
@@ -74,7 +74,9 @@ impl CudaBackend {
         let averaging = config.ema > 0.0;
         let mut trainer = CudaTrainer::new(device, model, precision, room, averaging, ranks)?
             .with_loss(config.loss_floor as f32, config.loss_over != LossOver::Step);
+        let width = model.width;
         let model = config.initial_network(model, &cpu());
+        trainer.set_muon(&config.muon_matrices(&model, width))?;
         let start = weights(&model);
         let zeros = vec![0.0; start.len()];
         trainer.restore(&start, [&zeros, &zeros], averaging.then_some(&start[..]))?;
@@ -85,7 +87,7 @@ impl CudaBackend {
             over: config.loss_over,
             decay: config.ema,
             averaging,
-            adam_steps: 0,
+            optimiser_steps: 0,
             step: 0,
             losses: Vec::new(),
             unread: 0,
@@ -98,7 +100,7 @@ impl CudaBackend {
     /// # Errors
     /// If the GPU failed.
     pub fn resume(&mut self, state: &State) -> Result<bool, CudaError> {
-        let (adam_steps, mean, square) = state.adam.parts();
+        let (optimiser_steps, mean, square) = state.moments.parts();
         let average = state.average.as_deref();
         if average.is_some() != self.averaging {
             return Ok(false);
@@ -108,7 +110,7 @@ impl CudaBackend {
             Err(CudaError::Weights { .. }) => return Ok(false),
             Err(error) => return Err(error),
         }
-        (self.adam_steps, self.step) = (adam_steps, state.step);
+        (self.optimiser_steps, self.step) = (optimiser_steps, state.step);
         Ok(true)
     }
 
@@ -125,7 +127,7 @@ impl CudaBackend {
         let [weights, mean, square, average] = self.trainer.download()?;
         Ok(State {
             weights,
-            adam: Adam::from_parts(self.adam_steps, mean, square),
+            moments: Moments::from_parts(self.optimiser_steps, mean, square),
             average: self.averaging.then_some(average),
             step: self.step,
         })
@@ -136,9 +138,9 @@ impl CudaBackend {
     /// # Errors
     /// If the GPU failed or its memory is too small.
     pub fn step(&mut self, batch: &CudaBatch, rate: f64) -> Result<(), CudaError> {
-        self.adam_steps += 1;
+        self.optimiser_steps += 1;
         self.step += 1;
-        let [mean, square] = Adam::corrections(self.adam_steps);
+        let [mean, square] = Moments::corrections(self.optimiser_steps);
         let rates = Rates {
             rate: rate as f32,
             corrections: [mean, square],

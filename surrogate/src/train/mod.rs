@@ -1,6 +1,5 @@
 //! Training: data, optimiser, backends, checkpoints and validation.
 
-mod adam;
 mod all_reduce;
 mod backend;
 mod burn;
@@ -14,6 +13,7 @@ mod folder;
 mod input;
 mod log;
 mod observer;
+mod optimiser;
 mod pretrained;
 #[cfg(test)]
 mod rank_tests;
@@ -27,7 +27,7 @@ mod tcp;
 mod training_loop;
 
 pub use checkpoint::CheckpointError;
-pub use config::{Data, LossOver, Pushforward, TrainConfig, Validation};
+pub use config::{Data, LossOver, Optimiser, Pushforward, TrainConfig, Validation};
 pub use config_error::ConfigError;
 pub use error::TrainError;
 pub use folder::{check_new, checkpoint_in};

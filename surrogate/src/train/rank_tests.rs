@@ -142,7 +142,7 @@ fn compare_means([first, second]: [(State, Vec<f64>); 2], alone: [(State, Vec<f6
     assert!((first.1[0] / mean - 1.0).abs() < 1e-5, "{} {mean}", first.1[0]);
     let apart = (a.1[0] / b.1[0] - 1.0).abs();
     assert!(apart > 0.01, "the two losses are too much alike to tell: {apart}");
-    let gradient = |(state, _): &(State, Vec<f64>)| state.adam.parts().1.to_vec();
+    let gradient = |(state, _): &(State, Vec<f64>)| state.moments.parts().1.to_vec();
     let (both, parts) = (gradient(&first), [a, b].map(gradient));
     let size = both.iter().fold(0.0, |most: f32, g| most.max(g.abs()));
     for (k, g) in both.iter().enumerate() {
@@ -200,7 +200,7 @@ fn windows_weigh_the_same_in_a_mean() {
     let (state, losses) = train_on(&device, &config, 0..4, None);
     // Rounding of float32 in the forward and backward pass.
     assert!((losses[0] / mean - 1.0).abs() < 1e-4, "{} {mean}", losses[0]);
-    let [found, expected] = [&state, &whole.0].map(|state| state.adam.parts().1.to_vec());
+    let [found, expected] = [&state, &whole.0].map(|state| state.moments.parts().1.to_vec());
     let size = expected.iter().fold(0.0, |most: f32, g| most.max(g.abs()));
     for (k, (a, b)) in found.iter().zip(&expected).enumerate() {
         assert!((a - b).abs() < 1e-3 * size, "{k}: {a} {b}");

@@ -129,7 +129,7 @@ fn kernels_are_burn(name: &str, network: ModelConfig, device: &Arc<gpu::Device>)
             backend.step(batch, 1e-3, &mut SingleProcess).unwrap();
             if step == 0 {
                 // Adam's first average of the gradient is a tenth of it.
-                gradient = backend.state().unwrap().adam.parts().1.to_vec();
+                gradient = backend.state().unwrap().moments.parts().1.to_vec();
             } else {
                 seconds += began.elapsed().as_secs_f64();
             }

@@ -2,15 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::adam::Adam;
+use super::optimiser::Moments;
 
 /// State of a training, the same on every device; part of a checkpoint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// All weights, in the order of [`parameters`](crate::network::parameters).
     pub weights: Vec<f32>,
-    /// The optimiser.
-    pub adam: Adam,
+    /// The optimiser's moving averages.
+    pub moments: Moments,
     /// Moving average of the weights, if it is taken.
     pub average: Option<Vec<f32>>,
     /// Steps made.
@@ -20,9 +20,9 @@ pub struct State {
 impl State {
     /// The state before the first step, with these weights.
     pub fn new(weights: Vec<f32>, averaging: bool) -> Self {
-        let adam = Adam::new(weights.len());
+        let moments = Moments::new(weights.len());
         let average = averaging.then(|| weights.clone());
-        Self { weights, adam, average, step: 0 }
+        Self { weights, moments, average, step: 0 }
     }
 
     /// Hash by which processes compare their states.

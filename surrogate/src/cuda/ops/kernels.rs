@@ -9,6 +9,7 @@ use super::edges_backward::{self, EdgesBackward};
 use super::forward::{self, MlpForward};
 use super::gradient::{self, Gradient};
 use super::launcher::{Launcher, Rows};
+use super::muon;
 use super::optimiser::{self, Optimiser};
 use super::resident_or_streamed::Residence;
 use super::segment::{self, Segment};
@@ -77,6 +78,7 @@ pub fn network_sources(precision: Precision, shared: usize) -> Vec<Source> {
         gradient::source,
         segment::source,
         optimiser::source,
+        muon::source,
     ];
     in_two.chain(others.map(|source| source(precision, shared))).collect()
 }

@@ -12,6 +12,7 @@ pub mod graph;
 pub mod integrate;
 pub mod kernels;
 pub mod launcher;
+pub mod muon;
 pub mod optimiser;
 mod profile;
 pub mod push_forward;

@@ -65,9 +65,6 @@ __device__ float block_sum(float x) {
     return sum;
 }
 
-// Finite when nothing accelerates.
-__device__ float not_zero(float scale) { return fmaxf(scale, 1e-12f); }
-
 // sums = { sum (a - a*)^2, sum (a*^2 + floor^2) } over nodes x columns, and the gradient of the first
 // in rows of 128. `relative`: those of each group of nodes are divided by the group's second sum, so that
 // losses and ones are added up.
@@ -98,15 +95,15 @@ extern "C" __global__ void __launch_bounds__(LOSS_THREADS)
 }
 
 // One step of Adam (Kingma, Ba, 2015), and of the moving average of the weights if `average` is not
-// null. `rates`: rate, 1 - beta_1^n, 1 - beta_2^n, decay of the average. `gradient` ends with the
+// null, for all weights but those that `muon` marks, if that is not null. `rates`: rate, 1 - beta_1^n, 1 - beta_2^n, decay of the average. `gradient` ends with the
 // sums of the loss, which goes to its place in the ring of losses.
 extern "C" __global__ void adam(float* weights, float* mean, float* square, float* average,
-                                const float* gradient, const float* rates, int count,
+                                const float* gradient, const float* rates, const unsigned char* muon, int count,
                                 float* losses, u32* counter, u32 ring) {
     const int k = blockIdx.x * blockDim.x + threadIdx.x;
     const float scale = not_zero(gradient[count + 1]);
     if (k == 0) losses[atomicAdd(counter, 1) % ring] = gradient[count] / scale;
-    if (k >= count) return;
+    if (k >= count || (muon && muon[k])) return;
     const float beta_1 = 0.9f, beta_2 = 0.999f, g = gradient[k] / scale;
     const float m = mean[k] = beta_1 * mean[k] + (1.f - beta_1) * g;
     const float s = square[k] = beta_2 * square[k] + (1.f - beta_2) * g * g;

@@ -88,6 +88,8 @@ kernel! {
         pub gradient: ConstPointer<f32>,
         /// Learning rate, 1 - beta^n of both averages, decay of the average of the weights.
         pub rates: ConstPointer<f32>,
+        /// Marks the weights that Muon updates, if not null.
+        pub muon: ConstPointer<u8>,
         /// Number of weights.
         pub count: i32,
         /// Ring of losses, number of steps so far, and length of the ring.

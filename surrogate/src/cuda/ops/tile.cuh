@@ -28,6 +28,9 @@ typedef unsigned short Stored;
 typedef float Stored;
 #endif
 
+// Sums of squared targets, or what else a loss is relative to, when nothing accelerates.
+__device__ __forceinline__ float not_zero(float scale) { return fmaxf(scale, 1e-12f); }
+
 typedef float Tile[16][4];
 
 struct Operand {
