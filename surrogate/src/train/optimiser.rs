@@ -5,7 +5,10 @@
 //! approximate it: singular values become 0.7 to 1.2. The factor 0.2 sqrt(max(rows, columns)) makes
 //! a step about as long as Adam's at the same learning rate (Liu et al., 2025).
 
+use std::ops::Range;
+
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::network::parameters::HiddenMatrix;
@@ -72,19 +75,13 @@ impl Moments {
         let mut next = 0;
         for matrix in muon {
             self.adam(next..matrix.start, weights, gradients, rate);
-            self.muon(matrix, weights, gradients, rate);
             next = matrix.range().end;
         }
         self.adam(next..weights.len(), weights, gradients, rate);
+        self.muon(muon, weights, gradients, rate);
     }
 
-    fn adam(
-        &mut self,
-        range: std::ops::Range<usize>,
-        weights: &mut [f32],
-        gradients: &[f32],
-        rate: f32,
-    ) {
+    fn adam(&mut self, range: Range<usize>, weights: &mut [f32], gradients: &[f32], rate: f32) {
         let [mean_part, square_part] = Self::corrections(self.steps);
         let (beta_1, beta_2) = (BETA_1 as f32, BETA_2 as f32);
         let averages = self.mean[range.clone()].iter_mut().zip(&mut self.square[range.clone()]);
@@ -96,18 +93,29 @@ impl Moments {
         }
     }
 
-    fn muon(&mut self, matrix: &HiddenMatrix, weights: &mut [f32], gradients: &[f32], rate: f32) {
-        let &HiddenMatrix { rows, columns, .. } = matrix;
+    fn muon(
+        &mut self,
+        matrices: &[HiddenMatrix],
+        weights: &mut [f32],
+        gradients: &[f32],
+        rate: f32,
+    ) {
         let average = |mean: f32, g: f32| MUON_BETA * mean + (1.0 - MUON_BETA) * g;
-        let mean = &mut self.mean[matrix.range()];
-        let gradients = &gradients[matrix.range()];
-        mean.iter_mut().zip(gradients).for_each(|(mean, &g)| *mean = average(*mean, g));
+        for k in matrices.iter().flat_map(HiddenMatrix::range) {
+            self.mean[k] = average(self.mean[k], gradients[k]);
+        }
         // Nesterov's momentum: as if the next gradient were this one.
-        let ahead = mean.iter().zip(gradients).map(|(&mean, &g)| average(mean, g));
-        let direction = orthogonal(DMatrix::from_row_iterator(rows, columns, ahead));
-        let factor = rate * ADAM_STEP * (rows.max(columns) as f32).sqrt();
-        for (weight, step) in weights[matrix.range()].iter_mut().zip(&direction.transpose()) {
-            *weight -= factor * step;
+        let ahead = |k: usize| average(self.mean[k], gradients[k]);
+        let direction = |matrix: &HiddenMatrix| {
+            let rows = matrix.range().map(ahead);
+            orthogonal(DMatrix::from_row_iterator(matrix.rows, matrix.columns, rows))
+        };
+        let directions: Vec<_> = matrices.par_iter().map(direction).collect();
+        for (matrix, direction) in matrices.iter().zip(directions) {
+            let factor = rate * ADAM_STEP * (matrix.rows.max(matrix.columns) as f32).sqrt();
+            for (weight, step) in weights[matrix.range()].iter_mut().zip(&direction.transpose()) {
+                *weight -= factor * step;
+            }
         }
     }
 }
