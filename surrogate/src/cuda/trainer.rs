@@ -1,4 +1,4 @@
-//! Training steps on a GPU: loss, gradient and Adam, queued as one CUDA graph.
+//! Training steps on a GPU: loss, gradient and optimiser, queued as one CUDA graph.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -145,10 +145,12 @@ impl CudaTrainer {
     /// # Errors
     /// If the GPU has too little shared memory for Muon.
     pub fn set_muon(&mut self, matrices: &[HiddenMatrix]) -> Result<(), CudaError> {
-        let Self { network, .. } = self;
-        let load = || Muon::load(&network.kernels.launcher, matrices, network.layout.parameters);
-        self.muon = if matrices.is_empty() { None } else { Some(load()?) };
         self.captured.clear();
+        self.muon = None;
+        if !matrices.is_empty() {
+            let CudaNetwork { kernels, layout, .. } = &self.network;
+            self.muon = Some(Muon::load(&kernels.launcher, matrices, layout.parameters)?);
+        }
         Ok(())
     }
 

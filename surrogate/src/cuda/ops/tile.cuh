@@ -28,7 +28,7 @@ typedef unsigned short Stored;
 typedef float Stored;
 #endif
 
-// Sums of squared targets, or what else a loss is relative to, when nothing accelerates.
+// What a loss is relative to, made finite where nothing accelerates.
 __device__ __forceinline__ float not_zero(float scale) { return fmaxf(scale, 1e-12f); }
 
 typedef float Tile[16][4];
