@@ -84,6 +84,13 @@ fn errors_name_the_file_and_what_is_wrong() {
     std::fs::create_dir(data.join("test")).unwrap();
     std::fs::copy(data.join("valid/between.h5"), data.join("test/between.h5")).unwrap();
     expect(&fails(surrogate(here).args(eval)), &["--frames 2", "starts from"]);
+    // A run that is too short is found before the rollouts from the others.
+    let short = scene(0.0, 1.0, "").replace("duration = 0.4", "duration = 0.01");
+    simulate(&short, &data.join("test/too-short.h5"));
+    let eval = ["eval", "run/last.safetensors", "--data", "data/test"];
+    let error = fails(surrogate(here).args(eval));
+    expect(&error, &["too-short.h5", "needs 3 initial frames"]);
+    assert!(!error.contains("s each"), "{error}");
     assert_eq!(model, std::fs::read(here.join("run/last.safetensors")).unwrap());
 }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dempm::commands::terminal::print_json;
+use dempm::trajectory::Trajectory;
 use files::{announce, announces, inform, note, print_result, refuse_input, set_json, write_text};
 use miette::bail;
 use serde::Serialize;
@@ -15,6 +16,7 @@ use crate::evaluation::{
     AgainstTruth, Case, Seeds, Summary, against_truth, chart, check_others, compare, frames_table,
     group_by_scene, noise_floor, report, summaries, summary_table, truth_csv, truth_report,
 };
+use crate::rollout::InitialFrames;
 use crate::simulator::Simulator;
 use crate::workers::for_all;
 
@@ -97,6 +99,7 @@ pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
     for output in &outputs {
         refuse_input(output, paths.iter().chain([&args.model]))?;
     }
+    check_trajectories(&simulator, &paths)?;
     let cases: Vec<Case> =
         paths.iter().map(|path| evaluate(args, &simulator, path)).collect::<miette::Result<_>>()?;
     if let Some(folder) = &args.noise_floor
@@ -122,6 +125,19 @@ pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
     if args.record { record_accuracy(simulator, &cases, args) } else { Ok(()) }
 }
 
+/// Checks that the model can start from each trajectory, and names those that are not finished. Before the rollouts,
+/// which take longer.
+fn check_trajectories(simulator: &Simulator, paths: &[PathBuf]) -> miette::Result<()> {
+    for path in paths {
+        InitialFrames::from_trajectory(path, 0, simulator)?;
+        let file = Trajectory::open(path)?;
+        if file.status() != "finished" {
+            note!("{}: not finished ({}), {} frames", path.display(), file.status(), file.frames());
+        }
+    }
+    Ok(())
+}
+
 /// A name and a folder, `NAME=DIR`.
 fn named_folder(text: &str) -> Result<(String, PathBuf), String> {
     match text.split_once('=') {
@@ -137,6 +153,7 @@ fn named_folder(text: &str) -> Result<(String, PathBuf), String> {
 fn eval_truth(args: &EvalArgs, simulator: &Simulator, paths: &[PathBuf]) -> miette::Result<()> {
     let output = args.output.join("truth.csv");
     refuse_input(&output, paths.iter().chain([&args.model]))?;
+    check_trajectories(simulator, paths)?;
     let scenes = group_by_scene(paths)?;
     let others = |seeds: &Seeds| -> Vec<PathBuf> {
         let name = seeds.files[0].file_name().unwrap_or_default();
