@@ -1,11 +1,14 @@
 //! What the programs print besides their results.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Args;
 use files::{PrintError, note, print_result, report_size_limits_as_errors, set_json, set_quiet};
 use miette::IntoDiagnostic;
 use serde::Serialize;
+
+use crate::trajectory::{Trajectory, TrajectoryError};
 
 /// Options of all commands of a program.
 #[derive(Args, Clone, Copy, Debug)]
@@ -46,5 +49,17 @@ pub fn exit_code(run: impl FnOnce() -> miette::Result<ExitCode>) -> ExitCode {
 pub fn print_json(summary: &impl Serialize) -> miette::Result<()> {
     let text = serde_json::to_string_pretty(summary).into_diagnostic()?;
     print_result(format_args!("{text}\n"))?;
+    Ok(())
+}
+
+/// Tells that a trajectory is compared although its run is not finished, where that is so.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn note_unfinished(path: &Path) -> Result<(), TrajectoryError> {
+    let file = Trajectory::open(path)?;
+    if file.status() != "finished" {
+        note!("{}: not finished ({}), {} frames", path.display(), file.status(), file.frames());
+    }
     Ok(())
 }

@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use dempm::commands::terminal::print_json;
-use dempm::trajectory::Trajectory;
+use dempm::commands::terminal::{note_unfinished, print_json};
 use files::{announce, announces, inform, note, print_result, refuse_input, set_json, write_text};
 use miette::bail;
 use serde::Serialize;
@@ -130,10 +129,7 @@ pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
 fn check_trajectories(simulator: &Simulator, paths: &[PathBuf]) -> miette::Result<()> {
     for path in paths {
         InitialFrames::from_trajectory(path, 0, simulator)?;
-        let file = Trajectory::open(path)?;
-        if file.status() != "finished" {
-            note!("{}: not finished ({}), {} frames", path.display(), file.status(), file.frames());
-        }
+        note_unfinished(path)?;
     }
     Ok(())
 }

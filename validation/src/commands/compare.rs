@@ -4,8 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use dempm::trajectory::Trajectory;
-use files::note;
+use dempm::commands::terminal::note_unfinished;
 use miette::bail;
 
 use super::differences::print_differences;
@@ -35,10 +34,7 @@ pub struct CompareArgs {
 /// reference.
 pub fn compare(args: &CompareArgs) -> miette::Result<ExitCode> {
     for path in args.runs.iter().chain(&args.truth) {
-        let file = Trajectory::open(path)?;
-        if file.status() != "finished" {
-            note!("{}: not finished ({}), {} frames", path.display(), file.status(), file.frames());
-        }
+        note_unfinished(path)?;
     }
     match (&args.runs[..], &args.truth[..]) {
         ([reference, runs @ ..], []) if !runs.is_empty() => {
