@@ -52,7 +52,7 @@ pub fn print_json(summary: &impl Serialize) -> miette::Result<()> {
     Ok(())
 }
 
-/// Tells that a trajectory is compared although its run is not finished, where that is so.
+/// Prints a note if the run of a trajectory is not finished.
 ///
 /// # Errors
 /// If it cannot be read.

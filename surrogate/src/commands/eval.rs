@@ -98,7 +98,8 @@ pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
     for output in &outputs {
         refuse_input(output, paths.iter().chain([&args.model]))?;
     }
-    check_trajectories(&simulator, &paths)?;
+    // Before the rollouts, which take longer.
+    paths.iter().try_for_each(|path| check_trajectory(&simulator, path))?;
     let cases: Vec<Case> =
         paths.iter().map(|path| evaluate(args, &simulator, path)).collect::<miette::Result<_>>()?;
     if let Some(folder) = &args.noise_floor
@@ -124,14 +125,10 @@ pub fn eval(args: &EvalArgs, verbose: bool) -> miette::Result<()> {
     if args.record { record_accuracy(simulator, &cases, args) } else { Ok(()) }
 }
 
-/// Checks that the model can start from each trajectory, and names those that are not finished. Before the rollouts,
-/// which take longer.
-fn check_trajectories(simulator: &Simulator, paths: &[PathBuf]) -> miette::Result<()> {
-    for path in paths {
-        InitialFrames::from_trajectory(path, 0, simulator)?;
-        note_unfinished(path)?;
-    }
-    Ok(())
+/// Checks that the model can start from a trajectory, and names it if it is not finished.
+fn check_trajectory(simulator: &Simulator, path: &Path) -> miette::Result<()> {
+    InitialFrames::from_trajectory(path, 0, simulator)?;
+    Ok(note_unfinished(path)?)
 }
 
 /// A name and a folder, `NAME=DIR`.
@@ -149,13 +146,15 @@ fn named_folder(text: &str) -> Result<(String, PathBuf), String> {
 fn eval_truth(args: &EvalArgs, simulator: &Simulator, paths: &[PathBuf]) -> miette::Result<()> {
     let output = args.output.join("truth.csv");
     refuse_input(&output, paths.iter().chain([&args.model]))?;
-    check_trajectories(simulator, paths)?;
     let scenes = group_by_scene(paths)?;
     let others = |seeds: &Seeds| -> Vec<PathBuf> {
         let name = seeds.files[0].file_name().unwrap_or_default();
         args.beside.iter().map(|(_, folder)| folder.join(name)).collect()
     };
     // Before the rollouts, which take longer.
+    for seeds in scenes.iter().filter(|seeds| seeds.files.len() > 1) {
+        seeds.files.iter().try_for_each(|path| check_trajectory(simulator, path))?;
+    }
     scenes.iter().try_for_each(|seeds| check_others(seeds, &others(seeds)))?;
     let compared = for_all(simulator, &scenes, |simulator, seeds| {
         against_truth(simulator, seeds, &others(seeds))
